@@ -12,21 +12,17 @@ import torch
 
 from sidegan.library import Library
 from sidegan.library.measure import summary
-from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.settings import Config
+from sidegan.pipeline.stages.baselines import long_trajectory, random_set
 from sidegan.pipeline.stages.density import density
-from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.library import library
-from sidegan.pipeline.stages.long import long_trajectory
-from sidegan.pipeline.stages.plant import plant
-from sidegan.pipeline.stages.pools import SEEDS, pools
-from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import excitation_sets, selection
-from sidegan.pipeline.stages.subsets import on_subset
+from sidegan.pipeline.stages.selection import SEEDS, excitation_sets, pools, selection
 from sidegan.pipeline.stages.timing import timing
-from sidegan.pipeline.stages.training import generator, surrogates
+from sidegan.pipeline.stages.training import generator, on_subset, surrogates
 from sidegan.pipeline.task import EXPECTED, FACTS, Task
 
 Report = dict[str, Any]
@@ -132,7 +128,7 @@ class Artifacts:
         Rank and nearest distance depend on how many there are.
         """
         seeds = self.task.load(seed_set(self.task))
-        return summary(seeds.take(torch.arange(min(len(seeds), self.cfg.scale.evaluation))))
+        return summary(seeds.take(torch.arange(min(len(seeds), self.cfg.evaluation))))
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""

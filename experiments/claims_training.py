@@ -78,7 +78,7 @@ def _vanilla_fails(group: Group) -> Judgement:
 
 def _odds(group: Group, success: pd.Series) -> pd.Series:
     """Log odds of valid shares of a group's generators."""
-    return log_odds(success, group.first.cfg.scale.evaluation)
+    return log_odds(success, group.first.cfg.evaluation)
 
 
 def _against_vanilla(

@@ -14,7 +14,7 @@ from experiments.pages import Page, publish
 from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.stages.long import long_family
+from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker

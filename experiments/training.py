@@ -28,7 +28,7 @@ collect = Artifacts
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Draw, write and record the figure and the tables behind it."""
     histories, cfg = artifacts.histories, artifacts.cfg
-    over = f"{len(cfg.trainings)} trainings, {cfg.scale.evaluation} samples per epoch"
+    over = f"{len(cfg.trainings)} trainings, {cfg.evaluation} samples per epoch"
     shown = {
         "generators": (
             tables.generators(artifacts.generators),

@@ -24,6 +24,8 @@ _UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", 
 def main() -> int:
     """Exit code of the command: 0, 1 for a failure, 2 for a wrong configuration, 130 when interrupted."""
     os.environ.setdefault("HYDRA_FULL_ERROR", "1")  # Hydra's exceptions come here, and not as tracebacks
+    # Heavy work runs in workers, which threads that wait would hinder; NumPy and torch read it when imported.
+    os.environ.update({f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")})
     # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
     interrupts.clear()
     for one in (signal.SIGINT, signal.SIGTERM):

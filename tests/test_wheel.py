@@ -39,7 +39,7 @@ shutil.copytree(root / "conf", "sidegan/conf")
 shutil.copy(root / "params.yaml", "sidegan/params.yaml")
 sys.path.insert(0, ".")
 from sidegan.pipeline.compose import CONF
-from sidegan.pipeline.graph import version
+from sidegan.pipeline.artifact import version
 from sidegan.run import main
 assert CONF == Path("sidegan/conf").resolve() and version("gan"), CONF
 sys.argv = ["sidegan", "+experiment=excite", "--cfg", "job"]

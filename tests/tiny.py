@@ -2,6 +2,7 @@
 
 import re
 from functools import cache
+from pathlib import Path
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
@@ -18,7 +19,6 @@ TINY = (
     "seeds.count=40",
     "tracking=off",
     "parallel.workers=1",
-    "parallel.threads=1",
     "trajectory.harmonics=3",
     "trajectory.period=8",
     "seeds.samples=20",
@@ -35,6 +35,8 @@ TINY = (
     "identification.rate=20",
 )
 
+
+OTHERS = f"hydra.searchpath=[file://{Path(__file__).parent}/conf]"  # conditions of the tests' own
 
 # What keeps an experiment small besides; artifacts that several tests use are made with these settings alone.
 SMALL = {

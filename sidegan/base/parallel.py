@@ -35,16 +35,10 @@ Job = Callable[[Report], Any]
 
 @contextmanager
 def engine(name: str, scheduler: str | None = None, workers: int | None = None) -> Iterator[None]:
-    """Every ``run_jobs`` of this process uses this engine within the block.
+    """Every ``run_jobs`` of this process uses this engine, ``loky`` or ``dask``, within the block.
 
-    Args:
-        name: ``loky``, or ``dask``.
-        scheduler: address of a Dask scheduler, ``tcp://host:8786``; None: a cluster on this machine.
-        workers: of a cluster on this machine; None: one per core.
-
-    Raises:
-        ConfigError: when Dask is not installed, or its workers run several threads.
-        SideganError: when no scheduler answers.
+    Dask's scheduler is at an address, ``tcp://host:8786``, or a cluster on this machine is started, with so
+    many workers or one per core. A ConfigError where Dask or its workers cannot be used.
     """
     global _client
     if name == "loky":
@@ -71,13 +65,10 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
     """Results of the jobs, in their order, the same whatever the engine and the number of workers.
 
     Args:
-        description: what they do, for the progress bar.
+        description: what they do, for the progress bar and for the SideganError of workers that were lost.
         jobs: picklable functions that take a ``Report``, which only shows where a job runs here.
         workers: processes; None: one per core; with one of them jobs run here. A Dask cluster has its own.
         total: what the bar counts to, in whatever the jobs make together; percent by default.
-
-    Raises:
-        SideganError: when workers were lost for good; what jobs wrote to their work folders stays.
     """
     global _spent
     most = min(cores(workers), len(jobs))

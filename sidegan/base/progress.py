@@ -13,10 +13,7 @@ _INTERVAL = 15.0  # [s] between two log lines of one loop
 
 
 class ConsoleHandler(logging.StreamHandler[TextIO]):
-    """Log handler for the terminal that keeps out of the way of a live bar.
-
-    It looks standard error up at every line, because a live bar puts itself in between.
-    """
+    """Log handler for the terminal; a live bar puts itself between it and standard error."""
 
     def __init__(self) -> None:
         logging.Handler.__init__(self)

@@ -21,9 +21,6 @@ def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
 
     The content is on the disk before the name changes. After any failure, an interrupt included, the
     neighbour is gone and ``path`` is what it was. ``folder``: whether to make its folder where there is none.
-
-    Raises:
-        StorageError: when the folder cannot be made or written, or is full.
     """
     neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
@@ -64,11 +61,7 @@ def write_bytes(path: Path, content: bytes | memoryview, folder: bool = True) ->
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write plain values as JSON that any reader accepts; see ``replacing``.
-
-    Raises:
-        ShapeError: when a number is not finite, which JSON cannot say.
-    """
+    """Write plain values as JSON that any reader accepts; a ShapeError for a number that is not finite."""
     try:
         text = json.dumps(content, indent=2, allow_nan=False)
     except ValueError as error:
@@ -103,21 +96,13 @@ def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Plain values of a JSON file.
-
-    Raises:
-        ArtifactError: when the file is missing, truncated, or not JSON.
-    """
+    """Plain values of a JSON file; an ArtifactError where it is missing, truncated, or not JSON."""
     with reading(path, "JSON"):
         return json.loads(path.read_bytes())
 
 
 def read_torch(path: Path) -> Any:
-    """Tensors and plain containers of them, on the CPU; nothing in the file is run.
-
-    Raises:
-        ArtifactError: when the file is missing, truncated, or holds anything else.
-    """
+    """Tensors and plain containers of them, on the CPU; an ArtifactError for anything else: no code runs."""
     import torch
 
     with reading(path, "tensor"):
@@ -134,11 +119,7 @@ def readable(path: Path) -> bool:
 
 
 def read_parquet(path: Path) -> "pa.Table":
-    """Table of a Parquet file, its page checksums verified where it has them.
-
-    Raises:
-        ArtifactError: when the file is missing, truncated, damaged, or not Parquet.
-    """
+    """Table of a Parquet file, checked by its page checksums; an ArtifactError where it is not whole."""
     import pyarrow.parquet as pq
 
     with reading(path, "Parquet"), pq.ParquetFile(path, page_checksum_verification=True) as file:

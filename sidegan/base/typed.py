@@ -7,7 +7,7 @@ dataclass refuses combinations in ``__post_init__`` by raising ConfigError.
 import dataclasses
 import difflib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -58,11 +58,7 @@ _KINDS = {
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
-    """A dataclass of type ``kind`` from nested plain values.
-
-    Raises:
-        ConfigError: with one line for every unknown or missing key, wrong type and value out of bounds.
-    """
+    """A dataclass from nested plain values; a ConfigError has one line for every wrong or missing setting."""
     text = json.dumps(values)
     try:
         return TypeAdapter(kind).validate_json(text, strict=True, extra="forbid")
@@ -129,26 +125,17 @@ def suggest(kind: type, place: Place) -> str:
 
 def names_in(kind: Any, group: Sequence[str | int]) -> list[str]:
     """Names of the settings of a group, by the keys that lead to it; none where it is no group."""
-    hints = [kind]
-    for key in group:
-        hints = [inner for hint in hints for inner in _inside(hint, key)]
-    groups = [one for hint in hints for one in _arms(hint) if dataclasses.is_dataclass(one)]
-    return [name for group in groups for name in get_type_hints(group)]
+    found: list[str] = []
+    for one in get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,):
+        settings = get_type_hints(one) if dataclasses.is_dataclass(one) else {}
+        if not group:
+            found += settings
+        elif group[0] in settings:
+            found += names_in(settings[str(group[0])], group[1:])
+        elif get_origin(one) in (dict, list):
+            found += names_in(get_args(one)[-1], group[1:])
+    return found
 
 
 def _name(place: Place) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in place).removeprefix(".")
-
-
-def _arms(hint: Any) -> tuple[Any, ...]:
-    """The alternatives of a type."""
-    return get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-
-
-def _inside(hint: Any, key: str | int) -> Iterator[Any]:
-    """Types that what a key leads to may be of."""
-    for one in _arms(hint):
-        if dataclasses.is_dataclass(one):
-            yield from [inner for name, inner in get_type_hints(one).items() if name == key]
-        elif get_origin(one) in (dict, list):
-            yield get_args(one)[-1]

@@ -20,7 +20,6 @@ class Delivery:
     # share of the limits that this way uses; of torques, beside what holds the arm
     careful: Part
     rehearse: bool  # execute the set in MuJoCo first
-    gentle: bool  # the trajectory of least mechanical work first; false: in the order of choice
 
     def __post_init__(self) -> None:
         if not self.formats or len(set(self.formats)) < len(self.formats):

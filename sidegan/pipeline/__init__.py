@@ -1,1 +1,1 @@
-"""The graph of artifacts and what runs it: settings, store, tracking, command."""
+"""Artifacts and what makes them: settings, store, tracking, command."""

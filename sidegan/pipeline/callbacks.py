@@ -1,4 +1,4 @@
-"""Threads of a run, and around a sweep its parent run and the table over all jobs."""
+"""Around a sweep: its parent run, and the table over all jobs."""
 
 import logging
 import os
@@ -24,16 +24,11 @@ _parent: Tracker | None = None
 
 
 class SweepCallback(Callback):
-    """Hydra calls it before and after a run or a sweep."""
-
-    def on_run_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Limit the threads."""
-        _limit_threads(config.parallel.threads)
+    """Hydra calls it before and after a sweep."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
-        """Limit the threads and open the parent run."""
+        """Open the parent run."""
         global _parent
-        _limit_threads(config.parallel.threads)
         folder = Path(config.hydra.sweep.dir)
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -42,8 +37,7 @@ class SweepCallback(Callback):
         hidden = ("+experiment=", "outputs=")
         swept = " ".join(name for name in config.hydra.overrides.task if not name.startswith(hidden))
         name = f"{config.experiment} sweep {swept}".strip()[:200]
-        uri, enabled = config.tracking.uri, config.tracking.enabled
-        _parent = Tracker(Path(config.outputs), config.experiment, name, uri, enabled)
+        _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
         if _parent.run_id:
             os.environ[PARENT] = _parent.run_id
 
@@ -87,11 +81,3 @@ def job_codes(sweep: Path) -> dict[Path, int]:
         with suppress(SideganError):  # the job was killed before it could tell
             codes[folder] = read_json(folder / STATUS)["code"]
     return codes
-
-
-def _limit_threads(threads: int | None) -> None:
-    """Set the number of threads; NumPy and torch read it when they are imported."""
-    if threads is not None:
-        for library in ("OMP", "OPENBLAS", "MKL"):
-            os.environ[f"{library}_NUM_THREADS"] = str(threads)
-    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # a thread that waits must not keep a core busy

@@ -31,17 +31,12 @@ def times(*factors: Any) -> float | None:
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
 OmegaConf.register_new_resolver("times", times, replace=True)
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
-_RENAMED = {"goal.wanted": "goal.objective"}
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 
 def composed(*overrides: str) -> "Config":
-    """The settings that a command with these overrides would have; within a run, by its own search path.
-
-    Raises:
-        ConfigError: when an override names what is not there, or a value is refused.
-    """
+    """The settings of a command with these overrides; within a run, by its own search path."""
     from sidegan.pipeline.settings import validate  # and with it every room
 
     try:
@@ -58,12 +53,7 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
 
 
 def explain(error: Exception, arguments: Sequence[str] = ()) -> str:
-    """Complaint about a command line, in our words where Hydra's advice leads astray.
-
-    Args:
-        error: of Hydra or OmegaConf, or a ValueError: of a word that stands where a list has a number.
-        arguments: of the command.
-    """
+    """Complaint about a command with such arguments, in our words where Hydra's advice leads astray."""
     text = str(error)
     if isinstance(error, OmegaConfBaseException):  # an interpolation that leads nowhere
         reason = str(error.msg or error).splitlines()[0]
@@ -87,8 +77,6 @@ def _unknown(key: str, inner: str) -> str:
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
-    if inner in _RENAMED:
-        return f"{inner}: this setting is called {_RENAMED[inner]} now"
     *group, name = place = tuple(inner.split("."))
     beside, near = names_in(Config, group), suggest(Config, place)
     if name in beside:

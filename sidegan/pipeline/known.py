@@ -1,9 +1,10 @@
 """Results of an earlier run of identify, for commands that go on from it."""
 
-import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -14,6 +15,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 
 _ROUNDED = 2e-3  # relative difference of numbers in two formulas that differ in rounding alone
+_NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 _TERMS = ("rotor_inertia", "viscous", "coulomb", "offset")
 
 
@@ -28,11 +30,7 @@ class Known:
 
 
 def known_model(folder: Path, arm: Arm) -> Known:
-    """The model that a run of identify left in its folder.
-
-    Raises:
-        ConfigError: when the folder holds none, or one of another arm.
-    """
+    """The model that a run of identify left in its folder; a ConfigError for any other folder or arm."""
     from sidegan.report.identification import PARAMETERS  # and with it all that makes a report
 
     path = folder / PARAMETERS
@@ -60,12 +58,6 @@ def known_model(folder: Path, arm: Arm) -> Known:
 
 def _alike(one: str, other: str) -> bool:
     """Whether two formulas are the same but for the last digits of their numbers."""
-    words = one.split(), other.split()
-    return len(words[0]) == len(words[1]) and all(x == y or _close(x, y) for x, y in zip(*words))
-
-
-def _close(one: str, other: str) -> bool:
-    try:
-        return math.isclose(float(one), float(other), rel_tol=_ROUNDED)
-    except ValueError:
-        return False
+    ours, theirs = ([float(x) for x in _NUMBER.findall(text)] for text in (one, other))
+    alike = _NUMBER.sub("#", one) == _NUMBER.sub("#", other)
+    return alike and bool(np.allclose(ours, theirs, rtol=_ROUNDED, atol=0))

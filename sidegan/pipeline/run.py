@@ -32,18 +32,12 @@ _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, 
 
 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
-    """Run the configured stages in order, tracked as one run.
+    """Run the configured stages in order, tracked as one run of this name.
 
-    Args:
-        config: the settings of the run.
-        run_folder: where logs and tables of this run go.
-        name: of the run, for people.
-        overrides: of the command, from which other conditions are composed.
-
-    Raises:
-        SideganError: whatever a stage refuses; ConfigError before any work.
+    Its logs and tables go into its folder; other conditions are composed from the command's overrides. What
+    cannot work is refused by a ConfigError before any work.
     """
-    from sidegan.pipeline.stage import refuse, run_stage
+    from sidegan.pipeline.stage import run_stage
     from sidegan.pipeline.stages import stage
     from sidegan.pipeline.task import Task
 
@@ -53,17 +47,16 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
         )
     stages = {one: stage(one) for one in config.stages}
     task = Task(config, Store(Path(config.outputs), run_folder), tuple(overrides))
-    for one in stages.values():
-        refuse(one, task)
-    tracking, parallel = config.tracking, config.parallel
+    for one in stages.values():  # what cannot work is refused before anything has been made
+        list(one.artifacts(task))
+        one.check(task)
+    parallel = config.parallel
     tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
-    tracker = Tracker(task.store.root, config.experiment, name, tracking.uri, tracking.enabled, tags)
+    tracker = Tracker(task.store.root, config.experiment, name, config.tracking, tags)
     with tracker, engine(parallel.backend, parallel.scheduler, parallel.workers):
         tracker.log_params(config.plain())
         if config.has("robot"):
-            task.tell_arm()
-        if config.has("workspace", "trajectory"):
-            task.tell_checks()
+            task.tell()
         for title, one in stages.items():
             log.info("%s …", title)
             began = time.monotonic()

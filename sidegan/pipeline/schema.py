@@ -1,9 +1,8 @@
-"""Groups of settings that only the pipeline knows: size, records, and workers."""
+"""Groups of settings that only the pipeline knows: arm, trajectories, plants, comparisons, and workers."""
 
 import re
 from dataclasses import dataclass, fields
 from typing import Annotated, Literal
-from urllib.parse import urlsplit
 
 from pydantic import Field
 
@@ -15,38 +14,8 @@ from sidegan.plant.recorded import Sensors
 from sidegan.plant.varied import VariedSettings
 from sidegan.robot import Setup
 
-_STORES = {"http", "https", "sqlite", "postgresql", "mysql", "mssql", "databricks"}
 Workers = Annotated[int, Field(ge=1, le=4096)]
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
-
-
-@dataclass(frozen=True)
-class Scale:
-    """How large an experiment is; the other groups refer to these numbers."""
-
-    name: str
-    seeds: Count
-    seed_steps: Count  # optimiser steps per seed
-    long_steps: Count  # of a single long trajectory
-    labelled: Count  # samples that the surrogates learn from
-    faulty: Count  # samples that published surrogates learn from
-    published_steps: Count  # of published surrogates
-    surrogate_epochs: Count
-    gan_epochs: Count
-    gan_steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
-    fitness_start: Natural  # first epoch in which the fitness loss counts
-    exact_epochs: Count  # of variants with exact physics
-    exact_steps: Count  # per epoch
-    evaluation: Count  # trajectories per epoch whose true physics is measured
-    generated: Count  # valid generated trajectories in the library
-    repeats: Count  # noise realisations
-    tests: Count  # test trajectories
-    replications: Count  # noise realisations of whole sets
-    plants: Count  # that stand in for the robot
-    sizes: list[Count]  # of smaller seed sets
-    draws: Count  # of a kernel density estimate
-    trainings: list[Natural]  # of each variant
-    side_trainings: list[Natural]  # of each variant on fewer seeds
 
 
 @dataclass(frozen=True)
@@ -99,21 +68,7 @@ class Discussion:
     sizes: list[Count]  # of the seed set
     bandwidths: list[Positive]  # of the kernel, in units of Scott's rule
     draws: Count  # samples of the estimate whose validity is checked
-
-
-@dataclass(frozen=True)
-class Tracking:
-    """Where MLflow records."""
-
-    enabled: bool
-    uri: str | None  # null: sqlite in the outputs
-
-    def __post_init__(self) -> None:
-        scheme = urlsplit(self.uri or "sqlite:").scheme.partition("+")[0]
-        if scheme not in _STORES and self.uri != "databricks":
-            raise ConfigError(
-                f"uri is {self.uri!r}, expected null or a URI that starts with {', '.join(sorted(_STORES))}"
-            )
+    trainings: list[Natural]  # of each variant on fewer seeds
 
 
 @dataclass(frozen=True)
@@ -123,7 +78,6 @@ class Parallel:
     workers: Workers | None  # null: one per core; a Dask cluster elsewhere has as many as it has
     backend: Literal["loky", "dask"]
     scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
-    threads: Workers | None  # of the main process; null: one per core
 
     def __post_init__(self) -> None:
         if self.scheduler is None:

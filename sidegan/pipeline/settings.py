@@ -36,8 +36,6 @@ from sidegan.pipeline.schema import (
     Parallel,
     Plants,
     Robot,
-    Scale,
-    Tracking,
     TrajectoryFamily,
 )
 from sidegan.pipeline.workspace import Workspace
@@ -46,7 +44,7 @@ from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
 from sidegan.seeds.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_PARTS = ("subset", "conditions")  # of a comparison
+_TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
@@ -85,10 +83,10 @@ class Config:
     effort: Part | None  # of robots that say nothing else
     publish: str | None  # folder of a page and its tables; null: the run's own
     device: str
-    tracking: Tracking
+    tracking: str  # local, off, or the URI of an MLflow server or database
     parallel: Parallel
     robot: Robot = _group("robot")
-    scale: Scale = _group("scale")
+    scale: dict[str, Any] = _group("scale")  # how large it all is: other groups refer to these numbers
     workspace: Workspace = _group("workspace")
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
@@ -96,6 +94,7 @@ class Config:
     surrogates: SurrogateSettings = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
+    evaluation: Count = _group("evaluation")  # trajectories per epoch whose true physics is measured
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
     controllers: Delivery = _group("controllers")
@@ -126,13 +125,12 @@ class Config:
 
     @property
     def held_out(self) -> list[Recorded]:
-        """Recordings to validate on."""
-        return self.validation if isinstance(self.validation, list) else []
+        """Recordings to validate on; none where there are no such settings, or a share is held out."""
+        return self.validation if self.has("validation") and isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
-        """All settings that are composed, as plain values, without parts of comparisons that are not made."""
-        values = {name: value for name, value in asdict(self).items() if self.has(name)}
-        return {name: value for name, value in values.items() if value is not None or name not in _PARTS}
+        """All settings that are composed, as plain values."""
+        return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
         checks = self._names(), self._files(), self._counts(), self._rates()
@@ -141,10 +139,12 @@ class Config:
 
     def _names(self) -> Iterator[str]:
         """Names that are none, and lists that name something twice."""
-        variants = list(self.gan) if self.has("gan") else []
-        for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants)]:
+        variants = list(self.gan) if self.has("gan") else None
+        for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants or ())]:
             if not _NAME.fullmatch(name):
                 yield f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'"
+        if variants == []:
+            yield "gan is empty, expected one variant or more"
         if not _DEVICE.fullmatch(self.device):
             yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
         elif self.device != "cpu":
@@ -152,13 +152,12 @@ class Config:
                 torch.zeros(1, device=self.device)
             except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
                 yield f"device is {self.device!r}, which is not there: {str(error).splitlines()[0]}"
+        if not _TRACKING.match(self.tracking):
+            yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each stage once"
-        trainings = self.trainings if self.has("trainings") else [0]
-        if not trainings or len(set(trainings)) < len(trainings):
-            yield f"trainings is {trainings}, expected one number or more, each once"
-        if self.has("gan") and not self.gan:
-            yield "gan is empty, expected one variant or more"
+        if self.has("trainings") and (not self.trainings or len(set(self.trainings)) < len(self.trainings)):
+            yield f"trainings is {self.trainings}, expected one number or more, each once"
 
     def _files(self) -> Iterator[str]:
         """A recording that is named twice, or that a model would be validated on after training."""
@@ -206,11 +205,7 @@ class Config:
 
 
 def validate(cfg: DictConfig) -> Config:
-    """The configuration as typed plain values.
-
-    Raises:
-        ConfigError: unknown or missing keys, wrong types, values out of bounds, impossible combinations.
-    """
+    """The configuration as typed plain values; a ConfigError names whatever is wrong with it."""
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:

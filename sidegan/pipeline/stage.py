@@ -10,7 +10,7 @@ from typing import Any
 
 from sidegan.base.names import plain
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
@@ -21,37 +21,20 @@ MODELS = {"gan", "identify"}  # makers of what MLflow lists as models
 
 @dataclass(frozen=True)
 class Stage:
-    """A part of an experiment that can be run alone: what it needs must be there already.
+    """A part of an experiment that can be run alone: what it needs must be there already."""
 
-    Attributes:
-        artifacts: of a task, in the order in which they are recorded.
-        show: what it prints and leaves in the run's folder besides.
-        check: refuses what it could not work with, before the run's first stage has begun.
-    """
-
-    artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()
-    show: Callable[[Task, Tracker], None] | None = None
-    check: Callable[[Task], object] = lambda task: None
-
-
-def refuse(stage: Stage, task: Task) -> None:
-    """Refuse a stage that cannot work, as far as that can be told before anything has been made.
-
-    Raises:
-        SideganError: settings that are not there or contradict each other, an arm that cannot be used.
-    """
-    list(stage.artifacts(task))
-    stage.check(task)
+    artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()  # in the order of their records
+    show: Callable[[Task, Tracker], None] = lambda task, tracker: None  # prints, and fills the run's folder
+    check: Callable[[Task], object] = lambda task: None  # refuses a task before the run's first stage begins
 
 
 def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
     artifacts = {one.digest: one for one in stage.artifacts(task)}
     missing = {digest for digest, one in artifacts.items() if task.store.find(one) is None}
-    if missing and task.cfg.has("workspace", "trajectory"):
+    if missing and task.planning:
         _ = task.constraints  # an arm that cannot rest at home is refused before anything is written
-    parents = {k: {one.digest for one in made.parents} & artifacts.keys() for k, made in artifacts.items()}
-    order = TopologicalSorter(parents)
+    order = TopologicalSorter({k: one.parents & artifacts.keys() for k, one in artifacts.items()})
     order.prepare()
     while ready := order.get_ready():
         _produce(name, task, [artifacts[digest] for digest in ready], missing)
@@ -60,8 +43,7 @@ def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
         if digest not in tracker.recorded:  # by a stage that has made it too
             tracker.recorded.add(digest)
             _record(artifact, task, tracker)
-    if stage.show is not None:
-        stage.show(task, tracker)
+    stage.show(task, tracker)
 
 
 def _produce(name: str, task: Task, artifacts: list[Artifact], missing: set[str]) -> None:
@@ -88,19 +70,11 @@ def _record(artifact: Artifact, task: Task, tracker: Tracker) -> None:
     tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()}, model)
     tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})
     tracker.log_history({f"{title}/{key}": x for key, x in series.items()}, model)
-    if numbers or not series:
-        log.info("%s: %s", title, words(numbers | spent))
-    else:
-        last = {key: values[-1] for key, values in series.items() if values}
-        log.info("%s after %d epochs: %s", title, max(map(len, series.values())), words(last))
-
-
-def words(report: Mapping[str, Any]) -> str:
-    """A report as one line for people."""
-    return ", ".join(
-        f"{key} {plain(value, '.4g')}" if isinstance(value, float) else f"{key} {value}"
-        for key, value in report.items()
-    )
+    last = {key: values[-1] for key, values in series.items() if values}
+    epochs = max(map(len, series.values()), default=0)
+    when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
+    said = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]
+    log.info("%s%s: %s", title, when, ", ".join(said))
 
 
 def finite(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -25,7 +25,7 @@ from sidegan.base.progress import duration
 from sidegan.base.storage import read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
-from sidegan.pipeline.graph import Artifact, Build, difference
+from sidegan.pipeline.artifact import Artifact, Build, difference
 
 log = logging.getLogger(__name__)
 
@@ -34,19 +34,14 @@ _PROBE = bytes(2**20)  # room that a run needs at the very least
 
 
 class Store:
-    """The artifacts below a root folder.
-
-    Args:
-        root: folder of all results; made when missing.
-        run_folder: where this run's logs and tables go; the root when not given.
+    """The artifacts below a root folder, which is made when it is missing; and where this run's tables go.
 
     Raises:
         StorageError: when the root cannot be written, or is full.
     """
 
     def __init__(self, root: Path, run_folder: Path | None = None) -> None:
-        self.root = root
-        self.run_folder = run_folder or root
+        self.root, self.run_folder = root, run_folder or root
         try:
             root.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=root) as probe:  # has no name, so a kill leaves nothing
@@ -73,32 +68,22 @@ class Store:
             return None
 
     def require(self, artifact: Artifact) -> Path:
-        """Folder of an artifact that must be there.
-
-        Raises:
-            ArtifactError: when it is not, saying in what the nearest one differs.
-        """
-        folder = self.find(artifact)
-        if folder is not None:
+        """Folder of an artifact; where it is not there, an ArtifactError says in what the nearest differs."""
+        if (folder := self.find(artifact)) is not None:
             return folder
-        if self.folder(artifact).exists():
-            read_params(self.folder(artifact))  # raises, and says why, when it is damaged
+        if (folder := self.folder(artifact)).exists():
+            read_params(folder)  # raises, and says why, when it is damaged
         maker, stage = artifact.maker, artifact.maker.rpartition("_")[2]
         message = f"there is no {maker}/{artifact.label} for this configuration, run stage {stage} first"
-        differences = [difference(artifact.params, other) for other in self._siblings(artifact)]
+        differences = []
+        for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
+            with suppress(ArtifactError):  # another damaged one
+                other = read_params(path.parent)
+                if other.get("label") == artifact.label:
+                    differences.append(difference(artifact.params, other))
         if differences:
             message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
         raise ArtifactError(message)
-
-    def _siblings(self, artifact: Artifact) -> Iterator[dict[str, Any]]:
-        """Parameters of whole artifacts of the same maker and label."""
-        for path in sorted(self.folder(artifact).parent.glob(f"*/{PARAMS}")):
-            try:
-                other = read_params(path.parent)
-            except ArtifactError:
-                continue
-            if other.get("label") == artifact.label:
-                yield other
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
         """Costs of making an artifact, as far as they are kept: ``seconds``, ``cpu_seconds``, and more."""
@@ -109,33 +94,25 @@ class Store:
         return self.root / "costs" / f"{artifact.folder}.json"
 
     def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
-        """Folder of the artifact, made unless it is there already.
-
-        Of two runs that want the same artifact, one makes it and the other waits.
-
-        Raises:
-            StorageError: when something cannot be written.
-        """
+        """Folder of the artifact, made unless it is there; a run waits for another that makes it."""
         final = self.folder(artifact)
         work = final.with_name(f"{final.name}.work")
         with self._lock(artifact):
             if self.find(artifact) is None:
-                self._make(artifact, work, report)
+                self._make(artifact, Build(final.with_name(f".{final.name}.tmp"), work, report))
             else:
                 log.info("%s: reused from %s", artifact.maker, final)
             shutil.rmtree(work, ignore_errors=True)
         return final
 
-    def _make(self, artifact: Artifact, work: Path, report: Report) -> None:
-        final = self.folder(artifact)
-        folder = final.with_name(f".{final.name}.tmp")
+    def _make(self, artifact: Artifact, build: Build) -> None:
+        final, folder = self.folder(artifact), build.folder
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
-        build = Build(folder, work, report)
         began, used = time.monotonic(), cpu_seconds()
         try:
             with writing(final):
                 folder.mkdir(parents=True)
-                work.mkdir(exist_ok=True)
+                build.work.mkdir(exist_ok=True)
             with one_thread():  # as in a worker: which process makes it changes no bit
                 artifact.make(build)
             seconds = time.monotonic() - began
@@ -159,8 +136,8 @@ class Store:
             try:
                 lock.acquire(timeout=0)
             except Timeout:
-                final = self.folder(artifact)
-                log.info("%s: another run is making %s, waiting for it", artifact.maker, final)
+                folder = self.folder(artifact)
+                log.info("%s: another run is making %s, waiting for it", artifact.maker, folder)
                 lock.acquire()
         try:
             yield
@@ -169,11 +146,7 @@ class Store:
 
 
 def read_params(folder: Path) -> dict[str, Any]:
-    """Parameters of a whole artifact.
-
-    Raises:
-        ArtifactError: when there are none, or a file is missing or not the one that was written.
-    """
+    """Parameters of an artifact; an ArtifactError where a file is missing or not as it was written."""
     params = read_json(folder / PARAMS)
     if not isinstance(params, dict) or not isinstance(files := params.pop("files", None), dict):
         raise ArtifactError(f"{folder / PARAMS} has no parameters of an artifact")

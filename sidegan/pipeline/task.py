@@ -1,17 +1,17 @@
 """The configured arm, workspace and trajectories, and the artifacts that are made for them."""
 
 import logging
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, is_dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import psutil
 from torch import Tensor
 
-from sidegan.base.memory import require_room
 from sidegan.base.names import folder_name, listed
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
@@ -19,8 +19,8 @@ from sidegan.errors import ConfigError
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
-from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
@@ -96,12 +96,6 @@ class Task:
         family = self.cfg.trajectory
         return Trajectory(self.arm.joints, family.harmonics, family.period, self.home)
 
-    @property
-    def _centred(self) -> bool:
-        """Whether home lies in the middle of the joints' limits."""
-        middle = (self.arm.position_lower + self.arm.position_upper) / 2
-        return bool((middle - middle.new_tensor(self.trajectory.home)).nan_to_num().abs().max() < _SAME)
-
     @cached_property
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
@@ -114,49 +108,48 @@ class Task:
         self._workspace.refuse_home(self.trajectory.home or ())
         return self._workspace
 
-    def tell_arm(self) -> None:
-        """Say what of the description moves, where the rest stands, and what was assumed."""
-        arm = self.whole_arm
-        if arm.told:
-            log.info("%s: %s", arm.name, "; ".join(arm.told))
+    def tell(self) -> None:
+        """Say what of the description moves, what trajectories are checked for, and what is suspicious."""
+        if notes := self.whole_arm.told:
+            log.info("%s: %s", self.whole_arm.name, "; ".join(notes))
+        if self.planning:
+            for text in filter(None, self._doubts()):
+                log.warning("%s", text)
+            for text in filter(None, self._decisions()):
+                log.info("%s", text)
 
-    def tell_checks(self) -> None:
-        """Say what trajectories are checked for, and warn where the description tells suspiciously little."""
-        constraints, arm = self.constraints, self.arm
-        warnings = [tell_placeholders(self.whole_arm), tell_displaced(arm), self._told_masses()]
-        notes = [self.cfg.workspace.told(arm)]
-        if self.home is not None and self.cfg.trajectory.home is None and arm.home is None:
-            place = ", ".join(f"{x:g}" for x in self.home)
-            notes.append(f"zeros are no feasible home; home is {place}, or where trajectory.home=… says")
-        if self.cfg.robot.effort is None:
+    def _doubts(self) -> Iterator[str]:
+        """Where the description tells suspiciously little or much."""
+        arm, constraints = self.arm, self.constraints
+        yield tell_placeholders(self.whole_arm)
+        yield tell_displaced(arm)
+        masses = tell_doubtful(arm)
+        if masses and not arm.inertial_parameters.any():
+            masses += "; torques are not known: their limits are not checked, nor peaks told"
+        elif masses:
+            last = max(map(arm.link_names.index, doubtful_links(arm)))
+            moved = listed(arm.joint_names[: last + 1])
+            masses += f"; torques of {moved} may be far from what is checked and told"
+        yield masses
+        if constraints.arm.capsules.points:
+            yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
+        if constraints.often:
+            yield tell_often(arm, constraints.often, constraints.apart)
+
+    def _decisions(self) -> Iterator[str]:
+        """What was decided for the user, and what trajectories are checked for."""
+        arm, cfg, home, constraints = self.arm, self.cfg, self.home, self.constraints
+        yield cfg.workspace.notes(arm)
+        if home is not None and cfg.trajectory.home is None and arm.home is None:
+            place = ", ".join(f"{x:g}" for x in home)
+            yield f"zeros are no feasible home; home is {place}, or where trajectory.home=… says"
+        if cfg.robot.effort is None:
             why = "" if self.effort < 1 else ", since less would hardly hold the arm"
             share = f"{self.effort:.0%} of the velocity and torque limits{why}"
-            notes.append(f"effort: {share}; robot.effort=… says another")
-        if constraints.arm.capsules.points:
-            warnings.append(
-                f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
-            )
-        elif self.cfg.workspace.clearance is None:
-            notes.append(f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance")
-        if constraints.often:
-            warnings.append(tell_often(arm, constraints.often, constraints.apart))
-        notes.append(f"checked: {constraints.described()}")
-        for level, texts in ((logging.WARNING, warnings), (logging.INFO, notes)):
-            for text in filter(None, texts):
-                log.log(level, "%s", text)
-
-    def _told_masses(self) -> str:
-        """Which torques are not known, as the description lacks masses; empty where it tells all."""
-        doubtful, arm = doubtful_links(self.arm), self.arm
-        if not doubtful:
-            return ""
-        if not arm.inertial_parameters.any():
-            return (
-                f"{tell_doubtful(arm)}; torques are not known: their limits are not checked, nor peaks told"
-            )
-        last = max(map(arm.link_names.index, doubtful))
-        moved = listed(arm.joint_names[: last + 1])
-        return f"{tell_doubtful(arm)}; torques of {moved} may be far from what is checked and told"
+            yield f"effort: {share}; robot.effort=… says another"
+        if cfg.workspace.clearance is None and not constraints.arm.capsules.points:
+            yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance"
+        yield f"checked: {constraints.described()}"
 
     def check(self, c: Tensor) -> Validity:
         """Whether short trajectories, (B, J, H, 2), are valid."""
@@ -183,7 +176,12 @@ class Task:
 
     def require_room(self, count: int, setting: str) -> None:
         """Refuse a setting by which there would be more trajectories than fit into memory."""
-        require_room(count * self.arm.joints * 2 * self.cfg.trajectory.harmonics, setting)
+        needed = 8 * count * self.arm.joints * 2 * self.cfg.trajectory.harmonics
+        there = psutil.virtual_memory().total
+        if needed > there:
+            raise ConfigError(
+                f"{setting} takes {needed / 1e9:.3g} GB in memory, this machine has {there / 1e9:.3g} GB"
+            )
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
         """The random numbers of one purpose, independent of all others."""
@@ -210,23 +208,27 @@ class Task:
             make: fills its folder, ``make(task, build)``.
             settings: a dataclass of those it depends on besides, or a mapping of plain values.
             inputs: what it is made from, beside the arm.
-            options: ``title`` (the maker's name when missing), ``training`` where there are several,
-                ``metrics`` and ``alone`` of ``Artifact``.
+            options: ``training`` where there are several, and of ``Artifact`` ``metrics``, ``alone`` and
+                ``title`` (maker, label and which of several trainings when missing).
         """
-        training = options.get("training")
+        own = settings if isinstance(settings, Mapping) else asdict(settings)
         family = {**asdict(self.cfg.trajectory), "home": self.home}
-        if not self._centred:  # since 2 joints go as far as their limits on either side of home
+        middle = (self.arm.position_lower + self.arm.position_upper) / 2
+        away = (middle - middle.new_tensor(self.trajectory.home)).nan_to_num().abs().max()
+        if away >= _SAME:  # since 2 joints go as far as their limits on either side of home
             family["rooms"] = 2
+        parts, title, numbered = [self.arm.name, label, f"seed{self.cfg.seed}"], f"{maker}/{label}", {}
+        if (training := options.get("training")) is not None:
+            parts.append(f"training{training}")
+            numbered = {"training": training}
+            title += f"-{training}" if len(self.cfg.trainings) > 1 else ""
+        if own.get("subset") is not None:
+            parts.append(f"of{own['subset']}")
         shared = {"workspace": self.cfg.workspace.stamped(self.arm), "trajectory": family}
-        own = asdict(settings) if is_dataclass(settings) and not isinstance(settings, type) else settings
-        numbered = {} if training is None else {"training": training}
-        parts = [self.arm.name, label, f"seed{self.cfg.seed}"]
-        parts += [] if training is None else [f"training{training}"]
-        parts += [f"of{own['subset']}"] if own.get("subset") is not None else []
         return Artifact(
             maker,
             folder_name("-".join(parts)),
-            options.get("title", maker),
+            options.get("title", title),
             {**shared, **numbered, maker: own},
             {"robot": self.arm.digest, **(inputs or {})},
             self.cfg.seed,
@@ -255,11 +257,6 @@ class Task:
 def report_and_history(folder: Path) -> Metrics:
     """Numbers and series in the report of an artifact, and the series of its history, where it has them."""
     report = read_json(folder / REPORT) if (folder / REPORT).exists() else {}
-    metrics = {key: x for key, x in report.items() if isinstance(x, list) or is_number(x)}
     rows = read_json(folder / HISTORY) if (folder / HISTORY).exists() else []
-    return metrics | ({key: [row[key] for row in rows] for key in rows[0]} if rows else {})
-
-
-def is_number(value: object) -> bool:
-    """Whether a value is a number that can be recorded."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    recorded = {key: x for key, x in report.items() if isinstance(x, int | float | list)}
+    return recorded | ({key: [row[key] for row in rows] for key in rows[0]} if rows else {})

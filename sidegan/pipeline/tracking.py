@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from filelock import FileLock
 
-from sidegan.pipeline.graph import flatten
+from sidegan.pipeline.artifact import flatten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,13 +52,9 @@ class Tracker:
         root: folder of all results; holds ``mlflow.db`` and its files by default.
         experiment: MLflow experiment.
         name: of the run, for people.
-        uri: tracking server or database; None is sqlite in ``root``.
-        enabled: False: nothing is recorded and MLflow, which is slow to import, is not imported.
+        where: ``local``, which is sqlite in ``root``; the URI of a server or database; or ``off``: nothing is
+            recorded, and MLflow, which is slow to import, is not imported.
         tags: of the run.
-
-    Attributes:
-        run_id: of MLflow; empty where nothing is recorded.
-        recorded: digests of the artifacts whose numbers are recorded.
     """
 
     def __init__(
@@ -66,17 +62,18 @@ class Tracker:
         root: Path,
         experiment: str,
         name: str,
-        uri: str | None = None,
-        enabled: bool = True,
+        where: str = "local",
         tags: Mapping[str, str] | None = None,
     ) -> None:
-        self.enabled, self.run_id, self.recorded = enabled, "", set[str]()
+        self.enabled = where != "off"
+        self.run_id = ""  # of MLflow; empty where nothing is recorded
+        self.recorded = set[str]()  # digests of the artifacts whose numbers are recorded
         self._note = ""
         self._pending: list[RunOperations | None] = []
-        self._start(root.resolve(), experiment, name, uri, tags)
+        self._start(root.resolve(), experiment, name, where, tags)
 
     @_guarded
-    def _start(self, root: Path, experiment: str, name: str, uri: str | None, tags: Any) -> None:
+    def _start(self, root: Path, experiment: str, name: str, where: str, tags: Any) -> None:
         for key, value in _ENVIRONMENT.items():
             os.environ.setdefault(key, value)
         root.mkdir(parents=True, exist_ok=True)
@@ -85,9 +82,9 @@ class Tracker:
         logging.getLogger("alembic").setLevel(logging.ERROR)
         for noisy in ("mlflow", "urllib3"):  # what goes wrong is raised as well
             logging.getLogger(noisy).setLevel(logging.CRITICAL)
-        self._client = client = MlflowClient(uri or f"sqlite:///{root / 'mlflow.db'}")
+        self._client = client = MlflowClient(f"sqlite:///{root / 'mlflow.db'}" if where == "local" else where)
         # A server knows where its files go; a database would put them into the current folder.
-        remote = uri is not None and uri.startswith(("http", "databricks"))
+        remote = where.startswith(("http", "databricks"))
         files = None if remote else (root / "mlartifacts" / experiment).as_uri()
         with FileLock(root / ".mlflow.lock"):  # runs that start together must not both create it
             found = client.get_experiment_by_name(experiment)

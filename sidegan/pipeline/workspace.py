@@ -120,9 +120,7 @@ class Workspace:
         stated = self.regions or []
         if self.desk is None or self._states_floor:
             return stated
-        if is_built_in(arm):
-            return [Region(plane=Plane((0.0, 0.0, 1.0), self.desk)), *stated]
-        floor = floor_under(arm)
+        floor = Plane((0.0, 0.0, 1.0), self.desk) if is_built_in(arm) else floor_under(arm)
         return stated if floor is None else [Region(plane=floor), *stated]
 
     @property
@@ -132,40 +130,21 @@ class Workspace:
         return any(plane.unit[2] > _UPWARDS for plane in planes)
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
-        """Regions that an arm keeps out of.
-
-        Raises:
-            ConfigError: when a file cannot be read, or has shapes that are none.
-        """
+        """Regions that an arm keeps out of; a ConfigError for a file that is none."""
         scene: Sequence[validity.Region] = read_scene(Path(self.scene).expanduser()) if self.scene else ()
         return [*(region.shape for region in self.given(arm)), *scene]
 
-    def around(
-        self,
-        arm: Arm,
-        home: Sequence[float] | None = None,
-        shapes: Sequence[validity.Region] | None = None,
-    ) -> Constraints:
-        """An arm in this workspace.
-
-        Args:
-            arm: the arm.
-            home: where it is to rest [rad or m], (J,), where that is known: a clearance that nobody stated
-                leaves room for it.
-            shapes: what it keeps out of in place of the workspace's own.
+    def around(self, arm: Arm, home: Sequence[float] | None = None) -> Constraints:
+        """An arm in this workspace; a clearance that nobody stated leaves room for its home [rad or m], (J,).
 
         Raises:
             ConfigError: when a file cannot be read, or has shapes that are none.
             InfeasibleError: when links cannot be kept apart, or out of a region.
         """
-        shapes = self.shapes(arm) if shapes is None else shapes
-        arm = with_points(arm)
-        if self.clearance is None and arm.capsules.points:  # of what is between these nothing is known
-            return Constraints(arm, shapes, self.torque)
+        shapes, arm, room = self.shapes(arm), with_points(arm), math.inf
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
-        room = math.inf
-        for clearance, apart in _USUALLY:
+        for clearance, apart in () if arm.capsules.points else _USUALLY:  # between points nothing is known
             try:
                 if apart <= room:
                     found = Constraints(arm, shapes, self.torque, clearance, apart)
@@ -180,32 +159,26 @@ class Workspace:
 
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values by which artifacts for an arm are known."""
-        more: dict[str, Any] = {"scene": _digest(self.scene, "workspace.scene")} if self.scene else {}
-        more |= {} if self.clearance == 0 else {"clearance": self.clearance}
-        return {
-            "torque": self.torque,
-            "regions": [region.stamped() for region in self.given(arm)],
-            **more,
-        }
+        regions = [region.stamped() for region in self.given(arm)]
+        stamp: dict[str, Any] = {"torque": self.torque, "regions": regions}
+        if self.scene:
+            stamp["scene"] = _digest(self.scene, "workspace.scene")
+        return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
 
-    def told(self, arm: Arm) -> str:
+    def notes(self, arm: Arm) -> str:
         """Notes on what was decided for the user; empty where nothing was."""
         if self.desk is None or self._states_floor or is_built_in(arm):
             return ""
         floor = floor_under(arm)
-        if floor is None and not stands(arm):
-            return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
-        if floor is None:
+        if floor is not None:
+            return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; workspace=free drops it"
+        if stands(arm):
             return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
-        return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; workspace=free drops it"
+        return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
 
 
 def _digest(file: str, setting: str) -> str:
-    """Sha256 of a file.
-
-    Raises:
-        ConfigError: when it cannot be read.
-    """
+    """SHA-256 of a file that a setting names; a ConfigError where it cannot be read."""
     try:
         return hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
     except OSError as error:

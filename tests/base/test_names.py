@@ -6,8 +6,6 @@ import math
 import sys
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sidegan.base import progress
 from sidegan.base.names import plain
@@ -30,11 +28,6 @@ WORDS = [
 @pytest.mark.parametrize(("found", "words"), WORDS)
 def test_numbers_and_durations_in_words(found, words):
     assert found == words
-
-
-@given(st.floats(allow_nan=False), st.integers(1, 6))
-def test_a_plain_number_is_the_number_that_its_format_says(value, digits):
-    assert float(plain(value, f".{digits}g")) == float(format(value, f".{digits}g"))
 
 
 class Terminal(io.StringIO):

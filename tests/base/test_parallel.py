@@ -60,7 +60,7 @@ def workers(request, monkeypatch):
 
 
 @pytest.fixture
-def told(monkeypatch):
+def steps(monkeypatch):
     """Every number of steps that the bar was told."""
     calls = []
 
@@ -74,7 +74,7 @@ def told(monkeypatch):
 
 
 def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processes_are_right(
-    workers, told, tmp_path, monkeypatch
+    workers, steps, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     jobs = [partial(sums, seed) for seed in (5, 3, 4)]
@@ -82,9 +82,9 @@ def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processe
         here = run_jobs("sums", jobs, 1)
         assert torch.get_num_threads() == 2
     before = cpu_seconds()
-    told.clear()
+    steps.clear()
     assert run_jobs("sums", jobs, workers) == here and {row[:2] for row in here} == {(1, tmp_path)}
-    assert told == sorted(told) and told[-1] == 100 and cpu_seconds() - before >= 0.3
+    assert steps == sorted(steps) and steps[-1] == 100 and cpu_seconds() - before >= 0.3
     assert (os.getpid() in run_jobs("processes", [process] * 2, workers)) == (workers == 1)
 
 

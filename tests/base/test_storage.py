@@ -3,7 +3,6 @@
 import errno
 import os
 import resource
-import stat
 from contextlib import contextmanager
 
 import pyarrow as pa
@@ -11,9 +10,8 @@ import pytest
 import torch
 
 from sidegan.base import storage
-from sidegan.base.memory import require_room
 from sidegan.base.storage import read_json, read_parquet, read_torch, write_bytes, write_json
-from sidegan.errors import ArtifactError, ConfigError, ShapeError, StorageError
+from sidegan.errors import ArtifactError, ShapeError, StorageError
 
 TABLE = pa.table({"x": list(range(5000)), "name": ["a", "b"] * 2500})
 STATE = {"weight": torch.arange(5000.0), "epoch": 3, "names": ["a"]}
@@ -72,12 +70,6 @@ def test_a_write_replaces_the_file_or_leaves_the_old_one_and_nothing_else(path, 
     with pytest.raises(StorageError, match="folder"):
         WRITERS[kind](path.parent / "new" / "folder")
     assert sorted(x.name for x in path.parent.iterdir()) == ["file", "new"]
-
-
-def test_a_file_has_the_permissions_of_any_other_new_file(path):
-    write_bytes(path.parent / "written", b"x")
-    modes = {stat.S_IMODE(one.stat().st_mode) for one in (path, path.parent / "written")}
-    assert len(modes) == 1
 
 
 def full(*_):
@@ -142,9 +134,3 @@ def test_reading_tensors_runs_no_code(path, monkeypatch):
     with pytest.raises(ArtifactError, match="tensor"):
         read_torch(path)
     assert list(path.parent.iterdir()) == [path]
-
-
-def test_what_no_memory_holds_is_refused_with_both_numbers():
-    require_room(1e6, "library.count")
-    with pytest.raises(ConfigError, match=r"library\.count takes 8e\+06 GB in memory, this machine has"):
-        require_room(1e15, "library.count")

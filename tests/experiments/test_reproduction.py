@@ -16,7 +16,7 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
-from tests.tiny import TINY, tiny
+from tests.tiny import OTHERS, TINY, tiny
 
 
 def judged(artifacts, **frames):
@@ -66,7 +66,7 @@ def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
 def test_conditions_that_differ_in_their_seeds_are_one_group(tmp_path):
     names = "conditions=[ours,ours_second]"
     config = tiny(f"outputs={tmp_path}", names, experiment="reproduction")
-    task = Task(config, Store(tmp_path), ("+experiment=reproduction", *TINY, names))
+    task = Task(config, Store(tmp_path), (OTHERS, "+experiment=reproduction", *TINY, names))
     (group,) = reproduction.collect(task).values()
     assert {name: part.cfg.seed for name, part in group.parts.items()} == {"ours": 0, "ours_second": 1}
     made = [seed_set(part.task).digest for part in group.parts.values()]

@@ -108,7 +108,7 @@ def model_of(arm, velocities=None, **terms):
 def fitted(method, model, measurements, **changes):
     """An estimate; the consistent method has the settings of conf/ but for the changes."""
     if method == "consistent":
-        group = settings(EstimationSettings, "identify/default")
+        group = settings(EstimationSettings, "experiment/identify:identify")
         names = ("strength", "margin", "total_mass")
         changes = {name: getattr(group, name) for name in names} | changes
     return estimate(method, model, measurements, **changes)

@@ -32,7 +32,7 @@ def recordings(planar):
 
 def identified(arm, training, validation=(), method="weighted", stribeck=False, **others):
     terms = settings(Terms, "model/joint_torque", sign_width=0.01, stribeck=stribeck)
-    options = settings(EstimationSettings, "identify/default", method=method, **others)
+    options = settings(EstimationSettings, "experiment/identify:identify", method=method, **others)
     return identify_arm(arm, list(training), list(validation), terms, options)
 
 

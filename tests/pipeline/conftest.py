@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from sidegan.pipeline.graph import Build
+from sidegan.pipeline.artifact import Build
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.run import main

@@ -9,7 +9,7 @@ import torch
 from sidegan.base.storage import read_torch, write_json, write_torch
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.store import Store
 from sidegan.robot import load_robot
 from sidegan.seeds import Gradient, Tasks, make_seeds

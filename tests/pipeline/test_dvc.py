@@ -11,7 +11,7 @@ from string import Template
 import pytest
 import yaml
 
-from sidegan.pipeline.graph import VERSIONS, versions
+from sidegan.pipeline.artifact import VERSIONS, versions
 from tests.tiny import tiny
 
 ROOT = Path(__file__).parents[2]

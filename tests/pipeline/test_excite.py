@@ -84,8 +84,9 @@ def test_a_first_run_is_slower(ran, folder):
     said = (slow_folder / "set.md").read_text()
     assert said.startswith("6 trajectories of 16 s,") and "50% of the speed" in said
     fast, table = (pd.read_csv(one / "set.csv") for one in (folder, slow_folder))
-    for column, factor in (("acceleration [rad/s²]", 4), ("jerk [rad/s³]", 8)):
-        assert (factor * table[f"peak {column}"]).to_list() == pytest.approx(fast[f"peak {column}"], rel=0.01)
+    for column, factor in (("peak acceleration", 4), ("peak jerk", 8)):
+        once_and_slow = [one[column].str.split().str[0].astype(float) for one in (fast, table)]
+        assert (factor * once_and_slow[1]).to_list() == pytest.approx(once_and_slow[0].to_list(), rel=0.01)
     arm = load_robot("planar2")
     for k, row in table.iterrows():
         frame = course(slow_folder, k + 1)
@@ -95,15 +96,6 @@ def test_a_first_run_is_slower(ran, folder):
             assert percent(row[f"peak {name}"]) == pytest.approx(100 * float(x.abs().max()), abs=0.6)
         work = torch.trapezoid((torque * velocity).abs().sum(1), torch.tensor(frame.time.to_numpy()))
         assert row["energy [J]"] == pytest.approx(float(work), rel=0.01)
-
-
-def test_the_way_from_where_the_arm_is_to_home_and_back(ran):
-    folder = ran("controllers.start=[0.4,-0.6]", "goal.count=1")
-    there, back = (course(folder, name)[STATES[:2]].to_numpy() for name in ("approach", "return"))
-    np.testing.assert_allclose([there[0], back[-1]], [[0.4, -0.6]] * 2)
-    assert abs(there[-1]).max() < 1e-9
-    assert (folder / "trajectories" / "approach.yaml").is_file()
-    assert (folder / "set.md").read_text().startswith("1 trajectory of 8 s,")
 
 
 def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(ran, tmp_path, monkeypatch):
@@ -119,18 +111,6 @@ def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(ran, tmp_path, monk
     with pytest.raises(InfeasibleError, match=r"trajectory 1 cannot be run at 25% of the speed: torque"):
         ran("controllers.speed=0.25")
     assert refused == [32.0] and not (tmp_path / "run" / "trajectories").exists()
-
-
-def test_a_rehearsal_tells_how_the_arm_would_follow(ran):
-    options = ("controllers.rehearse=true", "controllers.formats=[csv]")
-    runs = ran(*options, name="fast"), ran(*options, "controllers.speed=0.5", name="slow")
-    once, slower = (pd.read_csv(run / "rehearsal.csv") for run in runs)
-    assert len(once) == len(slower) == 6
-    error = [one["tracking error [rad]"].str.split().str[0].astype(float) for one in (once, slower)]
-    assert (error[0] > 0).all() and error[1].mean() < error[0].mean() < 0.1
-    assert (once["closest [m]"].astype(float) > -0.01).all()
-    with pytest.raises(InfeasibleError, match="does not follow"):
-        ran(*options, "plant.tolerance=1e-6", name="stiff")
 
 
 def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):

@@ -12,10 +12,9 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline import run
+from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.callbacks import job_codes
-from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
-from sidegan.run import run_name
 
 
 def write_seeds(build):
@@ -95,9 +94,9 @@ def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_p
 def test_what_a_stage_refuses_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_path, stage):
     error, code, words = FAILURES[stage]
     assert command(f"stages=[{stage}]") == code
-    told = capsys.readouterr().err
-    (line,) = [line for line in told.splitlines() if "error:" in line]
-    assert words in line and ("Traceback" in told) == (stage == "bug")
+    shown = capsys.readouterr().err
+    (line,) = [line for line in shown.splitlines() if "error:" in line]
+    assert words in line and ("Traceback" in shown) == (stage == "bug")
     assert statuses(tmp_path) == [{"code": code, "error": f"{type(error).__name__}: {error}"}]
 
 
@@ -154,26 +153,6 @@ def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, c
     monkeypatch.setattr("sidegan.pipeline.callbacks.sweep_table", table)
     assert command("-m", "stages=[odd]", "seed=2") == 1
     assert "there is no table in job 0" in capsys.readouterr().err
-
-
-def test_stages_run_on_the_configured_threads(command, monkeypatch):
-    for library in ("OMP", "OPENBLAS", "MKL"):
-        monkeypatch.setenv(f"{library}_NUM_THREADS", "7")
-    monkeypatch.setitem(STAGES, "threads", lambda *_: None)
-    assert command("stages=[threads]", "parallel.threads=1") == 0
-    assert os.environ["OMP_NUM_THREADS"] == os.environ["OPENBLAS_NUM_THREADS"] == "1"
-
-
-@pytest.mark.parametrize(
-    ("overrides", "name"),
-    [
-        (["+experiment=exp1", "seed=3"], "exp1 seed=3"),
-        (["+experiment=exp1", "gan=eigen", "seed=3", "outputs=/x"], "exp1 gan=eigen seed=3"),
-        (["scale=paper", "parallel.workers=1", "stages=[gan]"], "exp1 scale=paper stages=[gan] seed=3"),
-    ],
-)
-def test_runs_have_names_for_people(overrides, name):
-    assert run_name("exp1", overrides, 3) == name
 
 
 def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):

@@ -1,28 +1,24 @@
 """A whole tiny experiment: what every stage leaves, and what is made anew after a change."""
 
 import json
-import math
 
 import pandas as pd
 import pytest
 
 from experiments.artifacts import comparison
-from sidegan.errors import ConfigError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stage import finite
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
-from sidegan.pipeline.stages.pools import pools
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import excitation_sets, selection
+from sidegan.pipeline.stages.selection import excitation_sets, pools, selection
 from sidegan.pipeline.stages.training import generator
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.validity import check
-from tests.tiny import TINY, tiny
+from tests.tiny import OTHERS, TINY, tiny
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +90,7 @@ def test_the_generators_are_those_of_their_task(made):
     path = made.store.require(generator(made, "eigen", 0))
     loaded = TrajectoryGenerator.load(path / "generator.pt", made.arm)
     assert loaded.trajectory == made.trajectory and loaded.variant == "eigen"
-    assert len(json.loads((path / "history.json").read_text())) == made.cfg.scale.gan_epochs
+    assert len(json.loads((path / "history.json").read_text())) == made.cfg.scale["gan_epochs"]
 
 
 def test_the_sets_last_equally_long_in_the_facts(made):
@@ -105,11 +101,6 @@ def test_the_sets_last_equally_long_in_the_facts(made):
     assert (facts.duration[~long] == made.cfg.selection.count * made.cfg.trajectory.period).all()
 
 
-def test_reports_hold_only_what_json_can_say():
-    row = finite({"a": math.nan, "b": math.inf, "c": 1.5, "d": 2, "e": "x"})
-    assert row == {"a": None, "b": None, "c": 1.5, "d": 2, "e": "x"}
-
-
 def test_an_exact_variant_learns_from_no_seeds(made):
     (folder,) = (one for one in artifacts(made)["gan"] if one.name.startswith("planar2-exact"))
     assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
@@ -117,13 +108,8 @@ def test_an_exact_variant_learns_from_no_seeds(made):
     assert artifacts(alone) == {"surrogates": {}}
 
 
-def test_a_module_of_tables_that_is_not_there_is_refused(outputs):
-    with pytest.raises(ConfigError, match=r"table is 'nowhere\.tables': there is no such module"):
-        stage("table").check(Task(tiny("table=nowhere.tables"), Store(outputs)))
-
-
 def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
-    words = "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
+    words = OTHERS, "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
     for name in ("ours", "ours_second"):
         one = composed(*words, f"condition={name}")
         run_stages(one, tmp_path / name, name)

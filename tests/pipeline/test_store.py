@@ -6,18 +6,15 @@ import os
 import re
 import signal
 from dataclasses import replace
-from functools import partial
 from types import SimpleNamespace
 
 import pytest
 import torch
 from threadpoolctl import threadpool_info
 
-from sidegan.base.storage import write_task
 from sidegan.errors import ArtifactError, StorageError
-from sidegan.pipeline import graph
 from sidegan.pipeline import store as stores
-from sidegan.pipeline.graph import Artifact
+from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.stage import Stage, run_stage
 from sidegan.pipeline.store import Store
 from tests.threads import several_threads
@@ -28,7 +25,7 @@ PATIENCE = 120  # [s] with processes that others keep from their work
 @pytest.fixture(autouse=True)
 def versions(monkeypatch):
     """A maker of numbers."""
-    monkeypatch.setattr(graph, "versions", lambda: {"numbers": 1})
+    monkeypatch.setattr("sidegan.pipeline.artifact.versions", lambda: {"numbers": 1})
 
 
 @pytest.fixture
@@ -110,20 +107,6 @@ def test_what_a_killed_run_left_is_cleared_away_by_the_next_one(store):
     assert {path.name for path in folder.iterdir()} == {"numbers.txt", "deep", "params.json"}
 
 
-def test_a_task_that_was_given_up_cannot_bring_the_folder_of_work_back(store):
-    late = []
-
-    def make(build):
-        write(build)
-        write_task(build.work / "task-0.pt", {"a": 1})
-        late.append(partial(write_task, build.work / "task-1.pt", {"a": 2}))
-
-    folder = store.produce(numbers(make=make))
-    with pytest.raises(StorageError, match=r"cannot write .*task-1\.pt: No such file"):
-        late[0]()
-    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
-
-
 def damaged(folder, name, content):
     """The folder with a file that says something else, or that is gone."""
     (folder / name).write_text(content) if content else (folder / name).unlink()
@@ -202,12 +185,12 @@ def beside(store):
 def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(store, beside, monkeypatch):
     said = []
 
-    def told(text, *values):
+    def note(text, *values):
         said.append(text)
         if "waiting for it" in text:
             beside[1].set()
 
-    monkeypatch.setattr(stores.log, "info", told)
+    monkeypatch.setattr(stores.log, "info", note)
     folder = store.produce(numbers(make=refuse))
     assert (folder / "numbers.txt").read_text() == "1 2 3" and "another run is making" in said[0]
 
@@ -251,8 +234,10 @@ class Recorded:
 
 
 def run(store, *artifacts, tracker):
-    cfg = SimpleNamespace(has=lambda *_: False, parallel=SimpleNamespace(workers=1))
-    run_stage("numbers", Stage(lambda _: artifacts), SimpleNamespace(store=store, cfg=cfg), tracker)
+    cfg = SimpleNamespace(parallel=SimpleNamespace(workers=1))
+    run_stage(
+        "numbers", Stage(lambda _: artifacts), SimpleNamespace(store=store, cfg=cfg, planning=False), tracker
+    )
 
 
 def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(store, monkeypatch):

@@ -14,10 +14,9 @@ from mlflow import MlflowClient
 from sidegan.errors import InfeasibleError
 from sidegan.pipeline.callbacks import PARENT
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.sweep import sweep_table
+from sidegan.pipeline.sweep import leave_results, sweep_table
 from sidegan.pipeline.tracking import Tracker
 from tests.pipeline.conftest import NOWHERE, client_of
-from tests.tiny import TINY
 
 
 def called(root, name):
@@ -71,7 +70,7 @@ def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path
 
 
 def test_a_server_that_is_away_is_one_warning(root, tmp_path, caplog):
-    with Tracker(root, "exp1", "away", uri=NOWHERE) as tracker:
+    with Tracker(root, "exp1", "away", NOWHERE) as tracker:
         record(tracker, tmp_path)
     (warning,) = warnings(caplog)
     assert "MLflow records no more" in warning and "refused" in warning and "\n" not in warning
@@ -81,7 +80,7 @@ OFF = """
 import sys
 from pathlib import Path
 from sidegan.pipeline.tracking import Tracker
-with Tracker(Path.cwd(), "exp1", "off", enabled=False) as tracker:
+with Tracker(Path.cwd(), "exp1", "off", "off") as tracker:
     tracker.log_metrics({"nmse": 1})
 assert "mlflow" not in sys.modules and list(Path.cwd().iterdir()) == []
 """
@@ -117,9 +116,10 @@ def test_a_run_ends_as_it_does(root, error, status):
     assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
-def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkeypatch):
+def test_a_sweep_is_a_parent_with_a_table_whose_children_end_as_they_do(command, root, monkeypatch):
     def fail_on_odd_seeds(task, tracker):
         tracker.log_history({"fitness": [3.0, 2.0]})
+        leave_results(pd.DataFrame({"nMSE": [0.5]}, index=["seeds"]), task.store.run_folder)
         if task.cfg.seed % 2:
             raise InfeasibleError("no start became valid")
 
@@ -128,6 +128,9 @@ def test_a_sweep_is_a_parent_whose_children_end_as_they_do(command, root, monkey
     assert command("-m", *words, f"outputs={root}", tracking="local") == 1
     (parent,) = called(root, f"exp1 sweep {' '.join(words)} tracking=local")
     assert parent.info.status == "FAILED" and PARENT not in os.environ
+    (sweep,) = root.glob("runs/exp1/sweep_*")
+    assert pd.read_csv(sweep / "sweep.csv").to_dict("list") == {"name": ["seeds"], "nMSE": [0.5]}
+    assert "sweep.json" in [file.path for file in client_of(root).list_artifacts(parent.info.run_id)]
     number, of_parent = parent.info.experiment_id, f"tags.mlflow.parentRunId = '{parent.info.run_id}'"
     children = client_of(root).search_runs([number], of_parent)
     ended = {child.info.run_name: child.info.status for child in children}
@@ -161,22 +164,3 @@ def test_the_table_of_a_sweep_is_the_mean_over_seeds_of_whatever_else_is_swept(t
     assert sweep_table(folders[::2])["nMSE"].to_list() == ["0.1", "0.2", "0.5", "1"]
     assert sweep_table(folders[:2]).index.to_list() == ["seeds", "eigen"], "only seeds differ"
     assert sweep_table([tmp_path]) is None and sweep_table([]) is None
-
-
-def test_a_study_is_a_sweep_with_one_table_over_all_jobs(command, root, outputs):
-    """Experiment 2 in two readings; seeds, generators and libraries are made once for both."""
-    small = [word for word in TINY if not word.startswith(("tracking", "long", "selection"))]
-    words = "+experiment=exp2", "replication.reading=all,seeds", "gan=eigen"
-    uri = f"tracking.uri=sqlite:///{root}/mlflow.db"
-    assert command("-m", *words, *small, f"outputs={outputs}", uri, tracking="local") == 0
-    (sweep,) = outputs.glob("runs/exp2/sweep_*")
-    table = pd.read_csv(sweep / "sweep.csv")
-    sets = "seeds ×1", "seeds ×4", "seeds ×10", "eigen"
-    rows = [(reading, name) for reading in ("all", "seeds") for name in sets]
-    assert list(zip(table["replication.reading"], table["name"])) == rows
-    assert {"nMSE", "‖diag P‖"} <= set(table) and (sweep / "sweep.md").exists()
-    client = client_of(root)
-    runs = client.search_runs([client.get_experiment_by_name("exp2").experiment_id])
-    (parent,) = [one for one in runs if "mlflow.parentRunId" not in one.data.tags]
-    assert len(runs) == 3 and {one.info.status for one in runs} == {"FINISHED"}
-    assert "sweep.json" in [file.path for file in client.list_artifacts(parent.info.run_id)]

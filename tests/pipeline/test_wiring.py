@@ -15,15 +15,11 @@ from sidegan.identification import study
 from sidegan.library import Library
 from sidegan.library.measure import measured
 from sidegan.pipeline.stages import density as densities
-from sidegan.pipeline.stages import plant as plants
-from sidegan.pipeline.stages import timing
+from sidegan.pipeline.stages import identification as plants
+from sidegan.pipeline.stages.baselines import random_set, random_valid
 from sidegan.pipeline.stages.density import density
-from sidegan.pipeline.stages.identification import identification
-from sidegan.pipeline.stages.plant import plant
-from sidegan.pipeline.stages.pools import ExcitationSet, Pool
-from sidegan.pipeline.stages.random import random_set, random_valid
-from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import selection
+from sidegan.pipeline.stages.identification import identification, plant
+from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
 from sidegan.pipeline.task import LIBRARY, RESULTS, Task
 from sidegan.validity import check
 
@@ -52,7 +48,7 @@ def planted(task):
     strong, places = drawn(made, 6), [17, 23, 31, 40, 48, 59]
     c = 0.02 * drawn(made, 60, seed=6)
     c[places] = strong
-    pool = Planted("planted", None, "planted", (), measured(made.constraints, made.trajectory, c, "planted"))
+    pool = Planted("planted", None, (), measured(made.constraints, made.trajectory, c, "planted"))
     return made, pool, places
 
 
@@ -78,21 +74,6 @@ def test_random_trajectories_are_checked_and_those_that_fail_are_missing(task, b
     assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
 
 
-def test_torque_limits_bind_what_is_optimised(task, build):
-    strong, weak = task("trajectory.period=1"), task("trajectory.period=1")
-    limits = torch.tensor([20.0, 6.0], dtype=torch.float64)
-    weak.__dict__["arm"] = replace(strong.arm, torque_limit=limits)
-    assert "torque" in weak.constraints.labels
-    assert "torque" not in task("workspace.torque=false").constraints.labels
-
-    def peak(c):
-        return weak.body.torque(*weak.trajectory.roll_out(c, weak.trajectory.grid(200))[1:]).abs().amax(1)
-
-    assert (peak(drawn(strong, 40)) > limits).any(1).double().mean() > 0.5
-    seed_set(weak).make(build)
-    assert (peak(Library.load(build.folder / LIBRARY, weak.arm).coefficients) <= limits).all()
-
-
 @pytest.fixture
 def executed(task, monkeypatch):
     """A task in a tight workspace, and a set of valid motions that a model is to be identified from."""
@@ -100,7 +81,7 @@ def executed(task, monkeypatch):
     c = random_valid(made, 6, "learned").coefficients
     library = measured(made.constraints, made.trajectory, c, "planted")
     monkeypatch.setattr(Task, "load", lambda self, artifact: library)
-    return made, ExcitationSet("planted", None, "planted", made.trajectory, random_set(made)), c
+    return made, ExcitationSet("planted", None, made.trajectory, random_set(made)), c
 
 
 def refuse_tests(made, learned, tests):
@@ -144,17 +125,6 @@ def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, bu
     for (*_, torque), data in zip(recorded, (estimated[0], scored[0])):
         taken = torch.stack([part.torque for part in data])
         torch.testing.assert_close(taken, torch.as_tensor(torque), rtol=0, atol=0)
-
-
-def test_a_rate_is_that_of_all_but_the_first(monkeypatch):
-    clock = SimpleNamespace(now=0.0)
-
-    def work():
-        clock.now += 0.125 if clock.now else 60.0  # the first one compiles
-        return 7
-
-    monkeypatch.setattr(timing, "time", SimpleNamespace(perf_counter=lambda: clock.now))
-    assert timing._rate(work) == pytest.approx(7 / 0.125)
 
 
 def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(task, build, monkeypatch):

@@ -1,17 +1,13 @@
 """What surrounds an arm: every kind of region, scenes, and the floor under arms of strangers."""
 
 import logging
-import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
-from sidegan.errors import InfeasibleError
-from sidegan.pipeline.workspace import Region, Workspace
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.load import _MODELS
 from sidegan.validity import Convex, Plane, Sphere
@@ -87,7 +83,7 @@ def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(task, stranger, ca
     made = task("workspace=desk", f"robot.name={stranger}")
     assert made.constraints.regions == (Plane((0.0, 0.0, 1.0), -0.3),)
     with caplog.at_level(logging.INFO):
-        made.tell_checks()
+        made.tell()
     assert "floor at z = -0.3 m, which planar2 stands on; workspace=free drops it" in caplog.text
     assert task("workspace=free", f"robot.name={stranger}").constraints.regions == ()
 
@@ -96,12 +92,12 @@ def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(st
     arm, obstacle = load_robot(stranger), workspace(BALL, choice="desk")
     floor, sphere = obstacle.shapes(arm)
     assert floor == Plane((0.0, 0.0, 1.0), -0.3) and isinstance(sphere, Sphere)
-    assert "workspace=free drops it" in obstacle.told(arm)
+    assert "workspace=free drops it" in obstacle.notes(arm)
     assert len(workspace("{plane: {normal: [1, 0, 0], offset: -3}}", choice="desk").shapes(arm)) == 2
     own = workspace("{plane: {normal: [0, 0, 2], offset: -1}}", BALL, choice="desk")
-    assert own.shapes(arm)[0].offset == -1 and len(own.shapes(arm)) == 2 and own.told(arm) == ""
+    assert own.shapes(arm)[0].offset == -1 and len(own.shapes(arm)) == 2 and own.notes(arm) == ""
     alone = workspace(BALL)
-    assert [type(one) for one in alone.shapes(arm)] == [Sphere] and alone.told(arm) == ""
+    assert [type(one) for one in alone.shapes(arm)] == [Sphere] and alone.notes(arm) == ""
     assert obstacle.shapes(planar)[0] == Plane((0.0, 0.0, 1.0), 0.1)
 
 
@@ -111,7 +107,7 @@ def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(
     (tmp_path / "hanging.urdf").write_text(text)
     hanging, desk = load_robot(tmp_path / "hanging.urdf"), tiny("workspace=desk").workspace
     assert floor_under(hanging) is None and desk.shapes(hanging) == []
-    assert "no floor" in desk.told(hanging)
+    assert "no floor" in desk.notes(hanging)
     parts = {name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "names")}
     bare = replace(planar, urdf=Path("lost.urdf"), capsules=replace(planar.capsules, **parts))
     assert floor_under(bare).offset == 0
@@ -123,21 +119,4 @@ def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(
 def test_a_mounted_arm_stands_on_something_unless_it_hangs(mount, has_floor):
     arm, desk = load_robot("kuka_lwr4", Setup(mount=mount)), tiny("workspace=desk").workspace
     assert bool(desk.shapes(arm)) == has_floor
-    assert ("stands on" if has_floor else "no floor: kuka_lwr4 hangs") in desk.told(arm)
-
-
-def test_a_stated_clearance_is_kept_by_all_that_can_have_it(planar):
-    """A link above its foot is never so far from the floor: it merely keeps out of it, and that is told."""
-    floor = Region(plane=Plane((0.0, 0.0, 1.0), 0.35))
-    constraints = Workspace(torque=True, regions=[floor], clearance=0.2).around(planar)
-    assert constraints.kept_clear == "0.2 m (never so far: upper_arm in region 0)"
-    home = torch.tensor([[0.0, 0.0]], dtype=torch.float64)
-    margins = constraints.at_rest(home)
-    above = torch.tensor(["upper_arm" in name for name in constraints.labels["keep_out"]])
-    told = torch.cat([margins["collision"][0], margins["keep_out"][0][~above]]).min() + 0.2
-    assert float(constraints.nearest(home)[0]) == pytest.approx(float(told))
-    assert float(told) > float(margins["keep_out"][0][above].min()) > 0
-    with pytest.raises(InfeasibleError, match="cannot be kept") as refused:
-        Workspace(torque=True, regions=[floor], clearance=0.6).around(planar)
-    offered = float(re.search(r"'workspace\.clearance=([\d.]+)'", str(refused.value)).group(1))
-    Workspace(torque=True, regions=[floor], clearance=offered).around(planar)
+    assert ("stands on" if has_floor else "no floor: kuka_lwr4 hangs") in desk.notes(arm)

@@ -106,7 +106,7 @@ def test_shapes_that_are_displaced_are_named(load, place):
 def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_claimed(load):
     place = replace(workspace(choice="desk"), clearance=None)
     arm = load(arm_of(dict.fromkeys(range(4), inertial()), base=""))
-    assert "floor at z = 0 m" in place.told(arm)
+    assert "floor at z = 0 m" in place.notes(arm)
     said = (constraints := place.around(arm)).described()
     assert "0 of 0 pairs" in said and "4 of 4 joint origins in 1 region" in said and "clear" not in said
     low = torch.tensor([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).double()

@@ -1,4 +1,4 @@
-"""The stages by name, a line each; a stage's module is imported when it runs."""
+"""The stages by name, a line each; a stage's module, which may have several, is imported when it runs."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -30,13 +30,12 @@ STAGES = {
     "table": "the experiment's tables, figures and pages",
 }
 
+_MODULES = {"random": "baselines", "long": "baselines", "surrogates": "training", "gan": "training"}
+_MODULES |= {"subsets": "training", "plant": "identification", "check": "identify", "gains": "payload"}
+
 
 def stage(name: str) -> "Stage":
-    """The stage of a name.
-
-    Raises:
-        ConfigError: when there is none.
-    """
+    """The stage of a name; a ConfigError where there is none."""
     if name not in STAGES:
         raise ConfigError(f"stages: there is no stage {name!r}, expected some of {', '.join(STAGES)}")
-    return import_module(f"sidegan.pipeline.stages.{name}").STAGE
+    return import_module(f"sidegan.pipeline.stages.{_MODULES.get(name, name)}").STAGES[name]

@@ -17,14 +17,14 @@ from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
 from sidegan.identification.uncertain import Uncertain, unmeasured, usual_torque, wanted_of
 from sidegan.library import Library
 from sidegan.library.measure import measured
-from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.rehearsal import rehearsed, require_rehearsal
+from sidegan.pipeline.stages.rehearsal import rehearsed
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report.export import publish
-from sidegan.robot import HIGHER, words
+from sidegan.robot import require_consistent, words
 from sidegan.validity import check
 from sidegan.validity.home import refuse_degrees
 
@@ -34,7 +34,8 @@ _LOG = "Log positions with torques or currents all the time, the whole set twice
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 _TRAJECTORY = "trajectory", "trajectories"
 _PRINTED = 1e-4  # by how much a rate that a message names may be rounded
-_POWERS = {2: "²", 3: "³"}
+_RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # derivatives, by order
+_UNLIMITED = torch.tensor(torch.inf)
 log = logging.getLogger(__name__)
 
 
@@ -44,42 +45,31 @@ def _show(task: Task, tracker: Tracker) -> None:
     aim = _aim(task)
     c = design_set(task.problem, aim, cfg.goal.count, cfg.search, task.number("excite"))
     chosen = measured(task.constraints, task.trajectory, c, "excite")
-    times = task.trajectory.times(cfg.identification.rate)
-    if cfg.controllers.gentle:
-        chosen = chosen.take(_energy(task, task.trajectory.roll_out(chosen.coefficients, times)).argsort())
+    chosen = chosen.take(_energy(task, task.trajectory, chosen).argsort())
     family, run = _as_run(task, chosen)
     chosen.save(folder / LIBRARY)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
     information = information_of(task.body, family, run.coefficients)
     criteria = criteria_of(information.stacked(torch.arange(len(run))))
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
-    caption = (
+    table = _table(task, family, run)
+    caption = [
         f"{counted(len(run), *_TRAJECTORY)} of {family.period:g} s, condition of the set "
         f"{plain(criteria.condition)}, for controllers ({', '.join(cfg.controllers.formats)}"
-        f"{_slow(cfg.controllers.speed)}) in {folder / FOLDER}"
-    )
-    caption += f"{_goal(task, aim, tracker)}; checked: {task.constraints.described()}"
-    caption += f"; effort {task.effort:.0%}" if task.effort < 1 else ""
-    table = _table(task, family, run)
-    caption += _view(task, family, run, table, tracker)
-    publish(table, folder / "set", caption, tracker)
+        f"{_slow(task)}) in {folder / FOLDER}",
+        _goal(task, aim, tracker),
+        f"checked: {task.constraints.described()}",
+        f"effort {task.effort:.0%}" if task.effort < 1 else "",
+        _view(task, family, run, table, tracker),
+    ]
+    publish(table, folder / "set", "; ".join(filter(None, caption)), tracker)
     if cfg.controllers.rehearse:
-        friction = "servos, friction and rotors of plant"
-        shown = rehearsed(task, chosen.coefficients)
-        publish(
-            shown,
-            folder / "rehearsal",
-            f"The set in MuJoCo, with {friction}{_slow(cfg.controllers.speed)}",
-            tracker,
-        )
+        said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(task)}"
+        publish(rehearsed(task, chosen.coefficients), folder / "rehearsal", said, tracker)
 
 
 def _aim(task: Task) -> Uncertain | Condition:
-    """Goal of a set, before anything of it is designed.
-
-    Raises:
-        ConfigError: when a setting does not fit the arm, or there is no known model.
-    """
+    """Goal of a set, before anything of it is designed; a ConfigError where it does not fit the arm."""
     cfg = task.cfg
     if cfg.goal.objective == "condition":
         if cfg.known is not None:
@@ -106,8 +96,8 @@ def _goal(task: Task, aim: Uncertain | Condition, tracker: Tracker) -> str:
     rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="wanted"))
     publish(rows, task.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
-    planned = "" if task.cfg.controllers.speed == 1 else ", at the whole speed"
-    return f"; {aim.purpose.said(aim.deviations, aim.before)}{planned}, beside {of}"
+    planned = ", at the whole speed" if _slow(task) else ""
+    return f"{aim.purpose.said(aim.deviations, aim.before)}{planned}, beside {of}"
 
 
 def _as_run(task: Task, chosen: Library) -> tuple[Trajectory, Library]:
@@ -132,7 +122,8 @@ def _as_run(task: Task, chosen: Library) -> tuple[Trajectory, Library]:
     return family, measured(task.constraints, family, c, "excite")
 
 
-def _slow(speed: float) -> str:
+def _slow(task: Task) -> str:
+    speed = task.cfg.controllers.speed
     return "" if speed == 1 else f", at {speed:.0%} of the speed"
 
 
@@ -149,7 +140,7 @@ def _view(task: Task, family: Trajectory, run: Library, table: pd.DataFrame, tra
         log.warning("there is no %s: %s", VIEW, error)
         return ""
     tracker.log_artifact(path, "view")
-    return f"; to look at: {path.resolve().as_uri()}"
+    return f"to look at: {path.resolve().as_uri()}"
 
 
 def _steps(task: Task) -> list[tuple[str, str]]:
@@ -170,67 +161,40 @@ def _steps(task: Task) -> list[tuple[str, str]]:
     ]
 
 
-def _energy(task: Task, motion: Motion) -> Tensor:
+def _energy(task: Task, family: Trajectory, run: Library) -> Tensor:
     """Mechanical work of the joints, whether they drive or brake [J], (N,)."""
+    motion = family.roll_out(run.coefficients, family.times(task.cfg.controllers.rate))
     power = (task.body.torque(*motion[1:]) * motion.velocity).abs().sum(2)
     return torch.trapezoid(power, motion.time, dim=1)
 
 
 def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     """Table of what each trajectory asks of the arm, as its files have it."""
-    arm, times = task.whole_arm, family.times(task.cfg.identification.rate)
-    motion = family.roll_out(run.coefficients, times)
-    torque = task.body.torque(*motion[1:])
-    nearest, known = _nearest(task, family, run), bool(arm.inertial_parameters.any())
-    speeds, efforts = (
-        [slide if slides else turn for slides in arm.prismatic.tolist()]
-        for slide, turn in (("m/s", "rad/s"), ("N", "N·m"))
-    )
-    return pd.DataFrame(
-        {
-            "trajectory": range(1, len(run) + 1),
-            "cond(YᵀY)": [plain(x) for x in run.fitness.tolist()],
-            "peak velocity": _peaks(motion.velocity, arm.velocity_limit, speeds),
-            **_higher_peaks(task, family, run),
-            "peak torque": _peaks(torque, arm.torque_limit, efforts) if known else "—",
-            "clearance [m]": [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()],
-            "energy [J]": [plain(x) for x in _energy(task, motion).tolist()] if known else "—",
-        }
-    ).set_index("trajectory")
-
-
-def _nearest(task: Task, family: Trajectory, run: Library) -> Tensor:
-    """Smallest distance [m] along each trajectory, (N,), as ``Constraints.nearest`` has it."""
+    arm, times = task.whole_arm, family.times(task.cfg.controllers.rate)
+    torque = task.body.torque(*family.roll_out(run.coefficients, times)[1:])
     q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
-    return task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
-
-
-def _higher_peaks(task: Task, family: Trajectory, run: Library) -> dict[str, list[str]]:
-    """Largest accelerations and jerks of a joint: as shares of their limits where there are any."""
-    times = family.times(task.cfg.identification.rate)
-    peaks, limits = {}, task.arm.higher_limits
-    for name, order in HIGHER.items():
-        x = family.derivative(run.coefficients, times, order).abs()
-        if name in limits:
-            peaks[f"peak {name}"] = _percent((x / limits[name]).amax((1, 2)))
-        else:
-            most = x.amax((1, 2)).tolist()
-            peaks[f"peak {name} [rad/s{_POWERS[order]}]"] = [f"{one:.3g}" for one in most]
-    return peaks
+    nearest = task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
+    known, slides = bool(arm.inertial_parameters.any()), arm.prismatic.tolist()
+    limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
+    columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in run.fitness.tolist()]}
+    for name, (order, per) in _RATES.items():
+        units = [f"{'m' if one else 'rad'}{per}" for one in slides]
+        x = family.derivative(run.coefficients, times, order)
+        columns[f"peak {name}"] = _peaks(x, limits.get(name, _UNLIMITED), units)
+    efforts = ["N" if one else "N·m" for one in slides]
+    columns["peak torque"] = _peaks(torque, arm.torque_limit, efforts) if known else "—"
+    columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()]
+    columns["energy [J]"] = [plain(x) for x in _energy(task, family, run).tolist()] if known else "—"
+    return pd.DataFrame(columns, pd.RangeIndex(1, len(run) + 1, name="trajectory"))
 
 
 def _peaks(x: Tensor, limit: Tensor, units: list[str]) -> list[str]:
     """Largest value of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
     most = x.abs().amax(1)
-    share, joint = (most / limit if limit.isfinite().any() else most).max(1)
+    limited = bool(limit.isfinite().any())
+    share, joint = (most / limit if limited else most).max(1)
     values = [f"{plain(float(row[j]))} {units[j]}" for row, j in zip(most, joint.tolist())]
-    if not limit.isfinite().any():
-        return values
-    return [f"{one:.0%}, {value}" for one, value in zip(share.tolist(), values)]
-
-
-def _percent(share: Tensor) -> list[str]:
-    return [f"{x:.0%}" for x in share.tolist()]
+    return [f"{one:.0%}, {value}" for one, value in zip(share.tolist(), values)] if limited else values
 
 
 def _require_rate(task: Task) -> None:
@@ -259,7 +223,8 @@ def _require_places(task: Task) -> None:
 
 
 def _check(task: Task) -> None:
-    require_rehearsal(task)
+    if task.cfg.controllers.rehearse:  # in MuJoCo, which could not move others
+        require_consistent(task.arm)
     _require_rate(task)
     _require_places(task)
     _aim(task)
@@ -270,4 +235,4 @@ def _check(task: Task) -> None:
         )
 
 
-STAGE = Stage(show=_show, check=_check)
+STAGES = {"excite": Stage(show=_show, check=_check)}

@@ -1,19 +1,31 @@
-"""Stage identification: the arm identified from each excitation set, and test torques predicted."""
+"""Stages identification and plant: the arm identified from every excitation set, and test torques predicted.
 
+The simulated arm's measurements are noisy. Plants in MuJoCo have friction that the model lacks, elastic
+joints, links that differ from the description, and servos that feed forward the latter; tests are exact.
+"""
+
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
+from torch import Tensor
 
 from sidegan.base.storage import write_parquet
-from sidegan.identification import study
-from sidegan.pipeline.graph import Artifact, Build, Metrics
+from sidegan.identification import Measurements, TorqueModel, estimate, score, study
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.pools import ExcitationSet
-from sidegan.pipeline.stages.random import test_trajectories
-from sidegan.pipeline.stages.selection import excitation_sets
+from sidegan.pipeline.stages.baselines import test_trajectories
+from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets
 from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
+from sidegan.plant.recorded import recorded
+from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
+from sidegan.robot import require_consistent
+
+_METHODS = {False: "ols", True: "weighted"}
 
 
 def identification(task: Task, one: ExcitationSet) -> Artifact:
@@ -21,23 +33,36 @@ def identification(task: Task, one: ExcitationSet) -> Artifact:
     return task.artifact(
         "identification",
         one.name,
-        partial(_make, one=one),
+        partial(_identify, one=one),
         task.cfg.identification,
         {one.source.maker: one.source},
         training=one.training,
-        title=f"nmse/{one.title}",
-        metrics=mean_errors,
+        metrics=_mean_errors,
     )
 
 
-def mean_errors(folder: Path) -> Metrics:
+def plant(task: Task, one: ExcitationSet) -> Artifact:
+    """Errors of identification from one set when plants execute it."""
+    tests = task.cfg.identification
+    return task.artifact(
+        "plant",
+        one.name,
+        partial(_execute, one=one),
+        asdict(task.cfg.plants) | {"tests": tests.tests, "reach": tests.reach},
+        {one.source.maker: one.source},
+        training=one.training,
+        metrics=_mean_errors,
+    )
+
+
+def _mean_errors(folder: Path) -> Metrics:
     """Mean nMSE over joints and noise draws, unweighted and weighted."""
     mean = pd.read_parquet(folder / RESULTS).groupby("weighted").nmse.mean()
-    names = {False: "unweighted", True: "weighted"}
+    names = {False: "nmse", True: "nmse_weighted"}
     return {names[bool(key)]: float(value) for key, value in mean.items()}
 
 
-def _make(task: Task, build: Build, one: ExcitationSet) -> None:
+def _identify(task: Task, build: Build, one: ExcitationSet) -> None:
     settings = task.cfg.identification
     tests = task.trajectory, test_trajectories(task)
     family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
@@ -47,4 +72,41 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
 
-STAGE = Stage(lambda task: [identification(task, one) for one in excitation_sets(task)])
+def _execute(task: Task, build: Build, one: ExcitationSet) -> None:
+    settings = task.cfg.plants
+    learned, tests = task.load(one.source).coefficients, test_trajectories(task)
+    model, rows = TorqueModel(task.body, settings.model), []
+    for number, seed in enumerate(task.random("plants").spawn(settings.count)):
+        machine = VariedPlant(task.arm, settings.plant, settings.friction, seed)
+        random = np.random.default_rng(task.number(f"plant {number}"))
+        training = _measured(task, machine, one.family, learned, random)
+        test = _measured(task, machine, task.trajectory, tests)
+        for weighted, method in _METHODS.items():
+            parameters = estimate(method, model, training).parameters
+            errors = score(model, parameters, test).nmse.tolist()
+            key = (one.name, one.training or 0, number, weighted)
+            rows += [(*key, joint, error) for joint, error in zip(task.arm.joint_names, errors)]
+        build.report(number + 1, settings.count)
+    columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
+    write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
+
+
+def _measured(
+    task: Task,
+    machine: VariedPlant,
+    family: Trajectory,
+    coefficients: Tensor,
+    random: np.random.Generator | None = None,
+) -> list[Measurements]:
+    """A recording of every trajectory of a set; without noise where none is drawn."""
+    states = recorded(machine, family, coefficients, task.cfg.plants.sensors, random)
+    return [Measurements(*parts) for parts in zip(*states)]
+
+
+STAGES = {
+    "identification": Stage(lambda task: [identification(task, one) for one in excitation_sets(task)]),
+    "plant": Stage(
+        lambda task: [plant(task, one) for one in excitation_sets(task)],
+        check=lambda task: require_consistent(task.arm),
+    ),
+}

@@ -1,4 +1,4 @@
-"""Stage identify: recordings of a real arm to a validated, physically consistent model of it."""
+"""Stages identify and check: recordings of a real arm to a consistent model of it; what they are worth."""
 
 import hashlib
 import logging
@@ -8,11 +8,11 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-from sidegan.base.storage import read_json, replacing
+from sidegan.base.storage import read_json, reading, replacing
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.lacking import BIASED
 from sidegan.identification.workflow import identify_arm
-from sidegan.pipeline.graph import Artifact, Build, Metrics
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.store import PARAMS, file_digest
@@ -24,7 +24,7 @@ from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.sent import sent_files
 from sidegan.recording.settings import Files, Recorded
 from sidegan.recording.standing import standing
-from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_results
+from sidegan.report.identification import REPORT, VERDICT, Origin, show_checks, write_checks, write_results
 from sidegan.robot import Arm, load_robot, tell_doubtful, words
 
 log = logging.getLogger(__name__)
@@ -58,12 +58,7 @@ def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:
 
 
 def recorded_arm(task: Task) -> Arm:
-    """The arm of the recordings; joints whose torque they do not have are locked.
-
-    Raises:
-        ConfigError: when none is named.
-        RecordingError: when such a joint moves.
-    """
+    """The arm of the recordings; joints whose torque they do not have are locked, where they do not move."""
     cfg = task.cfg
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
@@ -71,18 +66,13 @@ def recorded_arm(task: Task) -> Arm:
     if not cfg.recording.without:
         return arm
     loaded = cfg.loaded if cfg.has("loaded") else []
-    held_out = cfg.held_out if cfg.has("validation") else []
-    places = standing(arm, [*cfg.recordings, *held_out, *loaded], cfg.recording)
+    places = standing(arm, [*cfg.recordings, *cfg.held_out, *loaded], cfg.recording)
     locked = {**(arm.setup.locked or {}), **places}
     return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=task.planning)
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
-    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed.
-
-    Raises:
-        RecordingError: when one cannot be used, or two have a stretch of samples in common.
-    """
+    """Recordings to identify from and to validate on, checked and preprocessed; the check is printed."""
     files: list[tuple[Recorded, Role]] = [(one, "training") for one in cfg.recordings]
     files += [(one, "validation") for one in cfg.held_out]
     recordings = read_and_check(files, arm, cfg.recording, cfg.robot.gains, cfg.model.sign_width)
@@ -142,22 +132,28 @@ def _show(task: Task, tracker: Tracker) -> None:
 def _digest(path: Path) -> str:
     """Hexadecimal SHA-256 of a file, or of all files of a folder, a bag or a dataset."""
     digest = hashlib.sha256()
-    try:
-        if path.exists() and not (path.is_file() or path.is_dir()):
-            raise RecordingError(f"{path} is neither a file nor a folder")
+    with reading(path, "recording", RecordingError):
         for one in files_of(path):
             digest.update(one.name.encode())
             digest.update(bytes.fromhex(file_digest(one)))
-    except (FileNotFoundError, ValueError) as error:  # ValueError: a NUL in its name
-        raise RecordingError(f"there is no file {path}") from error
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror or error}") from error
     return digest.hexdigest()
 
 
-def _check(task: Task) -> None:
+def _show_check(task: Task, tracker: Tracker) -> None:
+    """Read and check the configured recordings, and leave what the check says in the run's folder."""
+    if not task.cfg.recordings:
+        raise ConfigError("recordings is empty, expected files to check: 'recordings=[a.csv,b.csv]'")
+    training, validation = checked(task.cfg, recorded_arm(task))
+    path = write_checks([*training, *validation], task.store.run_folder)
+    tracker.log_artifact(path, "identify")
+
+
+def _tell_doubtful(task: Task) -> None:
     if doubtful := tell_doubtful(recorded_arm(task)):
         log.warning("%s; identification starts from the nearest that can be", doubtful)
 
 
-STAGE = Stage(lambda task: [model(task)], _show, _check)
+STAGES = {
+    "check": Stage(show=_show_check, check=recorded_arm),
+    "identify": Stage(lambda task: [model(task)], _show, _tell_doubtful),
+}

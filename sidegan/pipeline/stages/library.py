@@ -10,10 +10,10 @@ from sidegan.base.storage import write_json
 from sidegan.library import Library
 from sidegan.library.draw import draw_valid
 from sidegan.library.measure import measured, summary
-from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.training import generator, generators, title
+from sidegan.pipeline.stages.training import generator, generators
 from sidegan.pipeline.task import GENERATOR, LIBRARY, REPORT, Task
 
 log = logging.getLogger(__name__)
@@ -31,7 +31,6 @@ def library(task: Task, name: str, training: int) -> Artifact:
         task.cfg.library,
         inputs,
         training=training,
-        title=f"library/{title(task, name, training)}",
     )
 
 
@@ -66,7 +65,9 @@ def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
-STAGE = Stage(
-    lambda task: [library(task, *one) for one in generators(task)],
-    check=lambda task: task.require_room(task.cfg.library.count, "library.count"),
-)
+STAGES = {
+    "library": Stage(
+        lambda task: [library(task, *one) for one in generators(task)],
+        check=lambda task: task.require_room(task.cfg.library.count, "library.count"),
+    )
+}

@@ -1,12 +1,14 @@
-"""Stage payload: what an arm carries, from recordings without and with it."""
+"""Stages payload and gains: what an arm carries, and torque per motor current, without and with a load."""
 
 import logging
+from dataclasses import replace
 from typing import Any
 
 import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
+from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.payload import VALUES, Payload, identify_payload
@@ -22,22 +24,16 @@ from sidegan.recording.settings import Recorded
 from sidegan.report.export import publish
 from sidegan.robot import Arm
 
-RESULT = "payload.json"
+PAYLOAD, GAINS = "payload.json", "gains.json"
 _UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]
 log = logging.getLogger(__name__)
 
 
 def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
-    """Measurements without and with the load, checked and preprocessed.
-
-    Raises:
-        ConfigError: when there are no recordings of one kind.
-        RecordingError: when one cannot be used, or two have a stretch of samples in common.
-    """
-    for name, files in (("recordings", cfg.recordings), ("loaded", cfg.loaded)):
+    """Measurements without and with the load, checked and preprocessed; ConfigError where there are none."""
+    for name, files, which in (("recordings", cfg.recordings, "without"), ("loaded", cfg.loaded, "with")):
         if not files:
-            which = "with the load" if name == "loaded" else "without the load"
-            raise ConfigError(f"{name} is empty, expected files {which}: '{name}=[a.csv]'")
+            raise ConfigError(f"{name} is empty, expected files {which} the load: '{name}=[a.csv]'")
     together: list[tuple[Recorded, Role]] = [(one, "training") for one in (*cfg.recordings, *cfg.loaded)]
     found = read_and_check(together, arm, cfg.recording, gains, cfg.model.sign_width)
     refuse_shared([(one.name, one.statistics.rows) for one in found])
@@ -45,12 +41,12 @@ def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measure
     return measurements_of(found[:count]), measurements_of(found[count:])
 
 
-def _show(task: Task, tracker: Tracker) -> None:
+def _payload(task: Task, tracker: Tracker) -> None:
     """Identify the load, and leave it in the run's folder."""
     cfg, arm = task.cfg, recorded_arm(task)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
     found = identify_payload(model_of(arm, cfg.model, unloaded), unloaded, loaded)
-    write_json(task.store.run_folder / RESULT, as_json(found))
+    write_json(task.store.run_folder / PAYLOAD, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
     caption = (
         f"What {arm.name} carries, in the frame of {found.link}, inertia about the centre of mass; mean nMSE "
@@ -83,4 +79,30 @@ def _table(found: Payload) -> pd.DataFrame:
     return pd.DataFrame({**shown, "unit": _UNITS}, index=pd.Index(VALUES, name="load"))
 
 
-STAGE = Stage(show=_show, check=lambda task: recorded_arm(task))
+def _gains(task: Task, tracker: Tracker) -> None:
+    """Find the gains, and leave them in the run's folder; as a setting too, if all are certain."""
+    cfg, arm, folder = task.cfg, recorded_arm(task), task.store.run_folder
+    currents = replace(cfg, recording=replace(cfg.recording, torque=None))
+    unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
+    found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
+    gains, deviation = found.gains.tolist(), found.deviation.tolist()
+    joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
+    write_json(folder / GAINS, {**joints, "gain": gains, "deviation": deviation})
+    shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
+    table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
+    publish(table, folder / "gains", f"Drive gains of {arm.name}, by a load of {cfg.load.mass:g} kg", tracker)
+    for doubt in (doubts := found.doubts(arm)):
+        log.warning("no setting robot.gains: %s", doubt)
+    if not doubts:
+        log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
+
+
+def _check_gains(task: Task) -> None:
+    recorded_arm(task)
+    _ = task.cfg.load.parameters
+
+
+STAGES = {
+    "payload": Stage(show=_payload, check=recorded_arm),
+    "gains": Stage(show=_gains, check=_check_gains),
+}

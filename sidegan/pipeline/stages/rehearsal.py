@@ -9,18 +9,12 @@ from sidegan.controllers import slower
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.task import Task
 from sidegan.plant import Executed, Plant
-from sidegan.robot import require_consistent
 
 _EVERY = 0.02  # [s] between the configurations whose distances are looked at
 
 
 def rehearsed(task: Task, coefficients: Tensor) -> pd.DataFrame:
-    """Tracking error, largest torque and closest approach of trajectories (n, J, H, 2) at the chosen speed.
-
-    Raises:
-        InfeasibleError: when a joint does not follow a trajectory.
-        RobotError: when a link is not physically consistent.
-    """
+    """Tracking error, largest torque, closest approach of trajectories (n, J, H, 2) at the chosen speed."""
     family, slow = slower(task.trajectory, coefficients, task.cfg.controllers.speed)
     plant = Plant(task.whole_arm, task.cfg.plant)
     times = family.times(plant.settings.rate)
@@ -43,9 +37,3 @@ def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
         "largest torque": f"{float(share.max()):.0%} ({task.arm.joint_names[int(share.argmax())]})",
         "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
     }
-
-
-def require_rehearsal(task: Task) -> None:
-    """Refuse an arm that MuJoCo could not move, where a rehearsal was asked for."""
-    if task.cfg.controllers.rehearse:
-        require_consistent(task.arm)

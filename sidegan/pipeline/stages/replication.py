@@ -11,13 +11,13 @@ from sidegan.base.storage import read_torch, readable, write_parquet, write_torc
 from sidegan.identification import Noise, StudySettings
 from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
-from sidegan.pipeline.graph import Artifact, Build, Metrics
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages.baselines import test_trajectories
 from sidegan.pipeline.stages.library import library
-from sidegan.pipeline.stages.pools import SEEDS, Pool
-from sidegan.pipeline.stages.random import test_trajectories
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.training import generators, title
+from sidegan.pipeline.stages.selection import SEEDS, Pool
+from sidegan.pipeline.stages.training import generators
 from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
@@ -52,7 +52,7 @@ class Measured:
 def whole_sets(task: Task) -> list[Pool]:
     """Every whole set that is measured: the seeds and each library."""
     made = [(SEEDS, None, seed_set(task)), *((*one, library(task, *one)) for one in generators(task))]
-    return [Pool(name, k, title(task, name, k), (artifact,)) for name, k, artifact in made]
+    return [Pool(name, k, (artifact,)) for name, k, artifact in made]
 
 
 def sums(task: Task, pool: Pool) -> Artifact:
@@ -72,17 +72,13 @@ def replication(task: Task) -> Artifact:
         _combine,
         asdict(task.cfg.identification) | asdict(task.cfg.replication),
         inputs,
-        title="nmse",
-        metrics=partial(_mean_errors, task),
+        title="replication",
+        metrics=_mean_errors,
     )
 
 
 def draws(task: Task, pool: Pool) -> list[list[Sums]]:
-    """The sums over a whole set by noise realisation and replica.
-
-    Raises:
-        ArtifactError: when they are not there.
-    """
+    """The sums over a whole set by noise realisation and replica."""
     measured = read_torch(task.store.require(sums(task, pool)) / SUMS)
     every = [[Sums(**part) for part in draw] for draw in measured]
     return every * (task.cfg.replication.repeats if len(every) == 1 else 1)
@@ -93,13 +89,10 @@ def study_settings(task: Task, noise: Noise) -> StudySettings:
     return replace(task.cfg.identification, noise=noise)
 
 
-def _mean_errors(task: Task, folder: Path) -> Metrics:
+def _mean_errors(folder: Path) -> Metrics:
     frame = pd.read_parquet(folder / RESULTS)
-    mean = frame[~frame.weighted].groupby(["set", "training"], as_index=False).nmse.mean()
-    return {
-        f"whole {title(task, n, k if n in task.cfg.gan else None)}": x
-        for n, k, x in mean.itertuples(index=False)
-    }
+    mean = frame[~frame.weighted].groupby("set").nmse.mean()
+    return {f"{name}/nmse": float(value) for name, value in mean.items()}
 
 
 def _measure(task: Task, build: Build, pool: Pool) -> None:
@@ -140,4 +133,6 @@ def _combine(task: Task, build: Build) -> None:
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
 
 
-STAGE = Stage(lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)])
+STAGES = {
+    "replication": Stage(lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)])
+}

@@ -8,8 +8,8 @@ import torch
 from sidegan.base.storage import write_json, write_torch
 from sidegan.errors import InfeasibleError
 from sidegan.library.measure import measured, summary
+from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.compose import CONF
-from sidegan.pipeline.graph import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
 from sidegan.seeds import Tasks, make_seeds
@@ -43,11 +43,11 @@ def _read(task: Task, build: Build) -> None:
     every = measured(task.constraints, task.trajectory, published, task.cfg.seeds.method)
     valid = every.take(torch.nonzero(every.valid)[:, 0])
     faults = task.check(published[~every.valid]).faults()
-    told = f"{len(valid)} of {len(every)} seeds in {task.cfg.seeds.folder} are valid"
-    told += f"; of the others, {summarise_faults(faults)}" if faults else ""
+    found = f"{len(valid)} of {len(every)} seeds in {task.cfg.seeds.folder} are valid"
+    found += f"; of the others, {summarise_faults(faults)}" if faults else ""
     if not len(valid):
-        raise InfeasibleError(told)
-    log.info("%s", told)
+        raise InfeasibleError(found)
+    log.info("%s", found)
     valid.save(build.folder / LIBRARY)
     features = task.cfg.seeds.published.features()
     if features is not None and len(features) >= len(every):
@@ -74,6 +74,9 @@ def _make(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(library), **attempts})
 
 
-STAGE = Stage(
-    lambda task: [seed_set(task)], check=lambda task: task.require_room(task.cfg.seeds.count, "seeds.count")
-)
+STAGES = {
+    "seeds": Stage(
+        lambda task: [seed_set(task)],
+        check=lambda task: task.require_room(task.cfg.seeds.count, "seeds.count"),
+    )
+}

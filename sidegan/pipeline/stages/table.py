@@ -35,4 +35,4 @@ def _show(task: Task, tracker: Tracker) -> None:
     module.present(module.collect(task), task.store.run_folder, tracker)
 
 
-STAGE = Stage(show=_show, check=_check)
+STAGES = {"table": Stage(show=_show, check=_check)}

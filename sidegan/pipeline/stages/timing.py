@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.pipeline.graph import Artifact, Build
+from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator
 from sidegan.pipeline.task import GENERATOR, Task
@@ -28,7 +27,7 @@ def timing(task: Task, name: str) -> Artifact:
     training = task.cfg.trainings[0]
     inputs = {"gan": generator(task, name, training)}
     make = partial(_make, name=name)
-    return task.artifact("timing", name, make, {}, inputs, training=training, title=f"timing/{name}")
+    return task.artifact("timing", name, make, {}, inputs, training=training)
 
 
 def _make(task: Task, build: Build, name: str) -> None:
@@ -38,13 +37,8 @@ def _make(task: Task, build: Build, name: str) -> None:
     network = TrajectoryGenerator.load(path, task.arm)
     noise = torch.Generator().manual_seed(task.number(f"timing {name}"))
     physics = (task.constraints, task.trajectory)
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        generated = _rate(lambda: len(network.sample(_BATCH, noise)))
-        valid = _rate(lambda: int(check(*physics, network.sample(_BATCH, noise)).valid.sum()))
-    finally:
-        torch.set_num_threads(before)
+    generated = _rate(lambda: len(network.sample(_BATCH, noise)))
+    valid = _rate(lambda: int(check(*physics, network.sample(_BATCH, noise)).valid.sum()))
     build.costs["growth"] = _growth(task)
     build.costs |= {"generation_seconds": 1 / generated, "valid_per_second": valid}
     build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": torch.__version__}
@@ -62,13 +56,12 @@ def _rate(work: Callable[[], int], share: float = 1.0) -> float:
 def _growth(task: Task) -> float:
     """Exponent with which the time of YᵀY and its condition number grows with the number of samples."""
     c = task.problem.start(1, torch.Generator().manual_seed(0), 0.5)
-    problems = [Problem(task.constraints, task.trajectory, n) for n in _LENGTHS]
-    rates = [_rate(partial(_evaluate, one, c), 0.2) for one in problems]
-    return float(np.polyfit(np.log(_LENGTHS), -np.log(rates), 1)[0])
 
+    def seconds(samples: int) -> float:
+        problem = Problem(task.constraints, task.trajectory, samples)
+        return 1 / _rate(lambda: len(problem.fitness(c)), 0.2)
 
-def _evaluate(problem: Problem, c: Tensor) -> int:
-    return len(problem.fitness(c))
+    return float(np.polyfit(np.log(_LENGTHS), np.log([*map(seconds, _LENGTHS)]), 1)[0])
 
 
 def _processor() -> str:
@@ -81,4 +74,4 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-STAGE = Stage(lambda task: [timing(task, name) for name in task.cfg.gan])
+STAGES = {"timing": Stage(lambda task: [timing(task, name) for name in task.cfg.gan])}

@@ -1,6 +1,7 @@
-"""Trainings: surrogates from seeds and a vanilla generator, generators from seeds and surrogates."""
+"""Stages surrogates, gan, subsets: success predictor and converters, variants, and both on fewer seeds."""
 
-from collections.abc import Iterable, Mapping
+import logging
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
@@ -9,13 +10,14 @@ from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import read_torch, write_json, write_torch
 from sidegan.gan import Variant
 from sidegan.library import Library
-from sidegan.pipeline.graph import Artifact, Build
-from sidegan.pipeline.stage import finite
+from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
-from sidegan.seeds.published import Layout
+from sidegan.seeds.published import WEIGHTS, Layout
 
 SAMPLES = "samples.pt"  # of every epoch
+log = logging.getLogger(__name__)
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
 
@@ -23,11 +25,6 @@ def training_seeds(task: Task) -> Library:
     """The seeds that surrogates and generators learn from."""
     seeds = task.load(seed_set(task))
     return seeds if task.cfg.subset is None else seeds.take(range(min(task.cfg.subset, len(seeds))))
-
-
-def title(task: Task, name: str, training: int | None) -> str:
-    """Name of a variant, pool or set for people, with the training where there are several."""
-    return name if training is None or len(task.cfg.trainings) == 1 else f"{name}-{training}"
 
 
 def generators(task: Task) -> list[tuple[str, int]]:
@@ -47,11 +44,10 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
         partial(_train, name=name, training=training, variant=variant),
         (taught(task) if variant.seeded else {})
         | asdict(variant)
-        | {"evaluation": task.cfg.scale.evaluation}
+        | {"evaluation": task.cfg.evaluation}
         | ({"samples": samples} if samples else {}),
         inputs,
         training=training,
-        title=f"gan/{title(task, name, training)}",
     )
 
 
@@ -93,7 +89,7 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     from sidegan.gan.side_gan import Data
     from sidegan.gan.training import Run, random_trajectories, train
 
-    seed, evaluation = task.number(f"gan {name}", training), task.cfg.scale.evaluation
+    seed, evaluation = task.number(f"gan {name}", training), task.cfg.evaluation
     if variant.seeded:
         seeds = training_seeds(task).coefficients
     else:
@@ -154,3 +150,44 @@ def _pretrain(task: Task, build: Build) -> None:
 
 def _report(build: Build, parts: Iterable[Mapping[str, Any]]) -> None:
     write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
+
+
+def on_subset(task: Task, size: int) -> Task:
+    """A task that trains on so many of the seeds; on all of them it is the task itself."""
+    if size >= task.cfg.seeds.count:
+        return task
+    variants = {name: one for name, one in task.cfg.gan.items() if one.features} or task.cfg.gan
+    return task.with_settings(subset=size, gan=variants, trainings=task.cfg.discussion.trainings)
+
+
+def _subsets(task: Task) -> Iterator[Artifact]:
+    for size in task.cfg.discussion.sizes:
+        smaller = on_subset(task, size)
+        yield from needed_surrogates(smaller, smaller.cfg.gan.values())
+        yield from _gan(smaller)
+
+
+def _gan(task: Task) -> list[Artifact]:
+    return [generator(task, *one) for one in generators(task)]
+
+
+def _surrogates(task: Task) -> list[Artifact]:
+    needed = needed_surrogates(task, task.cfg.gan.values())
+    if not needed:
+        log.info("no surrogates: none of %s learns from them", ", ".join(task.cfg.gan))
+    return needed
+
+
+def _require_weights(task: Task) -> None:
+    """Refuse a folder without the weights that are wanted from it."""
+    published = task.cfg.surrogates.published
+    if published is not None and published.shipped:
+        for name in WEIGHTS:
+            task.cfg.seeds.published.weights(name)
+
+
+STAGES = {
+    "surrogates": Stage(_surrogates, check=_require_weights),
+    "gan": Stage(_gan),
+    "subsets": Stage(_subsets),
+}

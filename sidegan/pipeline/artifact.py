@@ -1,4 +1,4 @@
-"""The graph of artifacts: each result on disk is a node that says what it is made with, from what, by whom.
+"""An artifact: a result on disk that says what it is made with, from what, by whom.
 
 Folders, the order of work, reuse and what MLflow records follow from it.
 """
@@ -25,46 +25,29 @@ Metrics = Mapping[str, float | Sequence[float | None]]
 
 @dataclass
 class Build:
-    """Folders of an artifact that is being made.
+    """Folders of an artifact that is being made."""
 
-    Attributes:
-        folder: of the artifact's files; it is invisible until all of them are there.
-        work: of files of unfinished tasks (``write_task``); it survives a kill.
-        report: shows how far the work is.
-        costs: of the work (seconds and the like); they are kept beside the artifact and not in it.
-    """
-
-    folder: Path
-    work: Path
-    report: Report
+    folder: Path  # of its files; it is invisible until all of them are there
+    work: Path  # of files of unfinished tasks (``write_task``); it survives a kill
+    report: Report  # shows how far the work is
+    # of the work (seconds and the like); they are kept beside the artifact and not in it
     costs: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Artifact:
-    """A result on disk; two artifacts with the same digest are interchangeable.
+    """A result on disk; two artifacts with the same digest are interchangeable."""
 
-    Attributes:
-        maker: who makes it: a key of ``params.yaml`` and the folder that it lies in.
-        label: what tells it from its siblings, as the name of a folder.
-        title: its name for people, and the prefix of its metrics.
-        settings: what it depends on, plain values as they were set.
-        inputs: what it is made from: other artifacts, or digests of what was read.
-        seed: the run's random seed; None where nothing is drawn.
-        make: fills its folder.
-        metrics: what is recorded of a finished one, given its folder: numbers, or series of them.
-        alone: its work is spread over all workers already, so it is not made beside others.
-    """
-
-    maker: str
-    label: str
-    title: str
-    settings: Mapping[str, Any]
-    inputs: Mapping[str, "Artifact | str"]
-    seed: int | None
-    make: Callable[[Build], None] = field(repr=False, compare=False)
+    maker: str  # who makes it: a key of ``params.yaml`` and the folder that it lies in
+    label: str  # what tells it from its siblings, as the name of a folder
+    title: str  # for people, and the prefix of its metrics
+    settings: Mapping[str, Any]  # what it depends on, plain values as they were set
+    inputs: Mapping[str, "Artifact | str"]  # what it is made from; or digests of what was read
+    seed: int | None  # of the run; None where nothing is drawn
+    make: Callable[[Build], None] = field(repr=False, compare=False)  # fills its folder
+    # what is recorded of a finished one, given its folder: numbers, or series of them
     metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
-    alone: bool = False
+    alone: bool = False  # its work is spread over all workers already: it is not made beside others
 
     @property
     def folder(self) -> Path:
@@ -74,13 +57,12 @@ class Artifact:
     @cached_property
     def params(self) -> dict[str, Any]:
         """Its parameters with the digests of its inputs, as JSON gives them back."""
-        inputs = {name: one if isinstance(one, str) else one.digest for name, one in self.inputs.items()}
         params = {
             "maker": self.maker,
             "version": version(self.maker),
             "label": self.label,
             "settings": self.settings,
-            "inputs": inputs,
+            "inputs": {k: one if isinstance(one, str) else one.digest for k, one in self.inputs.items()},
             "seed": self.seed,
         }
         return json.loads(json.dumps(params))
@@ -91,9 +73,9 @@ class Artifact:
         return hashlib.sha256(json.dumps(self.params, sort_keys=True).encode()).hexdigest()
 
     @property
-    def parents(self) -> list["Artifact"]:
-        """The artifacts that it is made from."""
-        return [one for one in self.inputs.values() if isinstance(one, Artifact)]
+    def parents(self) -> set[str]:
+        """Digests of the artifacts that it is made from."""
+        return {one.digest for one in self.inputs.values() if isinstance(one, Artifact)}
 
 
 def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
@@ -110,11 +92,7 @@ def versions() -> dict[str, int]:
 
 
 def version(maker: str) -> int:
-    """Version of a maker.
-
-    Raises:
-        ArtifactError: when ``params.yaml`` has none.
-    """
+    """Version of a maker; an ArtifactError where ``params.yaml`` has none."""
     if maker not in versions():
         raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}")
     return versions()[maker]
