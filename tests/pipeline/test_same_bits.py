@@ -1,0 +1,50 @@
+"""What a stage finds does not depend on which process finds it, after what else, in which memory."""
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from sidegan.library.measure import measured
+from sidegan.pipeline.artifact import Build
+from sidegan.pipeline.stages.baselines import random_set, random_valid
+from sidegan.pipeline.stages.identification import identification, plant
+from sidegan.pipeline.stages.selection import ExcitationSet
+from sidegan.pipeline.store import Store
+from sidegan.pipeline.task import RESULTS, Task
+from tests.tiny import tiny
+
+GARBAGE = {"MALLOC_PERTURB_": "165"}  # in every byte that is allocated, and in every one that is freed
+
+
+def digests(*names: str) -> dict[str, str]:
+    """SHA-256 of what stages plant and identification find of sets, made in this order."""
+    found = {}
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder:
+            task = Task(tiny(f"outputs={folder}", "trajectory.period=4"), Store(Path(folder)))
+            library = measured(
+                task.constraints, task.trajectory, random_valid(task, 4, name).coefficients, name
+            )
+            task.__dict__["load"] = lambda artifact, library=library: library
+            one = ExcitationSet(name, None, name, task.trajectory, random_set(task))
+            for stage in (plant, identification):
+                build = Build(Path(folder, stage.__name__), Path(folder), lambda done, total: None)
+                build.folder.mkdir()
+                stage(task, one).make(build)
+                content = (build.folder / RESULTS).read_bytes()
+                found[f"{name}/{stage.__name__}"] = hashlib.sha256(content).hexdigest()
+    return found
+
+
+def test_another_process_finds_the_same_of_one_set_alone_in_memory_full_of_garbage():
+    here = digests("first", "second")
+    code = "import json; from tests.pipeline.test_same_bits import *; print(json.dumps(digests('second')))"
+    variables = {**os.environ, **GARBAGE, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"}
+    process = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
+    found = json.loads(process.stdout.splitlines()[-1])
+    assert found == {name: digest for name, digest in here.items() if name.startswith("second")}
