@@ -26,7 +26,7 @@ from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
 from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
 from sidegan.validity.home import refuse_degrees
-from sidegan.validity.pairs import tell_displaced, tell_often
+from sidegan.validity.pairs import tell_displaced
 from sidegan.validity.placeholders import tell_placeholders
 
 log = logging.getLogger(__name__)
@@ -138,8 +138,6 @@ class Task:
             )
         elif self.cfg.workspace.clearance is None:
             notes.append(f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance")
-        if constraints.often:
-            warnings.append(tell_often(arm, constraints.often, constraints.apart))
         notes.append(f"checked: {constraints.described()}")
         for level, texts in ((logging.WARNING, warnings), (logging.INFO, notes)):
             for text in filter(None, texts):

@@ -1,9 +1,9 @@
-"""Surroundings of the arm, as configured: regions, a MoveIt scene, and what the arm stands on."""
+"""Surroundings of the arm, as configured: regions, and what the arm stands on."""
 
 import hashlib
 import logging
-import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -18,9 +18,7 @@ from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from sidegan.validity.clearance import TooLargeError
 from sidegan.validity.floor import floor_under, with_points
-from sidegan.validity.scene import read_scene
 
 Point = tuple[Number, Number, Number]
 
@@ -99,7 +97,7 @@ class Region:
         """Plain values by which it is known; a file by what is in it."""
         plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
         if self.mesh is not None:
-            plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file, "workspace.regions: mesh file")}
+            plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file)}
         return plain
 
 
@@ -111,12 +109,11 @@ class Workspace:
     regions: list[Region] | None  # beside what the arm stands on
     # height that built-in arms keep above [m]; others: what they stand on; null: neither
     desk: float | None = None
-    scene: str | None = None  # beside all that: a MoveIt scene
     # that links keep from each other and from the regions [m]; null: 2 cm, or what arm and home have room for
     clearance: NonNegative | None = 0.0
 
     def given(self, arm: Arm) -> list[Region]:
-        """The regions of an arm but for the scene."""
+        """The regions of an arm, as they are configured."""
         stated = self.regions or []
         if self.desk is None or self._states_floor:
             return stated
@@ -137,8 +134,7 @@ class Workspace:
         Raises:
             ConfigError: when a file cannot be read, or has shapes that are none.
         """
-        scene: Sequence[validity.Region] = read_scene(Path(self.scene).expanduser()) if self.scene else ()
-        return [*(region.shape for region in self.given(arm)), *scene]
+        return [region.shape for region in self.given(arm)]
 
     def around(
         self,
@@ -164,24 +160,17 @@ class Workspace:
             return Constraints(arm, shapes, self.torque)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
-        room = math.inf
         for clearance, apart in _USUALLY:
-            try:
-                if apart <= room:
-                    found = Constraints(arm, shapes, self.torque, clearance, apart)
-                    if home is not None:
-                        found.refuse_home(home)
-                    return found
-            except TooLargeError as error:
-                room = error.most
-            except InfeasibleError:
-                continue
+            with suppress(InfeasibleError):
+                found = Constraints(arm, shapes, self.torque, clearance, apart)
+                if home is not None:
+                    found.refuse_home(home)
+                return found
         return Constraints(arm, shapes, self.torque)
 
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values by which artifacts for an arm are known."""
-        more: dict[str, Any] = {"scene": _digest(self.scene, "workspace.scene")} if self.scene else {}
-        more |= {} if self.clearance == 0 else {"clearance": self.clearance}
+        more = {} if self.clearance == 0 else {"clearance": self.clearance}
         return {
             "torque": self.torque,
             "regions": [region.stamped() for region in self.given(arm)],
@@ -200,7 +189,7 @@ class Workspace:
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; workspace=free drops it"
 
 
-def _digest(file: str, setting: str) -> str:
+def _digest(file: str) -> str:
     """Sha256 of a file.
 
     Raises:
@@ -209,4 +198,4 @@ def _digest(file: str, setting: str) -> str:
     try:
         return hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
     except OSError as error:
-        raise ConfigError(f"{setting} {file} cannot be read: {error.strerror}") from error
+        raise ConfigError(f"workspace.regions: mesh file {file} cannot be read: {error.strerror}") from error

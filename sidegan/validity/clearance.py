@@ -31,20 +31,8 @@ def thicker(arm: Arm, clearance: float) -> Arm:
     return known[clearance]
 
 
-class TooLargeError(InfeasibleError):
-    """A clearance that some never have.
-
-    Attributes:
-        most: one that they have [m].
-    """
-
-    def __init__(self, message: str, most: float) -> None:
-        super().__init__(message)
-        self.most = most
-
-
-def too_large(clearance: float, near: Sequence[str], left: float) -> TooLargeError:
-    """Message on a clearance that some never have.
+def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
+    """Refusal of a clearance that some never have.
 
     Args:
         clearance: that one [m].
@@ -53,8 +41,7 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> TooLargeErr
     """
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
-    return TooLargeError(
+    return InfeasibleError(
         f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
-        f"{listed(list(near), _SHOWN)}; 'workspace.clearance={most:g}' leaves room for these",
-        most,
+        f"{listed(list(near), _SHOWN)}; 'workspace.clearance={most:g}' leaves room for these"
     )

@@ -12,7 +12,7 @@ from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
-from sidegan.validity.capsules import capsule_axes, segment_distance
+from sidegan.validity.capsules import clearances
 from sidegan.validity.clearance import thicker, too_large
 from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, usual_gaps
 from sidegan.validity.pieces import PieceDistances
@@ -37,18 +37,16 @@ class Constraints:
         arm: the arm.
         regions: keep-out regions in world coordinates.
         torque: whether torque limits count, where the robot states them.
-        clearance: how far links stay from the regions and, where ``apart`` says nothing else, from each
-            other [m]; margins of distances are what is left beyond it. At the edges of boxes a little more
-            is kept.
-        apart: how far links stay from each other [m]. Where it is given, links that never have the clearance
-            from a plane (those above the foot of the arm) merely keep out of it, as ``kept_clear`` tells.
+        clearance: how far links stay from the regions [m]; margins of distances are what is left beyond it.
+            At the edges of boxes a little more is kept. Links that never have it from a plane (those above
+            the foot of the arm) merely keep out of that, as ``kept_clear`` tells.
+        apart: how far links stay from each other [m]; the clearance when None.
 
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
         pairs: checked capsule pairs, (P, 2).
         pieces: distances of what is inside of these capsules.
         exempt: pairs of links that are not kept apart, and why.
-        often: such that are, and touch in most random configurations.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
         excepted: what could be checked and is not, by constraint.
@@ -72,7 +70,6 @@ class Constraints:
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
         self.lowered: tuple[Region, ...] = ()  # of them, for links that never have the clearance
-        self._lenient = apart is not None
         self.kept_out = self.grown(self.regions)
         heavy = bool(arm.inertial_parameters.any())  # else torques are not known
         self.torque = torque and heavy and bool(torch.isfinite(arm.torque_limit).any())
@@ -80,7 +77,6 @@ class Constraints:
         self.excepted: dict[str, tuple[str, ...]] = {}
         found = self._pairs()
         self.pairs, self._links = found.checked, found.links
-        self.often = found.often
         self.exempt = (*found.neighbours, *found.named, *found.never)
         if found.named:
             self.excepted["collision"] = tuple(" – ".join(one.links) for one in found.named)
@@ -178,14 +174,8 @@ class Constraints:
 
     def _distances(self, q: Tensor) -> dict[str, Tensor]:
         """Margins of distances of capsules, which those of what is inside of them are never smaller than."""
-        distances: dict[str, Tensor] = {}
-        if len(self.pairs) or len(self.guarded):
-            a, b = capsule_axes(self.arm, q.T.contiguous())
-            if len(self.pairs):
-                distances["collision"] = self._pair_distances(a, b).T
-            if len(self.guarded):
-                distances["keep_out"] = self._region_distances(a, b, self.guarded).T
-        return distances
+        found = clearances(self.body.chain, self.shapes, q)
+        return {name: x for name, x in zip(DISTANCES, found) if name in self.labels}
 
     @cached_property
     def pieces(self) -> PieceDistances:
@@ -195,7 +185,10 @@ class Constraints:
     @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        return shapes_of(self._thick.capsules, self.pairs, self.guarded, tables(self.kept_out))
+        return self._shapes_of(self.pairs, self.guarded)
+
+    def _shapes_of(self, pairs: Tensor, guarded: Tensor) -> Shapes:
+        return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out))
 
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
@@ -267,34 +260,21 @@ class Constraints:
         margin[n, p] = torch.maximum(margin[n, p], self.pieces.lower(q, asked))
         return margin
 
-    def _pair_distances(self, a: Tensor, b: Tensor) -> Tensor:
-        (first, second), radius = self.pairs.unbind(1), self._thick.capsules.radius
-        apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
-        return apart - (radius[first] + radius[second])[:, None]
-
-    def _region_distances(self, a: Tensor, b: Tensor, guarded: Tensor) -> Tensor:
-        radius, rows = self._thick.capsules.radius, []
-        for index, region in enumerate(self.kept_out):
-            capsules = guarded[guarded[:, 0] == index, 1]
-            rows.append(region.margin(a[:, capsules], b[:, capsules]) - radius[capsules][:, None])
-        return torch.cat(rows)
-
     def _find_guarded(self) -> Tensor:
         moving = torch.nonzero(self.arm.capsules.link >= 0)[:, 0]
         guarded = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
         if len(guarded):
-            a, b = random_axes(self.arm)
-            farthest = self._region_distances(a, b, guarded).amax(1)
+            shapes = self._shapes_of(guarded[:0], guarded)
+            farthest = clearances(self.body.chain, shapes, sampled(self.arm))[1].amax(0)
             leaves = farthest + self.clearance > 0
             self._except_guarded(guarded, leaves)
             short = leaves & (farthest <= 0)
-            if self._lenient:
-                short &= ~self._lower(guarded, short)
+            short &= ~self._lower(guarded, short)
             if short.any():
                 names = self._guarded_names(guarded[short])
                 raise too_large(self.clearance, names, float(farthest[short].min()))
             guarded = guarded[leaves]
-        return guarded[guarded[:, 0].argsort(stable=True)]  # as distances come, region by region
+        return guarded[guarded[:, 0].argsort(stable=True)]
 
     def _lower(self, guarded: Tensor, short: Tensor) -> Tensor:
         """Have links that never have the clearance from planes merely keep out of these: which they are."""
@@ -315,8 +295,7 @@ class Constraints:
         try:
             return pairs_of(self._thick)
         except InfeasibleError:
-            if not self._lenient:  # links that touch without any clearance are refused with what helps
-                pairs_of(self.arm)
+            pairs_of(self.arm)  # links that touch without any clearance are refused with what helps
             near = usual_gaps(self._thick)
             names = [" – ".join(links) for links in near]
             raise too_large(self.apart, names, min(near.values(), default=-torch.inf)) from None
@@ -340,11 +319,6 @@ class Constraints:
         names, planes = self.arm.capsules.names, [isinstance(region, Plane) for region in self.regions]
         of = [*range(len(self.regions)), *(r for r, plane in enumerate(planes) if plane)]
         return tuple(f"{names[k]} in region {of[r]}" for r, k in guarded.tolist())
-
-
-def random_axes(arm: Arm) -> tuple[Tensor, Tensor]:
-    """World end points [m] of the capsules' axes, two of (3, C, N), in the configurations that decide."""
-    return capsule_axes(arm, sampled(arm).T.contiguous())
 
 
 def _except(names: tuple[str, ...], why: str) -> str:

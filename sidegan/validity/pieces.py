@@ -7,11 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.kernels.chain import Shapes
-from sidegan.motion.arrays import array, chain_of, shapes_of
+from sidegan.motion.arrays import array, chain_of
 from sidegan.robot import Arm
-from sidegan.validity.capsules import segment_distance
-from sidegan.validity.regions import tables
+from sidegan.validity.capsules import shapes_alone
 
 if TYPE_CHECKING:
     from sidegan.kernels.gjk import Hulls
@@ -48,7 +46,7 @@ class PieceDistances:
         from sidegan.kernels import bodies as kernel
 
         order = torch.argsort(asked[:, 0], stable=True)
-        shapes = self.shapes()
+        shapes = shapes_alone(self.arm, self.pairs)
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
         bodies = kernel.Bodies(chain_of(self.arm), shapes, self.hulls())
@@ -56,10 +54,6 @@ class PieceDistances:
         found = torch.empty(len(asked), dtype=torch.float64)
         found[order] = torch.from_numpy(out)
         return found
-
-    def shapes(self) -> Shapes:
-        """The capsules and their pairs, without regions, as compiled kernels take them."""
-        return shapes_of(self.arm.capsules, self.pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
 
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""
@@ -77,6 +71,8 @@ class PieceDistances:
         if pieces is None:
             return torch.zeros_like(capsules.radius)
         counts = pieces.start.diff()
-        a, b = (x.repeat_interleave(counts, 0).T for x in (capsules.a, capsules.b))
-        apart = segment_distance(a, b, pieces.corners.T, pieces.corners.T)
+        a, along = (x.repeat_interleave(counts, 0) for x in (capsules.a, capsules.b - capsules.a))
+        length = along.square().sum(1).clamp_min(torch.finfo(a.dtype).tiny)
+        share = (((pieces.corners - a) * along).sum(1) / length).clamp(0, 1)
+        apart = (a + share[:, None] * along - pieces.corners).norm(dim=1)
         return torch.stack([part.max() for part in apart.split(counts.tolist())])

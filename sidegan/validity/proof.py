@@ -7,6 +7,7 @@ from torch import Tensor
 from sidegan.motion.arrays import array, chain_of
 from sidegan.robot import Arm
 from sidegan.validity.bounds import piece_reach
+from sidegan.validity.capsules import shapes_alone
 from sidegan.validity.pieces import PieceDistances
 
 _BUDGET = (100_000, 20_000, 2_000)  # boxes for a pair with one, two, and more joints between them
@@ -27,7 +28,7 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
         return found
     from sidegan.kernels import bodies as kernel
 
-    bodies = kernel.Bodies(chain_of(arm), inside.shapes(), inside.hulls())
+    bodies = kernel.Bodies(chain_of(arm), shapes_alone(arm, pairs), inside.hulls())
     link = arm.capsules.link[pairs]
     outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
     reach = array(piece_reach(arm)[outer])

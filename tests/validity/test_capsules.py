@@ -13,10 +13,18 @@ from torch import Tensor
 
 from sidegan.robot import Arm, capsule_geometry, pinocchio_model
 from sidegan.validity import Constraints
-from sidegan.validity.capsules import capsule_axes, segment_distance
+from sidegan.validity.capsules import capsule_axes, clearances
 from tests.chains import lenient, random_chain, random_states
 
-from .critical import random_segments
+from .critical import random_segments, segments_as_capsules
+
+
+def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:
+    """Distance [m], (N,), of segments with end points (3, N)."""
+    one = torch.arange(a1.shape[1])
+    pairs = torch.stack([one, one + len(one)], 1)
+    chain, shapes = segments_as_capsules([a1, a2], [b1, b2], pairs, pairs[:0])
+    return clearances(chain, shapes, torch.zeros(1, 2, dtype=torch.float64))[0][0]
 
 
 def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
