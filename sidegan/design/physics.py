@@ -52,23 +52,15 @@ class SetInformation:
         return grams.unflatten(0, (-1, self.together)).sum(1)
 
 
-def eigenpairs(information: SetInformation, c: Tensor, ends: bool) -> tuple[Tensor, Tensor]:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (S, K), and base vectors, (S, K, p).
+def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
+    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c.
 
     At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
     """
     subspace = information.problem.body.base.subspace
     inner = subspace.T @ information.grams(c) @ subspace
     values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
-    return values, (subspace @ vectors).mT
-
-
-def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c.
-
-    At the ends, only those that a smooth condition number needs, in much less time.
-    """
-    return _Quadratic.apply(c, information, *eigenpairs(information, c, ends))
+    return _Quadratic.apply(c, information, values, (subspace @ vectors).mT)
 
 
 def diagonal(information: SetInformation, c: Tensor) -> Tensor:

@@ -66,30 +66,16 @@ class RigidBody:
         rows: Tensor = _kernels().rows(self.chain, columns, flat)
         return rows.reshape(*states[0].shape, len(columns))
 
-    def torque(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor | None = None) -> Tensor:
-        """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm.
-
-        The parameters are the arm's own when None, else (J, 10), (10 J,) or one set per state, (…, 10 J).
-        """
-        states, full = self._checked(q, dq, ddq), 10 * self.joints
-        if parameters is None:
-            parameters = self.arm.inertial_parameters
-        if parameters.shape not in ((self.joints, 10), (full,), (*q.shape[:-1], full)):
-            raise ShapeError(
-                f"parameters are {tuple(parameters.shape)}, expected ({self.joints}, 10), ({full},) or "
-                f"{(*q.shape[:-1], full)}"
-            )
-        # One trajectory of all states, or of each state one where all have parameters of their own.
-        of_each = parameters.ndim == q.ndim and parameters.shape != (self.joints, 10)
-        shape = (-1, 1, self.joints) if of_each else (1, -1, self.joints)
-        sets = parameters.reshape(-1, 1, full).to("cpu", torch.float64)
-        torques: Tensor = _kernels().torques(self.chain, [x.reshape(shape) for x in states], sets)
+    def torque(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+        """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
+        flat = [x.reshape(-1, self.joints) for x in self._checked(q, dq, ddq)]
+        torques: Tensor = _kernels().torques(self.chain, flat, self.arm.inertial_parameters)
         return torques.reshape(q.shape)
 
     def sums(self, q: Tensor, dq: Tensor, ddq: Tensor, torque: Tensor) -> Tensor:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 
-        States and torque are (S, J). Not differentiable; no regressor is kept.
+        States and torque are (S, J). No regressor is kept.
         """
         states, torque = self._checked(q, dq, ddq), torque.to("cpu", torch.float64)
         sums: Tensor = _kernels().sums(self.chain, self.base.columns, states, torque)

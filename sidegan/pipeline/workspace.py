@@ -14,6 +14,7 @@ from sidegan import validity
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
+from sidegan.robot.fitting import hull_volume
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import read_mesh
 from sidegan.robot.mounting import stands
@@ -59,7 +60,7 @@ class Mesh:
         """The region."""
         vertices, volume = read_mesh(Path(self.file).expanduser())
         body = Convex.around(self.scale * vertices)
-        filled = volume / Convex.around(vertices).volume
+        filled = volume / hull_volume(vertices)
         if filled < _CONVEX:
             log.warning(
                 "%s fills %.0f %% of its hull, all of which is kept out of: cut it into convex parts",

@@ -93,11 +93,6 @@ class Convex:
         return Convex(self.planes + np.array([0.0, 0.0, 0.0, by]), points)
 
     @property
-    def volume(self) -> float:
-        """Its volume [m³]."""
-        return float(scipy.spatial.ConvexHull(self.points).volume)
-
-    @property
     def numbers(self) -> list[float]:
         """Centre and radius [m] of a ball around it, as compiled kernels take them."""
         centre = (self.points.min(0) + self.points.max(0)) / 2

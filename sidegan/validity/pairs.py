@@ -1,6 +1,7 @@
 """Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -12,15 +13,16 @@ from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import capsule_distances
-from sidegan.validity.pieces import PieceDistances
-from sidegan.validity.proof import never_touching
+from sidegan.validity.pieces import PieceDistances, never_touching
 
 _FAR = 0.2  # of an arm's length, that shapes of neighbours are nearer to each other
 _TRIED = 200  # configurations that these are tried in
 SAMPLES = 4_000  # random configurations that capsules are tried in
 _INSIDE = 1_000  # of them that what is inside of capsules is tried in
 _FEW = 3  # pairs that may all touch always: a short arm has no others
-_SHOWN = 6  # pairs of links that a message names
+_SHOWN, _NEAR = 6, 4  # pairs of links that messages name
+_STEPS = 1e4  # per metre: clearances that are offered are so many whole ones
+_SPARE = 0.1  # share of the distance that is there, that these stay below
 
 Links = tuple[str, str]
 
@@ -103,6 +105,22 @@ def usual_gaps(arm: Arm) -> dict[Links, float]:
     return {
         links: float(touching.nearest(links).median()) for links in touching.open if touching.always(links)
     }
+
+
+def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
+    """Refusal of a clearance that some never have.
+
+    Args:
+        clearance: that one [m].
+        near: what is always nearer.
+        left: what is left of their distance beyond the clearance at best, below zero [m].
+    """
+    room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
+    most = max(math.floor(room * _STEPS), 0) / _STEPS
+    return InfeasibleError(
+        f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
+        f"{listed(list(near), _NEAR)}; 'workspace.clearance={most:g}' leaves room for these"
+    )
 
 
 def _find(arm: Arm) -> Pairs:

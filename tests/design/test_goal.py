@@ -12,8 +12,6 @@ from sidegan.design.objective import Objective
 from sidegan.design.penalty import Penalty
 from sidegan.design.physics import smooth_condition
 from sidegan.design.problem import Problem
-from sidegan.design.search import search
-from sidegan.design.settings import SearchSettings
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
@@ -163,22 +161,3 @@ def test_an_arm_at_rest_that_feels_no_torque_tells_nothing(planar, kind):
     gradient = np.ones((2, 6))
     assert objective(np.zeros((2, 6)), gradient) == (np.inf, 0.0)
     assert not gradient.any()
-
-
-def test_the_search_tells_friction_that_rigid_bodies_alone_do_not_ask_for(arm):
-    """σ on tasks of the whole model: what is designed for it beats what is designed for rigid bodies.
-
-    From several starts, since a single search may end in a worse place than its neighbour.
-    """
-    problem, ratios = Problem(*CASES["desk"](arm), samples=40), []
-    wanted, rigid = (goals(problem)[name] for name in ("variance on tasks", "volume"))
-    settings = SearchSettings(200, 80, 40, 0.03)
-    for seed in range(6):
-        found = []
-        for goal in (wanted, replace(rigid, prior=None)):
-            c = search(problem, goal, settings, seed).coefficients
-            states = [s[0] for s in problem.trajectory.roll_out(c[None], problem.trajectory.times(100.0))[1:]]
-            told = wanted.prior + 1600 * information_on(wanted.model, states, wanted.certainty)
-            found.append(float((wanted.targets @ torch.linalg.solve(told, wanted.targets.T)).trace()))
-        ratios.append(found[0] / found[1])
-    assert np.exp(np.log(ratios).mean()) < 0.95, ratios  # where friction has no part both are asked alike

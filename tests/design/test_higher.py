@@ -1,4 +1,4 @@
-"""Optimisation under limits of acceleration and jerk: penalty and slope, evaluation, seeds."""
+"""Seeds under limits of acceleration and jerk."""
 
 from dataclasses import replace
 
@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.design.objective import value_and_gradient
-from sidegan.design.penalty import Penalty
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
 from sidegan.seeds import Gradient
 from sidegan.seeds.paper import Paper
 from sidegan.validity import Constraints, check
 from tests.validity.critical import limited
-
-from .conftest import assert_slopes, states_of
 
 BOTH = ["acceleration", "jerk"]
 
@@ -32,32 +28,6 @@ def shares(problem, c, name):
     times = problem.trajectory.grid(4000)
     x = problem.trajectory.derivative(c, times, HIGHER[name]).abs()
     return (x / problem.constraints.higher[name]).amax((1, 2))
-
-
-@pytest.mark.parametrize("names", [BOTH, ["acceleration"], ["jerk"]])
-def test_the_gradient_agrees_with_finite_differences(planar_problem, random, names):
-    """Against the same function without limits: the rest of it is tested elsewhere."""
-    problem = tight(planar_problem, names, 0.02)
-
-    def extra(x):
-        pairs = [value_and_gradient(one, x, Penalty(300.0)) for one in (problem, planar_problem)]
-        return [a - b for a, b in zip(*pairs)]
-
-    assert (assert_slopes(extra, problem.start(4, random, 3.0), random, rtol=1e-4, atol=1e-4) > 0.1).all()
-
-
-def test_what_stays_below_the_reserve_costs_nothing(planar_problem, random):
-    problem, penalty = tight(planar_problem, BOTH, 0.1), Penalty(300.0, limits=0.2)
-    c = problem.start(8, random, 0.79)
-    torch.testing.assert_close(
-        value_and_gradient(problem, c, penalty), value_and_gradient(planar_problem, c, penalty)
-    )
-    values = [value_and_gradient(one, 1.3 * c, penalty)[0] for one in (problem, planar_problem)]
-    states, limits = states_of(problem, 1.3 * c), problem.constraints.higher
-    beyond = [(states[HIGHER[x]].abs() / limits[x] - 0.8).clamp_min(0) for x in BOTH]
-    cost = 300 * (torch.cat(beyond, 2) ** 2).sum(2).mean(1)
-    assert (cost > 0).all()
-    torch.testing.assert_close(values[0] - values[1], cost)
 
 
 @pytest.mark.parametrize("method", [Gradient(40, 5, reserve=0.05), Paper(6, 20, 200, box=0.5, attempts=5)])

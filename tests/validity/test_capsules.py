@@ -61,14 +61,6 @@ def test_nearly_parallel_segments(angle: float) -> None:
     assert segment_distance(a - b, a + b, a - other, a + other).max() < 3e-7
 
 
-@pytest.mark.parametrize("length", [0.0, 1e-200, 1e-9, 1e-5, 1.0])
-def test_the_distance_of_segments_and_points_is_exact(length: float) -> None:
-    a1, b1, a2, b2 = random_segments(20_000, 3, 2)
-    dot, other = a1 + length * b1, a2 + length * b2
-    for segments in ((a1, dot, a2, b2), (a2, b2, a1, dot), (a1, dot, a2, other), (a1, dot, a1, dot)):
-        np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
-
-
 coordinate = st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])
 
 

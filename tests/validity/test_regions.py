@@ -47,19 +47,6 @@ def test_box_margin_is_the_least_along_the_segment() -> None:
     assert (margin < 0).sum() > 30 and (margin > 0).sum() > 100
 
 
-def test_box_margin_of_known_segments() -> None:
-    cases = {
-        ((1.0, 0.0, 0.2), (2.0, 0.0, 0.2)): 0.5,  # beside the box
-        ((-1.0, 0.0, 0.2), (2.0, 0.0, 0.2)): -0.1,  # through its middle, where top and bottom are nearest
-        ((0.8, 0.8, 0.2), (0.8, 0.8, 0.2)): 0.5,  # a point that sees an edge
-        ((0.1, 0.1, 0.7), (0.1, 0.1, 0.3)): 0.0,  # from above, down to the lid
-        ((0.8, 0.0, 0.6), (0.2, 0.0, 0.6)): 0.3,  # over the lid
-    }
-    for (a, b), expected in cases.items():
-        margin = margins(BOX, *(torch.tensor([x], dtype=torch.float64).T for x in (a, b)))
-        assert margin.item() == pytest.approx(expected, abs=1e-8)
-
-
 RANDOM = np.random.default_rng(0)
 TURN = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
 BODIES = {
