@@ -78,13 +78,10 @@ def tell_displaced(arm: Arm) -> str:
     link, owners = arm.capsules.link, arm.capsules.owners
     parents, gaps = {_sorted(*pair) for pair in arm.parents or ()}, dict[Links, float]()
     pairs = torch.combinations(torch.arange(len(link)))
-    moved = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs() <= 1
-    near = [(i, j) for i, j in pairs[moved].tolist() if _sorted(owners[i], owners[j]) in parents]
-    asked = torch.tensor(near, dtype=torch.long).reshape(-1, 2)
-    least = capsule_distances(arm, sampled(arm, _TRIED), asked).amin(0)
-    for (i, j), gap in zip(near, least.tolist()):
-        if max(link[i], link[j]) >= 0:
-            links = _sorted(owners[i], owners[j])
+    least = capsule_distances(arm, sampled(arm, _TRIED), pairs).amin(0)
+    for (i, j), gap in zip(pairs.tolist(), least.tolist()):
+        links = _sorted(owners[i], owners[j])
+        if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
             gaps[links] = min(gaps.get(links, math.inf), gap)
     most = _FAR * float(arm.translation[1:].norm(dim=1).sum() + arm.tip.norm())
     far = [f"{' – '.join(links)} ({gap:.2g} m)" for links, gap in gaps.items() if gap > most]
