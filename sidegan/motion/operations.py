@@ -13,13 +13,7 @@ from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
 States = Sequence[Tensor]
 
-_STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
 _ALONE = 2**14  # numbers: below 2**15 torch works in the thread that it is called in
-
-
-def states_at_once() -> int:
-    """How many states to hold at a time."""
-    return _STATES_IN_CACHE * torch.get_num_threads()
 
 
 def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:

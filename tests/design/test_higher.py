@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
 from sidegan.seeds import Gradient
 from sidegan.seeds.paper import Paper
@@ -41,16 +40,3 @@ def test_seeds_keep_the_limits_and_use_them(planar_problem, method):
     assert (most <= 1).all() and most.max() > 0.8
     free = method.optimise(planar_problem, 3, np.random.SeedSequence(1))
     assert not check(problem.constraints, problem.trajectory, free.coefficients).valid.any()
-
-
-def test_an_optimum_under_the_limits_is_better_than_one_slowed_down(planar_problem):
-    """What the limits are for: the unlimited optimum, made slow enough, tells less."""
-    problem, method = tight(planar_problem, ["acceleration"], 0.05), Gradient(80, 5, reserve=0.05)
-    ours, theirs = (method.optimise(x, 12, np.random.SeedSequence(4)) for x in (problem, planar_problem))
-    stretch = shares(problem, theirs.coefficients, "acceleration").sqrt().clamp_min(1)
-    slowed = [
-        float(replace(problem, trajectory=Trajectory(2, 3, 8.0 * s)).fitness(c[None] / s))
-        for c, s in zip(theirs.coefficients, stretch.tolist())
-    ]
-    assert (stretch > 1.1).all()
-    assert ours.fitness.median() < np.median(slowed)

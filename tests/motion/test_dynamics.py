@@ -154,7 +154,7 @@ def test_gram_is_the_mean_of_squared_regressors(arm, short):
 def test_gram_does_not_depend_on_its_chunks(arm, short, states, monkeypatch):
     body, (trajectory, c) = RigidBody(arm), short
     whole = gram(body, trajectory, c, 30)
-    monkeypatch.setattr("sidegan.motion.operations._STATES_IN_CACHE", states)
+    monkeypatch.setattr("sidegan.motion.dynamics._STATES_IN_CACHE", states)
     torch.testing.assert_close(gram(body, trajectory, c, 30), whole, atol=1e-11, rtol=1e-11)
 
 
