@@ -9,8 +9,8 @@ import torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective
+from sidegan.design.objectives import log_condition
 from sidegan.design.penalty import Penalty
-from sidegan.design.physics import smooth_condition
 from sidegan.design.problem import Problem
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory
@@ -76,12 +76,12 @@ def goal_of(problem, goal, states):
     model = goal.model or TorqueModel(body, RIGID)
     told = information_on(model, states, goal.certainty)
     if goal.kind == "diagonal":
-        return float(smooth_condition(told.diagonal().sort().values[None])[0])
+        return float(log_condition(told.diagonal().sort().values[None]))
     whole = goal.rate * period * told
     prior = torch.zeros_like(whole) if goal.prior is None else goal.prior
     if goal.kind == "condition":
         inner = body.base.subspace.T @ (prior + whole) @ body.base.subspace
-        return float(smooth_condition(torch.linalg.eigvalsh(inner)[None])[0])
+        return float(log_condition(torch.linalg.eigvalsh(inner)[None]))
     if goal.kind != "tool":
         covariance = goal.targets @ torch.linalg.solve(prior + whole, goal.targets.T)
         return float(covariance.trace().log() if goal.kind == "variance" else torch.logdet(covariance))
