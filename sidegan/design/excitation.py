@@ -13,7 +13,7 @@ from sidegan.motion.trajectory import Trajectory
 log = logging.getLogger(__name__)
 
 NOISE_BATCHES = 10  # the paper averages over ten noise batches
-_DISTANCES = 25_000_000  # held at once: 200 MB
+_AT_ONCE = 100  # rows whose distances to all others are held: 80 MB of 100,000
 _PAIRED = 5_000  # rows, all pairs of which are looked at
 _EXACT = 20_000  # rows, each of which is compared with all others
 _SAMPLED = 500  # rows that stand for more than those
@@ -98,7 +98,7 @@ def nearest_distance(x: Tensor) -> float:
     """
     rows = _rows(x)
     chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else torch.arange(len(rows))
-    nearest = [_nearest(rows, part) for part in chosen.split(_block(len(rows)))]
+    nearest = [_nearest(rows, part) for part in chosen.split(_AT_ONCE)]
     return float(torch.cat(nearest).mean())
 
 
@@ -107,11 +107,6 @@ def _nearest(rows: Tensor, chosen: Tensor) -> Tensor:
     distances = torch.cdist(rows[chosen], rows, compute_mode="donot_use_mm_for_euclid_dist")
     distances[torch.arange(len(chosen)), chosen] = torch.inf
     return distances.amin(1)
-
-
-def _block(count: int) -> int:
-    """How many rows' distances to so many are held at once."""
-    return max(1, _DISTANCES // count)
 
 
 def _sample(count: int, size: int) -> Tensor:

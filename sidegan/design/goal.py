@@ -7,15 +7,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.design.problem import HOPELESS
+from sidegan.design.problem import HIGHEST, HOPELESS, LOWEST, SHARPNESS
 from sidegan.errors import ShapeError
 from sidegan.kernels import goals, information
 from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
-
-# The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
-# spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
-LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
 
 _KINDS = {
     "condition": goals.CONDITION,

@@ -1,33 +1,30 @@
 """Losses on the exact spectrum or diagonal of YᵀY of a trajectory, or of a set of them."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import torch
 from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
-from sidegan.design.problem import HOPELESS, Problem
+from sidegan.design.problem import HIGHEST, HOPELESS, LOWEST, SHARPNESS, Problem
 
 
 def log_condition(x: Tensor) -> Tensor:
-    """Logarithm of the smooth largest over the smooth smallest of p values, ascending, (B, p) → (B,)."""
-    return _LogCondition.apply(x)
+    """Logarithm of the smooth largest over the smooth smallest of p values, ascending, (B, p) → (B,).
 
-
-class _LogCondition(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, x: Tensor) -> Tensor:
-        from sidegan.design.physics import smooth_condition  # compiled: imported when it is used
-
-        value, slopes = smooth_condition(x)
-        ctx.save_for_backward(slopes)
-        return value
-
-    @staticmethod
-    def backward(ctx: Any, *upwards: Tensor) -> Tensor:
-        return upwards[0][:, None] * ctx.saved_tensors[0]
+    At most (log 3 + log 2) / 6 above the logarithm of the ratio; none but the first three and the last two
+    values matter. What is under 10⁻¹² of the largest counts as that much, and has the slope of it. Where none
+    is positive it is that of a hopeless ratio, without a slope.
+    """
+    positive = x[:, -1:] > 0
+    floor = (x[:, -1:] / HOPELESS).clamp_min(torch.finfo(x.dtype).tiny)
+    values = torch.where(positive, x + (torch.maximum(x, floor) - x).detach(), 1.0)
+    low, high = values[:, :LOWEST].log(), values[:, -HIGHEST:].log()
+    ends = torch.logsumexp(-SHARPNESS * low, 1) + torch.logsumexp(SHARPNESS * high, 1)
+    return torch.where(positive[:, 0], ends / SHARPNESS, math.log(HOPELESS))
 
 
 def d_optimal(x: Tensor) -> Tensor:

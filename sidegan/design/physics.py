@@ -4,7 +4,6 @@ The gradient of an eigenvalue of YᵀY needs the torques of one parameter vector
 regressor (``design.objective``); what follows from the eigenvalues is plain torch.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,11 +11,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.design.goal import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.information import weighted_gram
 from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
-from sidegan.design.problem import HOPELESS, Problem
+from sidegan.design.problem import HIGHEST, LOWEST, Problem
 from sidegan.errors import ShapeError
 from sidegan.motion.operations import extremes
 from sidegan.motion.threads import eigh
@@ -52,23 +50,15 @@ class SetInformation:
         return grams.unflatten(0, (-1, self.together)).sum(1)
 
 
-def eigenpairs(information: SetInformation, c: Tensor, ends: bool) -> tuple[Tensor, Tensor]:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (S, K), and base vectors, (S, K, p).
+def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
+    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c.
 
-    At the ends, only those that ``smooth_condition`` looks at, in a fraction of the time.
+    At the ends, only those that a smooth condition number looks at, in a fraction of the time.
     """
     subspace = information.problem.body.base.subspace
     inner = subspace.T @ information.grams(c) @ subspace
     values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
-    return values, (subspace @ vectors).mT
-
-
-def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c.
-
-    At the ends, only those that a smooth condition number needs, in much less time.
-    """
-    return _Quadratic.apply(c, information, *eigenpairs(information, c, ends))
+    return _Quadratic.apply(c, information, values, (subspace @ vectors).mT)
 
 
 def diagonal(information: SetInformation, c: Tensor) -> Tensor:
@@ -112,22 +102,3 @@ class _Violation(torch.autograd.Function):
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
         (gradient,) = ctx.saved_tensors
         return slopes[0].to(gradient)[:, None, None, None] * gradient, None, None
-
-
-def smooth_condition(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Smooth log ratio of largest to smallest of positive values, ascending, (B,), and its slopes, (B, p).
-
-    At most (log 3 + log 2) / 6 above the logarithm of the ratio. What is under 10⁻¹² of the largest counts as
-    that much, and has the slope of it. None but the first three and the last two values matter. Where none is
-    positive nothing is told at all, which is as bad and has no slope.
-    """
-    told = values[:, -1] > 0
-    floor = (values[:, -1:] / HOPELESS).clamp_min(torch.finfo(values.dtype).tiny)
-    values = torch.maximum(values, floor)
-    low, high = values[:, :LOWEST], values[:, -HIGHEST:]
-    logs = -SHARPNESS * torch.log(low), SHARPNESS * torch.log(high)
-    slopes = torch.zeros_like(values)
-    slopes[:, :LOWEST] -= torch.softmax(logs[0], 1) / low
-    slopes[:, -HIGHEST:] += torch.softmax(logs[1], 1) / high
-    value = (torch.logsumexp(logs[0], 1) + torch.logsumexp(logs[1], 1)) / SHARPNESS
-    return value.where(told, math.log(HOPELESS)), slopes.where(told[:, None], 0.0)

@@ -53,7 +53,7 @@ class LimitLayer(nn.Module):
         times = torch.linspace(0.0, trajectory.period, count + 1, dtype=torch.float64)
         self.gap = trajectory.period / count
         bases = torch.stack([trajectory.basis(times, order).flatten(1) for order in range(4)])
-        snap, crackle = trajectory.snap_bound().flatten(), trajectory.derivative_bound(5).flatten()
+        snap, crackle = (trajectory.derivative_bound(order).flatten() for order in (4, 5))
         for name, value in {"bases": bases, "snap": snap, "crackle": crackle}.items():
             self.register_buffer(name, value.float(), persistent=False)
         self.higher = tuple(inverse)

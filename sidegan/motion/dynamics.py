@@ -1,10 +1,10 @@
 """Rigid-body dynamics of batches of states: regressor, torque, base parameters and Gram matrix.
 
-Compiled kernels do the work, in float64 on the processor, whatever the states' type and device.
+Compiled kernels, imported when they are used, do the work, in float64 on the processor, whatever the states'
+type and device.
 """
 
 from functools import cached_property
-from types import ModuleType
 from weakref import WeakKeyDictionary
 
 import torch
@@ -18,6 +18,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 __all__ = ["LINK_PARAMETERS", "BaseParameters", "RigidBody", "gram", "gram_of"]
+
+_STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
 
 _found: WeakKeyDictionary[Arm, BaseParameters] = WeakKeyDictionary()
 
@@ -62,38 +64,27 @@ class RigidBody:
         return self._rows(self.base.columns, q, dq, ddq)
 
     def _rows(self, columns: Tensor, *states: Tensor) -> Tensor:
+        from sidegan.motion import operations
+
         flat = [x.reshape(-1, self.joints) for x in self._checked(*states)]
-        rows: Tensor = _kernels().rows(self.chain, columns, flat)
-        return rows.reshape(*states[0].shape, len(columns))
+        return operations.rows(self.chain, columns, flat).reshape(*states[0].shape, len(columns))
 
-    def torque(self, q: Tensor, dq: Tensor, ddq: Tensor, parameters: Tensor | None = None) -> Tensor:
-        """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm.
+    def torque(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+        """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
+        from sidegan.motion import operations
 
-        The parameters are the arm's own when None, else (J, 10), (10 J,) or one set per state, (…, 10 J).
-        """
-        states, full = self._checked(q, dq, ddq), 10 * self.joints
-        if parameters is None:
-            parameters = self.arm.inertial_parameters
-        if parameters.shape not in ((self.joints, 10), (full,), (*q.shape[:-1], full)):
-            raise ShapeError(
-                f"parameters are {tuple(parameters.shape)}, expected ({self.joints}, 10), ({full},) or "
-                f"{(*q.shape[:-1], full)}"
-            )
-        # One trajectory of all states, or of each state one where all have parameters of their own.
-        of_each = parameters.ndim == q.ndim and parameters.shape != (self.joints, 10)
-        shape = (-1, 1, self.joints) if of_each else (1, -1, self.joints)
-        sets = parameters.reshape(-1, 1, full).to("cpu", torch.float64)
-        torques: Tensor = _kernels().torques(self.chain, [x.reshape(shape) for x in states], sets)
-        return torques.reshape(q.shape)
+        flat = [x.reshape(-1, self.joints) for x in self._checked(q, dq, ddq)]
+        return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
 
     def sums(self, q: Tensor, dq: Tensor, ddq: Tensor, torque: Tensor) -> Tensor:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 
-        States and torque are (S, J). Not differentiable; no regressor is kept.
+        States and torque are (S, J). No regressor is kept.
         """
-        states, torque = self._checked(q, dq, ddq), torque.to("cpu", torch.float64)
-        sums: Tensor = _kernels().sums(self.chain, self.base.columns, states, torque)
-        return sums
+        from sidegan.motion import operations
+
+        states = self._checked(q, dq, ddq)
+        return operations.sums(self.chain, self.base.columns, states, torque.to("cpu", torch.float64))
 
     def _checked(self, q: Tensor, dq: Tensor, ddq: Tensor) -> list[Tensor]:
         """The states as kernels take them."""
@@ -109,18 +100,12 @@ def gram(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) 
     It works in about 150 MB beside its result, whatever the number of trajectories, samples and joints.
     """
     times, c = trajectory.grid(samples), c.to("cpu", torch.float64)
-    batch = max(1, _kernels().states_at_once() // samples)
+    batch = max(1, _STATES_IN_CACHE * torch.get_num_threads() // samples)
     return torch.cat([gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in c.split(batch)])
 
 
 def gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
     """Gram matrices YᵀY / T of the base regressor, (B, p, p), at states (B, T, J)."""
-    grams: Tensor = _kernels().gram(body.chain, body.base.columns, body._checked(q, dq, ddq))
-    return grams
-
-
-def _kernels() -> ModuleType:
-    """Compiled dynamics, imported when they are used."""
     from sidegan.motion import operations
 
-    return operations
+    return operations.gram(body.chain, body.base.columns, body._checked(q, dq, ddq))

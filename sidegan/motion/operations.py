@@ -13,41 +13,24 @@ from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
 
 States = Sequence[Tensor]
 
-_STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
 _ALONE = 2**14  # numbers: below 2**15 torch works in the thread that it is called in
 
 
-def states_at_once() -> int:
-    """How many states to hold at a time."""
-    return _STATES_IN_CACHE * torch.get_num_threads()
-
-
 def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
-    """Ascending columns (p,) of the regressor, (S, J, p), of states (S, J); not differentiable.
+    """Ascending columns (p,) of the regressor, (S, J, p), of states (S, J).
 
     A view of an array with the states last, in which products over samples are fast.
     """
     count, joints = states[0].shape
-    of_links, threads = columns_of_links(columns, joints), threads_for(count, count)
-    cuts = [torch.tensor_split(x.detach(), threads) for x in states]
-    parts = [torch.empty(0)] * threads
-
-    def work(k: int) -> None:
-        motion, room = _states(*(x[k][None] for x in cuts)), dynamics.room(joints)
-        samples = motion.shape[3]
-        y = np.zeros((len(columns), joints * (samples + dynamics.LANES)))
-        span = regressor.rows(chain, motion, of_links, room, y)
-        parts[k] = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))[:, :, :samples]
-
-    each(work, threads)
-    return (parts[0] if threads == 1 else torch.cat(parts, 2)).permute(2, 1, 0)
+    motion, of_links = _states(*(x[None] for x in states)), columns_of_links(columns, joints)
+    y = np.zeros((len(columns), joints * (count + dynamics.LANES)))
+    span = regressor.rows(chain, motion, of_links, dynamics.room(joints), y)
+    whole = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))
+    return whole[:, :, :count].permute(2, 1, 0)
 
 
 def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
-    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
-
-    Not differentiable.
-    """
+    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J)."""
     batch, count, joints = states[0].shape
     size, of_links = len(columns), columns_of_links(columns, joints)
     grams, rigid = np.empty((batch, size, size)), information.no_terms(joints)
@@ -64,17 +47,13 @@ def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
     return torch.from_numpy(grams)
 
 
-def torques(chain: Chain, states: States, sets: Tensor) -> Tensor:
-    """Torques (B, K, T, J) of states (B, T, J) and parameter sets (B, K, 10 J); not differentiable."""
-    parameters, (batch, count, joints) = array(sets), states[0].shape
-    torque = np.empty((batch, sets.shape[1], joints, count))
-
-    def work(k: slice) -> None:
-        motion, room = _states(*(x[k] for x in states)), dynamics.room(joints)
-        dynamics.torques(chain, motion, parameters[k], torque[k], room)
-
-    share(work, batch, count)
-    return torch.from_numpy(torque).transpose(2, 3)
+def torques(chain: Chain, states: States, parameters: Tensor) -> Tensor:
+    """Torques (S, J) of states (S, J) of an arm with inertial parameters (J, 10)."""
+    count, joints = states[0].shape
+    torque = np.empty((1, 1, joints, count))
+    sets = array(parameters.reshape(1, 1, -1))
+    dynamics.torques(chain, _states(*(x[None] for x in states)), sets, torque, dynamics.room(joints))
+    return torch.from_numpy(torque[0, 0].T)
 
 
 def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tensor:
@@ -99,7 +78,7 @@ def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tenso
 def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
     """The smallest and largest eigenvalues, ascending, (B, low + high), and eigenvectors (B, p, low + high).
 
-    Not differentiable. All eigenpairs where there are no more than that.
+    All eigenpairs where there are no more than that.
     """
     batch, size, count = *x.shape[:2], low + high
     if size <= count:

@@ -111,10 +111,6 @@ class Trajectory:
         # A copy: whoever writes to it must not change what the next caller gets.
         return torch.tensor(basis, device=times.device, dtype=times.dtype)
 
-    def snap_bound(self) -> Tensor:
-        """Upper bound of the absolute fourth derivative of each basis function over the period, (H, 2)."""
-        return self.derivative_bound(4)
-
     def derivative_bound(self, order: int) -> Tensor:
         """Upper bound of the absolute derivative ``order``, 4 or more, of each basis function, (H, 2).
 

@@ -26,7 +26,7 @@ from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
 from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
 from sidegan.validity.home import refuse_degrees
-from sidegan.validity.pairs import tell_displaced, tell_often
+from sidegan.validity.pairs import tell_displaced
 from sidegan.validity.placeholders import tell_placeholders
 
 log = logging.getLogger(__name__)
@@ -133,8 +133,6 @@ class Task:
         yield masses
         if constraints.arm.capsules.points:
             yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
-        if constraints.often:
-            yield tell_often(arm, constraints.often, constraints.apart)
 
     def _decisions(self) -> Iterator[str]:
         """What was decided for the user, and what trajectories are checked for."""

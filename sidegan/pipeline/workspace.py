@@ -1,9 +1,9 @@
-"""Surroundings of the arm, as configured: regions, a MoveIt scene, and what the arm stands on."""
+"""Surroundings of the arm, as configured: regions, and what the arm stands on."""
 
 import hashlib
 import logging
-import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,12 @@ from sidegan import validity
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
+from sidegan.robot.fitting import hull_volume
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from sidegan.validity.clearance import TooLargeError
 from sidegan.validity.floor import floor_under, with_points
-from sidegan.validity.scene import read_scene
 
 Point = tuple[Number, Number, Number]
 
@@ -61,7 +60,7 @@ class Mesh:
         """The region."""
         vertices, volume = read_mesh(Path(self.file).expanduser())
         body = Convex.around(self.scale * vertices)
-        filled = volume / Convex.around(vertices).volume
+        filled = volume / hull_volume(vertices)
         if filled < _CONVEX:
             log.warning(
                 "%s fills %.0f %% of its hull, all of which is kept out of: cut it into convex parts",
@@ -99,7 +98,7 @@ class Region:
         """Plain values by which it is known; a file by what is in it."""
         plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
         if self.mesh is not None:
-            plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file, "workspace.regions: mesh file")}
+            plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file)}
         return plain
 
 
@@ -111,12 +110,11 @@ class Workspace:
     regions: list[Region] | None  # beside what the arm stands on
     # height that built-in arms keep above [m]; others: what they stand on; null: neither
     desk: float | None = None
-    scene: str | None = None  # beside all that: a MoveIt scene
     # that links keep from each other and from the regions [m]; null: 2 cm, or what arm and home have room for
     clearance: NonNegative | None = 0.0
 
     def given(self, arm: Arm) -> list[Region]:
-        """The regions of an arm but for the scene."""
+        """The regions of an arm, as they are configured."""
         stated = self.regions or []
         if self.desk is None or self._states_floor:
             return stated
@@ -131,8 +129,7 @@ class Workspace:
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
         """Regions that an arm keeps out of; a ConfigError for a file that is none."""
-        scene: Sequence[validity.Region] = read_scene(Path(self.scene).expanduser()) if self.scene else ()
-        return [*(region.shape for region in self.given(arm)), *scene]
+        return [region.shape for region in self.given(arm)]
 
     def around(self, arm: Arm, home: Sequence[float] | None = None) -> Constraints:
         """An arm in this workspace; a clearance that nobody stated leaves room for its home [rad or m], (J,).
@@ -141,28 +138,20 @@ class Workspace:
             ConfigError: when a file cannot be read, or has shapes that are none.
             InfeasibleError: when links cannot be kept apart, or out of a region.
         """
-        shapes, arm, room = self.shapes(arm), with_points(arm), math.inf
+        shapes, arm = self.shapes(arm), with_points(arm)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         for clearance, apart in () if arm.capsules.points else _USUALLY:  # between points nothing is known
-            try:
-                if apart <= room:
-                    found = Constraints(arm, shapes, self.torque, clearance, apart)
-                    if home is not None:
-                        found.refuse_home(home)
-                    return found
-            except TooLargeError as error:
-                room = error.most
-            except InfeasibleError:
-                continue
+            with suppress(InfeasibleError):
+                found = Constraints(arm, shapes, self.torque, clearance, apart)
+                if home is not None:
+                    found.refuse_home(home)
+                return found
         return Constraints(arm, shapes, self.torque)
 
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values by which artifacts for an arm are known."""
-        regions = [region.stamped() for region in self.given(arm)]
-        stamp: dict[str, Any] = {"torque": self.torque, "regions": regions}
-        if self.scene:
-            stamp["scene"] = _digest(self.scene, "workspace.scene")
+        stamp = {"torque": self.torque, "regions": [region.stamped() for region in self.given(arm)]}
         return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
 
     def notes(self, arm: Arm) -> str:
@@ -177,9 +166,9 @@ class Workspace:
         return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
 
 
-def _digest(file: str, setting: str) -> str:
-    """SHA-256 of a file that a setting names; a ConfigError where it cannot be read."""
+def _digest(file: str) -> str:
+    """SHA-256 of a file that a region names; a ConfigError where it cannot be read."""
     try:
         return hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
     except OSError as error:
-        raise ConfigError(f"{setting} {file} cannot be read: {error.strerror}") from error
+        raise ConfigError(f"workspace.regions: mesh file {file} cannot be read: {error.strerror}") from error

@@ -1,10 +1,7 @@
 """How much margins can change between a sample and the edge of its cell: what kernels need for upper bounds.
 
-From a sample's velocity and acceleration and a bound on the jerk follow bounds on the joints' motion in the
-cell; from those, by triangle inequalities alone (``sidegan.kernels.formulas``), bounds on the motion
-of capsules, given how far joints move them at most, and on how torques change. How far accelerations and
-jerks drift, where they are limited, follows from the next derivative at the sample and a bound on the one
-after.
+From a sample's derivatives and a bound on the next one follow bounds on the joints' motion in the cell; from
+those, by triangle inequalities alone (``sidegan.kernels.formulas``), bounds on capsules' motion and torques.
 """
 
 from typing import NamedTuple
@@ -48,6 +45,11 @@ class Reaches(NamedTuple):
     pairs: Tensor  # of capsules, (P, J)
     pieces: Tensor  # of what is inside of them, (P, J)
     regions: Tensor  # of guarded capsules to their regions, (K, J)
+
+    @property
+    def largest(self) -> Tensor:
+        """The largest of each joint to any region, (1, J); zero where there is none."""
+        return torch.cat([self.regions, torch.zeros(1, self.regions.shape[1]).double()]).amax(0, keepdim=True)
 
     @classmethod
     def of(cls, arm: Arm, pairs: Tensor, guarded: Tensor) -> "Reaches":

@@ -1,12 +1,18 @@
-"""Where an arm's capsules are, and how far apart, in many configurations at a time."""
+"""Where an arm's capsules are, and how far apart, in many configurations at a time; thicker ones."""
 
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.motion.arrays import chain_of
+from sidegan.kernels.chain import Chain, Shapes
+from sidegan.motion.arrays import array, chain_of, shapes_of
 from sidegan.robot import Arm
+from sidegan.validity.regions import tables
 
-_PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
+_made: WeakKeyDictionary[Arm, dict[float, Arm]] = WeakKeyDictionary()
 
 
 def capsule_axes(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
@@ -39,28 +45,39 @@ def frames_of(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
     return torch.stack(turns), torch.stack(places)
 
 
-def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:
-    """Distance [m], (…), between segments with end points (3, …).
+def clearances(chain: Chain, shapes: Shapes, q: Tensor) -> tuple[Tensor, Tensor]:
+    """Signed distances [m] of pairs of capsules, (N, P), and of guarded ones from regions, (N, K), at (N, J).
 
-    Good to 1e-7 of a length in the worst case, two segments that nearly coincide.
+    Those of two segments that nearly coincide are good to 1e-7 of a length in the worst case.
     """
-    one, two = nearest_on_segments(a1, b1, a2, b2)
-    gap = one - two
-    return (gap * gap).sum(0).sqrt()
+    from sidegan.kernels import bodies
+    from sidegan.kernels import clearances as kernel
+
+    found = tuple(np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
+    kernel.clearances(chain, shapes, array(q), *found, bodies.place_for(shapes, q.shape[1]))
+    return torch.from_numpy(found[0]), torch.from_numpy(found[1])
 
 
-def nearest_on_segments(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> tuple[Tensor, Tensor]:
-    """The nearest points [m], (3, …) each, of segments with end points (3, …).
+def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
+    """Signed distances [m], (N, P), of pairs of capsules (P, 2) at positions (N, J)."""
+    return clearances(chain_of(arm), shapes_alone(arm, pairs), q)[0]
 
-    Source: Ericson 2005, section 5.1.9.
-    """
-    tiny = torch.finfo(a1.dtype).tiny
-    u, v, r = b1 - a1, b2 - a2, a1 - a2
-    uu, vv, uv = (u * u).sum(0), (v * v).sum(0), (u * v).sum(0)
-    ur, vr = (u * r).sum(0), (v * r).sum(0)
-    determinant = uu * vv - uv * uv
-    crossing = determinant > _PARALLEL * uu * vv
-    s = torch.where(crossing, (uv * vr - ur * vv) / determinant.clamp_min(tiny), 0.0).clamp(0, 1)
-    t = ((uv * s + vr) / vv.clamp_min(tiny)).clamp(0, 1)
-    s = ((uv * t - ur) / uu.clamp_min(tiny)).clamp(0, 1)
-    return torch.lerp(a1, b1, s), torch.lerp(a2, b2, t)
+
+def shapes_alone(arm: Arm, pairs: Tensor) -> Shapes:
+    """The capsules and pairs of them, (P, 2), without regions, as compiled kernels take them."""
+    return shapes_of(arm.capsules, pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
+
+
+def thicker(arm: Arm, clearance: float) -> Arm:
+    """The arm with shapes whose surfaces lie half a clearance [m] further out; the arm itself for none."""
+    if not clearance:
+        return arm
+    known = _made.setdefault(arm, {})
+    if clearance not in known:
+        half, capsules = clearance / 2, arm.capsules
+        pieces = capsules.pieces
+        if pieces is not None:
+            pieces = replace(pieces, radius=pieces.radius + half, core=pieces.core + half)
+        thick = replace(capsules, radius=capsules.radius + half, pieces=pieces)
+        known[clearance] = replace(arm, capsules=thick)
+    return known[clearance]

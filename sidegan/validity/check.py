@@ -4,13 +4,14 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import coarse_cells
-from sidegan.validity.constraints import Constraints
+from sidegan.validity.constraints import NAMES, Constraints
 
 _CELLS_AT_ONCE = 1_000_000  # of the first pass: 30 MB of indices
 
@@ -85,13 +86,13 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
         raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {joints}")
     trajectory.check(c)
     c = c.to("cpu", torch.float64)
-    results = []
+    found = []
     for part in c.split(max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
         search = Search(constraints, trajectory, part)
         search.run()
-        results.append(search.result())
-    valid, *tables = zip(*results)
+        found.append(search.smallest)
+    whole = [torch.from_numpy(np.concatenate(tables)) for tables in zip(*found)]
     margins, elements, times = (
-        {name: torch.cat([part[name] for part in table]) for name in constraints.labels} for table in tables
+        {name: table[:, NAMES.index(name)] for name in constraints.labels} for table in whole
     )
-    return Validity(torch.cat(valid), margins, elements, times, constraints.labels)
+    return Validity((whole[0] >= 0).all(1), margins, elements, times, constraints.labels)

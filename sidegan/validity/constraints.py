@@ -12,9 +12,8 @@ from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
-from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.clearance import thicker, too_large
-from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, usual_gaps
+from sidegan.validity.capsules import clearances, thicker
+from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, too_large, usual_gaps
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Plane, Region, tables
 
@@ -37,18 +36,16 @@ class Constraints:
         arm: the arm.
         regions: keep-out regions in world coordinates.
         torque: whether torque limits count, where the robot states them.
-        clearance: how far links stay from the regions and, where ``apart`` says nothing else, from each
-            other [m]; margins of distances are what is left beyond it. At the edges of boxes a little more
-            is kept.
-        apart: how far links stay from each other [m]. Where it is given, links that never have the clearance
-            from a plane (those above the foot of the arm) merely keep out of it, as ``kept_clear`` tells.
+        clearance: how far links stay from the regions [m]; margins of distances are what is left beyond it.
+            At the edges of boxes a little more is kept. Links that never have it from a plane (those above
+            the foot of the arm) merely keep out of that, as ``kept_clear`` tells.
+        apart: how far links stay from each other [m]; the clearance when None.
 
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
         pairs: checked capsule pairs, (P, 2).
         pieces: distances of what is inside of these capsules.
         exempt: pairs of links that are not kept apart, and why.
-        often: such that are, and touch in most random configurations.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
         excepted: what could be checked and is not, by constraint.
@@ -71,21 +68,20 @@ class Constraints:
         self._thick = thicker(arm, self.apart)
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
-        self.lowered: tuple[Region, ...] = ()  # of them, for links that never have the clearance
-        self._lenient = apart is not None
-        self.kept_out = self.grown(self.regions)
+        # Planes come twice: again, with no clearance, for links that never have it.
+        planes = [r for r, region in enumerate(regions) if isinstance(region, Plane)]
+        self._region_of = [*range(len(regions)), *planes]
+        kept_out = (*regions, *(regions[r].grown(-clearance) for r in planes))
+        rest = clearance - self.apart / 2  # beside what shapes are thicker by
+        self.kept_out = [region.grown(rest) if rest else region for region in kept_out]
         heavy = bool(arm.inertial_parameters.any())  # else torques are not known
         self.torque = torque and heavy and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.excepted: dict[str, tuple[str, ...]] = {}
-        found = self._pairs()
-        self.pairs, self._links = found.checked, found.links
-        self.often = found.often
-        self.exempt = (*found.neighbours, *found.named, *found.never)
+        self._of_links = found = self._pairs()
+        self.pairs, self.exempt = found.checked, (*found.neighbours, *found.named, *found.never)
         if found.named:
             self.excepted["collision"] = tuple(" – ".join(one.links) for one in found.named)
-        self._named = tuple(str(one) for one in found.named)
-        self._never = len(found.never)
         self.guarded = self._find_guarded()
         self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
             ("position", "velocity", *self.higher), arm.joint_names
@@ -96,23 +92,6 @@ class Constraints:
             self.labels["collision"] = self._pair_names(self.pairs)
         if len(self.guarded):
             self.labels["keep_out"] = self._guarded_names(self.guarded)
-
-    def grown(self, regions: Sequence[Region]) -> tuple[Region, ...]:
-        """Regions with surfaces so far out that links whose shapes are thicker keep the clearance [m]."""
-        rest = self.clearance - self.apart / 2
-        return tuple(region.grown(rest) if rest else region for region in regions)
-
-    @cached_property
-    def kept(self) -> dict[str, Tensor]:
-        """Distances [m] that are kept beside margins of zero, by constraint: (P,) and (K,).
-
-        Infinite for links that never have the clearance from a plane: they say nothing of a motion.
-        """
-        full = self.guarded[:, 0] < len(self.regions)
-        return {
-            "collision": torch.full((len(self.pairs),), self.apart, dtype=torch.float64),
-            "keep_out": torch.where(full, self.clearance, torch.inf).double(),
-        }
 
     @property
     def orders(self) -> int:
@@ -151,10 +130,7 @@ class Constraints:
             margins[name] = limit - states[HIGHER[name]].abs()
         if self.torque:
             margins["torque"] = arm.torque_limit - self.body.torque(q, dq, ddq).abs()
-        margins |= self._distances(q)
-        if self.pieces.finer.any():
-            margins["collision"] = self._look_inside(q, margins["collision"])
-        return margins
+        return margins | self._distances(q)
 
     def at_rest(self, q: Tensor) -> dict[str, Tensor]:
         """Margins of positions (N, J) that are held."""
@@ -170,22 +146,17 @@ class Constraints:
             **self.higher,
             "torque": arm.torque_limit,
         }
-        shares = {}
-        for name, margin in margins.items():
-            scale = whole.get(name, torch.tensor(distance, dtype=torch.float64)).to(margin)
-            shares[name] = torch.where(torch.isfinite(scale), margin / scale, torch.ones_like(margin))
-        return shares
+        scales = {name: whole.get(name, x.new_tensor(distance)).to(x) for name, x in margins.items()}
+        return {name: torch.where(x.isfinite(), margins[name] / x, 1.0) for name, x in scales.items()}
 
     def _distances(self, q: Tensor) -> dict[str, Tensor]:
-        """Margins of distances of capsules, which those of what is inside of them are never smaller than."""
-        distances: dict[str, Tensor] = {}
-        if len(self.pairs) or len(self.guarded):
-            a, b = capsule_axes(self.arm, q.T.contiguous())
-            if len(self.pairs):
-                distances["collision"] = self._pair_distances(a, b).T
-            if len(self.guarded):
-                distances["keep_out"] = self._region_distances(a, b, self.guarded).T
-        return distances
+        """Margins of distances; of what is inside of capsules where these are near each other or touch."""
+        collision, keep_out = clearances(self.body.chain, self.shapes, q)
+        near = torch.nonzero((collision < _FAR) & self.pieces.finer)
+        n, p = near.unbind(1)
+        collision[n, p] = torch.maximum(collision[n, p], self.pieces.lower(q, near))
+        found = zip(DISTANCES, (collision, keep_out))
+        return {name: margin for name, margin in found if name in self.labels}
 
     @cached_property
     def pieces(self) -> PieceDistances:
@@ -195,22 +166,24 @@ class Constraints:
     @cached_property
     def shapes(self) -> Shapes:
         """Capsules and regions as compiled kernels take them."""
-        return shapes_of(self._thick.capsules, self.pairs, self.guarded, tables(self.kept_out))
+        return self._shapes_of(self.pairs, self.guarded)
+
+    def _shapes_of(self, pairs: Tensor, guarded: Tensor) -> Shapes:
+        return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out))
 
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
         torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
-        pairs, links = self.excepted.get("collision", ()), self.excepted.get("keep_out", ())
-        capsules = self.arm.capsules
+        pairs, links, capsules = self._of_links, self.excepted.get("keep_out", ()), self.arm.capsules
         shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
         bare, noun = self.arm.joints - len(shaped), "joint origin" if capsules.points else "link"
         limited = {name: int(limit.isfinite().sum()) for name, limit in self.higher.items()}
         higher = "".join(f"{name} of {count}, " for name, count in limited.items())
-        never = f"; {self._never} never touch" if self._never else ""
+        never = f"; {len(pairs.never)} never touch" if pairs.never else ""
         parts = [
             f"position and velocity of {counted(self.arm.joints, 'joint')}, {higher}torque of {torque}",
-            f"{self._links} of {counted(self._links + len(pairs), 'pair')} of links"
-            + _except(self._named, "may touch")
+            f"{pairs.links} of {counted(pairs.links + len(pairs.named), 'pair')} of links"
+            + _except([str(one) for one in pairs.named], "may touch")
             + never,
             f"{len(self.guarded)} of {counted(len(self.guarded) + len(links), noun)} in "
             + counted(len(self.regions), "region")
@@ -237,8 +210,12 @@ class Constraints:
         far = q.new_full((len(q), 1), torch.inf)
         if self.arm.capsules.points:
             return far[:, 0], torch.zeros(len(q), dtype=torch.long)
-        margins = self.at_rest(q)
-        near = [margins[name] + self.kept[name] for name in DISTANCES if name in margins]
+        full = self.guarded[:, 0] < len(self.regions)
+        kept = {
+            "collision": torch.tensor(self.apart, dtype=torch.float64),
+            "keep_out": torch.where(full, self.clearance, torch.inf).double(),
+        }
+        near = [margin + kept[name] for name, margin in self.at_rest(q).items() if name in kept]
         return torch.cat([*near, far], 1).min(1)
 
     def refuse_home(self, home: Sequence[float]) -> None:
@@ -260,53 +237,31 @@ class Constraints:
             said = "; ".join(f"{which}: margin {margin:.4g}" for which, margin in faults.items())
             raise InfeasibleError(f"home position {list(home)} is not feasible: {said}")
 
-    def _look_inside(self, q: Tensor, margin: Tensor) -> Tensor:
-        """Distances [m], (N, P), of what is inside of capsules where these are near each other or touch."""
-        asked = torch.nonzero((margin < _FAR) & self.pieces.finer)
-        n, p = asked.unbind(1)
-        margin[n, p] = torch.maximum(margin[n, p], self.pieces.lower(q, asked))
-        return margin
-
-    def _pair_distances(self, a: Tensor, b: Tensor) -> Tensor:
-        (first, second), radius = self.pairs.unbind(1), self._thick.capsules.radius
-        apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
-        return apart - (radius[first] + radius[second])[:, None]
-
-    def _region_distances(self, a: Tensor, b: Tensor, guarded: Tensor) -> Tensor:
-        radius, rows = self._thick.capsules.radius, []
-        for index, region in enumerate(self.kept_out):
-            capsules = guarded[guarded[:, 0] == index, 1]
-            rows.append(region.margin(a[:, capsules], b[:, capsules]) - radius[capsules][:, None])
-        return torch.cat(rows)
-
     def _find_guarded(self) -> Tensor:
+        """Capsules that a region is kept free of, in the order of regions; refuses what cannot be kept."""
         moving = torch.nonzero(self.arm.capsules.link >= 0)[:, 0]
-        guarded = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
-        if len(guarded):
-            a, b = random_axes(self.arm)
-            farthest = self._region_distances(a, b, guarded).amax(1)
-            leaves = farthest + self.clearance > 0
-            self._except_guarded(guarded, leaves)
-            short = leaves & (farthest <= 0)
-            if self._lenient:
-                short &= ~self._lower(guarded, short)
-            if short.any():
-                names = self._guarded_names(guarded[short])
-                raise too_large(self.clearance, names, float(farthest[short].min()))
-            guarded = guarded[leaves]
-        return guarded[guarded[:, 0].argsort(stable=True)]  # as distances come, region by region
-
-    def _lower(self, guarded: Tensor, short: Tensor) -> Tensor:
-        """Have links that never have the clearance from planes merely keep out of these: which they are."""
-        planes = [r for r, region in enumerate(self.regions) if isinstance(region, Plane)]
-        index = torch.full((len(self.regions),), -1)
-        index[planes] = torch.arange(len(planes)) + len(self.regions)
-        which = short & (index[guarded[:, 0]] >= 0)
-        if which.any():
-            guarded[which, 0] = index[guarded[which, 0]]
-            self.lowered = tuple(self.regions[r].grown(-self.clearance) for r in planes)
-            self.kept_out = self.grown((*self.regions, *self.lowered))
-        return which
+        every = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
+        if not len(every):
+            return every
+        shapes = self._shapes_of(every[:0], every)
+        farthest = clearances(self.body.chain, shapes, sampled(self.arm))[1].amax(0).view(-1, len(moving))
+        leaves = farthest + self.clearance > 0
+        stuck = torch.nonzero(~leaves.any(1))
+        if len(stuck):
+            raise InfeasibleError(
+                f"region {int(stuck[0])} cannot be kept: no link is outside of it in any of {SAMPLES:,} "
+                "random configurations"
+            )
+        if not leaves.all():
+            self.excepted["keep_out"] = self._guarded_names(every[~leaves.flatten()])
+        short, planes = leaves & (farthest <= 0), self._region_of[len(self.regions) :]
+        kept = torch.cat([leaves & ~short, short[planes]])
+        short[planes] = False
+        if short.any():
+            names = self._guarded_names(every[short.flatten()])
+            raise too_large(self.clearance, names, float(farthest[short].min()))
+        which, capsule = torch.nonzero(kept).unbind(1)
+        return torch.stack([which, moving[capsule]], 1)
 
     def _pairs(self) -> Pairs:
         """The pairs that are kept apart, by the clearance."""
@@ -315,38 +270,20 @@ class Constraints:
         try:
             return pairs_of(self._thick)
         except InfeasibleError:
-            if not self._lenient:  # links that touch without any clearance are refused with what helps
-                pairs_of(self.arm)
+            pairs_of(self.arm)  # links that touch without any clearance are refused with what helps
             near = usual_gaps(self._thick)
             names = [" – ".join(links) for links in near]
             raise too_large(self.apart, names, min(near.values(), default=-torch.inf)) from None
-
-    def _except_guarded(self, guarded: Tensor, leaves: Tensor) -> None:
-        """Keep which links never leave a region; refuse a region that none does."""
-        for index in range(len(self.regions)):
-            if not leaves[guarded[:, 0] == index].any():
-                raise InfeasibleError(
-                    f"region {index} cannot be kept: no link is outside of it in any of {SAMPLES:,} random "
-                    "configurations"
-                )
-        if not leaves.all():
-            self.excepted["keep_out"] = self._guarded_names(guarded[~leaves])
 
     def _pair_names(self, pairs: Tensor) -> tuple[str, ...]:
         names = self.arm.capsules.names
         return tuple(f"{names[i]} – {names[j]}" for i, j in pairs.tolist())
 
     def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
-        names, planes = self.arm.capsules.names, [isinstance(region, Plane) for region in self.regions]
-        of = [*range(len(self.regions)), *(r for r, plane in enumerate(planes) if plane)]
-        return tuple(f"{names[k]} in region {of[r]}" for r, k in guarded.tolist())
+        names = self.arm.capsules.names
+        return tuple(f"{names[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
 
 
-def random_axes(arm: Arm) -> tuple[Tensor, Tensor]:
-    """World end points [m] of the capsules' axes, two of (3, C, N), in the configurations that decide."""
-    return capsule_axes(arm, sampled(arm).T.contiguous())
-
-
-def _except(names: tuple[str, ...], why: str) -> str:
+def _except(names: Sequence[str], why: str) -> str:
     """The first of some names, and why they are excepted."""
-    return f" ({why}: {listed(names, _SHOWN)})" if names else ""
+    return f" ({why}: {listed(list(names), _SHOWN)})" if names else ""

@@ -10,10 +10,10 @@ from sidegan.robot import Arm, Capsules
 from sidegan.robot.looks import visual_parts
 from sidegan.robot.mounting import stands
 from sidegan.validity.capsules import capsule_axes
+from sidegan.validity.pairs import sampled
 from sidegan.validity.regions import Plane
 
-_SAMPLES = 4_000  # random configurations
-_STANDS = 0.02  # share of them above the floor from which on an arm stands on it
+_STANDS = 0.02  # share of random configurations above the floor from which on an arm stands on it
 _STEPS = 1_000  # per metre: heights are whole millimetres
 _ROUNDING = 1e-3  # of a step: an error that is none
 
@@ -58,10 +58,7 @@ def _lowest(arm: Arm) -> float:
 
 def _above(arm: Arm, height: float) -> float:
     """Share of random configurations in which every link that can be is above a height [m]."""
-    random = torch.Generator().manual_seed(0)
-    draw = torch.rand(arm.joints, _SAMPLES, generator=random, dtype=torch.float64)
-    q = torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw)
-    a, b = capsule_axes(arm, q)
+    a, b = capsule_axes(arm, sampled(arm).T)
     moving = arm.capsules.link >= 0
     low = torch.minimum(a[2], b[2])[moving] - arm.capsules.radius[moving, None]
     clear = low > height

@@ -42,10 +42,8 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
     zeros = torch.zeros(1, arm.joints, dtype=torch.float64)
     if bool(_least(_rooms(constraints, zeros))[0] > 0):
         return None
-    middle, half = (
-        (arm.position_lower + arm.position_upper) / 2,
-        (arm.position_upper - arm.position_lower) / 2,
-    )
+    middle = (arm.position_lower + arm.position_upper) / 2
+    half = (arm.position_upper - arm.position_lower) / 2
     random, tried = torch.Generator().manual_seed(0), []
     for share in _SHARES:
         draw = 2 * torch.rand(_DRAWS, arm.joints, generator=random, dtype=torch.float64) - 1

@@ -1,7 +1,7 @@
 """Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -12,18 +12,17 @@ from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
-from sidegan.validity.capsules import capsule_axes, segment_distance
-from sidegan.validity.pieces import PieceDistances
-from sidegan.validity.proof import never_touching
+from sidegan.validity.capsules import capsule_distances
+from sidegan.validity.pieces import PieceDistances, never_touching
 
 _FAR = 0.2  # of an arm's length, that shapes of neighbours are nearer to each other
 _TRIED = 200  # configurations that these are tried in
 SAMPLES = 4_000  # random configurations that capsules are tried in
 _INSIDE = 1_000  # of them that what is inside of capsules is tried in
-_AT_ONCE = 256  # pairs: bounds the memory to some hundred megabytes
 _FEW = 3  # pairs that may all touch always: a short arm has no others
-_OFTEN = 0.5  # share of the configurations from which on touching is suspicious
-_SHOWN = 6  # pairs of links that a message names
+_SHOWN, _NEAR = 6, 4  # pairs of links that messages name
+_STEPS = 1e4  # per metre: clearances that are offered are so many whole ones
+_SPARE = 0.1  # share of the distance that is there, that these stay below
 
 Links = tuple[str, str]
 
@@ -37,7 +36,7 @@ class Exemption:
     share: float | None = None  # of random configurations in which they touch; None: not looked at
 
     def __str__(self) -> str:
-        touching = "" if self.share is None else f", touch in {_percent(self.share)}"
+        touching = "" if self.share is None else f", touch in {100 * self.share:.3g} %"
         return f"{' – '.join(self.links)} ({self.why}{touching})"
 
 
@@ -50,7 +49,6 @@ class Pairs:
     neighbours: tuple[Exemption, ...]  # a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user, the description or the SRDF names
     never: tuple[Exemption, ...]  # that provably cannot touch
-    often: tuple[Exemption, ...]  # that are kept apart, and touch in most configurations
 
 
 _found: WeakKeyDictionary[Arm, Pairs] = WeakKeyDictionary()
@@ -75,30 +73,15 @@ def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
     return torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw).T[:count]
 
 
-def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
-    """Distances [m], (P, N), of pairs of capsules (P, 2) at positions (N, J)."""
-    a, b = capsule_axes(arm, q.T.contiguous())
-    radius, found = arm.capsules.radius.to(a), q.new_empty(len(pairs), len(q))
-    for part, out in zip(pairs.split(_AT_ONCE), found.split(_AT_ONCE)):
-        first, second = part.unbind(1)
-        apart = segment_distance(a[:, first], b[:, first], a[:, second], b[:, second])
-        out.copy_(apart - (radius[first] + radius[second])[:, None])
-    return found
-
-
 def tell_displaced(arm: Arm) -> str:
     """Which neighbours have shapes that never come near each other; empty where all do."""
     link, owners = arm.capsules.link, arm.capsules.owners
     parents, gaps = {_sorted(*pair) for pair in arm.parents or ()}, dict[Links, float]()
     pairs = torch.combinations(torch.arange(len(link)))
-    moved = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs() <= 1
-    near = [(i, j) for i, j in pairs[moved].tolist() if _sorted(owners[i], owners[j]) in parents]
-    least = capsule_distances(
-        arm, sampled(arm, _TRIED), torch.tensor(near, dtype=torch.long).reshape(-1, 2)
-    ).amin(1)
-    for (i, j), gap in zip(near, least.tolist()):
-        if max(link[i], link[j]) >= 0:
-            links = _sorted(owners[i], owners[j])
+    least = capsule_distances(arm, sampled(arm, _TRIED), pairs).amin(0)
+    for (i, j), gap in zip(pairs.tolist(), least.tolist()):
+        links = _sorted(owners[i], owners[j])
+        if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
             gaps[links] = min(gaps.get(links, math.inf), gap)
     most = _FAR * float(arm.translation[1:].norm(dim=1).sum() + arm.tip.norm())
     far = [f"{' – '.join(links)} ({gap:.2g} m)" for links, gap in gaps.items() if gap > most]
@@ -116,7 +99,25 @@ def usual_gaps(arm: Arm) -> dict[Links, float]:
     They are below zero, and minus infinity where hulls overlap.
     """
     touching = _Touching(arm)
-    return {links: touching.gap(links) for links in touching.open if touching.always(links)}
+    return {
+        links: float(touching.nearest(links).median()) for links in touching.open if touching.always(links)
+    }
+
+
+def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
+    """Refusal of a clearance that some never have.
+
+    Args:
+        clearance: that one [m].
+        near: what is always nearer.
+        left: what is left of their distance beyond the clearance at best, below zero [m].
+    """
+    room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
+    most = max(math.floor(room * _STEPS), 0) / _STEPS
+    return InfeasibleError(
+        f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
+        f"{listed(list(near), _NEAR)}; 'workspace.clearance={most:g}' leaves room for these"
+    )
 
 
 def _find(arm: Arm) -> Pairs:
@@ -133,7 +134,6 @@ def _find(arm: Arm) -> Pairs:
         neighbours=tuple(Exemption(links, "neighbours") for links in touching.near),
         named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
         never=tuple(Exemption(links, "never touch") for links in touching.open if links not in left),
-        often=tuple(touching.often()),
     )
 
 
@@ -150,6 +150,7 @@ class _Touching:
         near: links that are neighbours.
         named: links that somebody named, and who.
         open: links that are to be kept apart.
+        capsules: distances [m] of pairs of capsules in random configurations, (P, 4000).
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -168,54 +169,31 @@ class _Touching:
         self.named = {links: said[links] for links in rest if links in said}
         self.open = [links for links in rest if links not in said]
         self.q, self.inside = sampled(arm), PieceDistances(arm, self.pairs)
-        found = capsule_distances(arm, self.q, self.pairs) if len(self.pairs) else torch.zeros(0, SAMPLES)
-        self.apart, self.capsules = found > 0, found[:, :_INSIDE].clone()
+        self.capsules = capsule_distances(arm, self.q, self.pairs).T
+
+    def nearest(self, links: Links, need: float = math.inf) -> Tensor:
+        """Distances [m] of two links in the first configurations, (1000,), as precise as the need is.
+
+        Below zero where they touch, and minus infinity where hulls overlap.
+        """
+        rows, nearest = torch.arange(_INSIDE), torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
+        for k in self.rows[links]:
+            found = self.capsules[k, :_INSIDE]
+            if self.inside.finer[k]:
+                asked = torch.stack([rows, torch.full_like(rows, k)], 1)
+                found = torch.maximum(found, self.inside.lower(self.q, asked, need))
+            nearest = torch.minimum(nearest, found)
+        return nearest
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""
-        mine = self.rows[links]
-        apart = self.apart[mine].all(0)
-        if not self.inside.finer[mine].any():
-            return float((~apart).double().mean())
-        rows = torch.nonzero(~apart)[:_INSIDE, 0]
-        if not len(rows):
-            return 0.0
-        touch = torch.zeros(len(rows), dtype=torch.bool)
-        for k in mine:
-            asked = torch.nonzero(~self.apart[k, rows])[:, 0]
-            if self.inside.finer[k]:
-                question = torch.stack([rows[asked], torch.full_like(asked, k)], 1)
-                touch[asked] |= ~(self.inside.lower(self.q, question, 0.0) > 0)
-            else:
-                touch[asked] = True
-        return float(touch.double().mean() * (~apart).double().mean())
-
-    def often(self) -> Iterator[Exemption]:
-        """Links that are to be kept apart and touch in most configurations."""
-        for pair in self.open:
-            if float((~self.apart[self.rows[pair]].all(0)).double().mean()) < _OFTEN:
-                continue
-            share = self.share(pair)
-            if share >= _OFTEN:
-                yield Exemption(pair, "kept apart", share)
-
-    def gap(self, links: Links) -> float:
-        """Distance of two links that half of the configurations exceed [m]."""
-        mine = self.rows[links]
-        nearest = torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
-        rows = torch.arange(_INSIDE)
-        for k in mine:
-            found = self.capsules[k]
-            if self.inside.finer[k]:
-                asked = torch.stack([rows, torch.full_like(rows, k)], 1)
-                found = torch.maximum(found, self.inside.lower(self.q, asked))
-            nearest = torch.minimum(nearest, found)
-        return float(nearest.median())
+        return float((self.nearest(links, 0.0) <= 0).double().mean())
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
-        mine = self.rows[links]
-        return not bool(self.apart[mine].all(0).any()) and self.share(links) == 1.0
+        if (self.capsules[self.rows[links]] > 0).all(0).any():
+            return False
+        return self.share(links) == 1.0
 
 
 def _refuse(arm: Arm, touching: _Touching) -> None:
@@ -234,18 +212,3 @@ def _refuse(arm: Arm, touching: _Touching) -> None:
         f"their shapes, or, if nothing is wrong with their touching, {allowed(stuck, arm.setup.may_touch)} "
         "leaves these pairs unchecked"
     )
-
-
-def tell_often(arm: Arm, often: Sequence[Exemption], apart: float = 0.0) -> str:
-    """Message on links that are kept apart, by so much [m], and touch in most configurations."""
-    named = allowed([one.links for one in often], arm.setup.may_touch)
-    nearer = f" or come nearer than {apart:g} m" if apart else ""
-    return (
-        f"links that are kept apart and touch{nearer} in most configurations: "
-        f"{listed(list(map(str, often)), _SHOWN)}; where one runs inside of the other by design, {named} "
-        "leaves these pairs unchecked"
-    )
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.3g} %"

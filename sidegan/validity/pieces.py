@@ -1,4 +1,4 @@
-"""How far apart the convex pieces inside of capsules are, compiled."""
+"""How far apart the convex pieces inside of capsules are, and which provably never touch; compiled."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -7,14 +7,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.kernels.chain import Shapes
-from sidegan.motion.arrays import array, chain_of, shapes_of
+from sidegan.motion.arrays import array, chain_of
 from sidegan.robot import Arm
-from sidegan.validity.capsules import segment_distance
-from sidegan.validity.regions import tables
+from sidegan.validity.bounds import piece_reach
+from sidegan.validity.capsules import shapes_alone
 
 if TYPE_CHECKING:
     from sidegan.kernels.gjk import Hulls
+
+_BUDGET = (100_000, 20_000, 2_000)  # boxes for a pair with one, two, and more joints between them
+_DEPTH = 512  # boxes that wait at most
+_GAP = 1e-6  # [m] that must be left, far above what rounding makes
 
 
 class PieceDistances:
@@ -48,7 +51,7 @@ class PieceDistances:
         from sidegan.kernels import bodies as kernel
 
         order = torch.argsort(asked[:, 0], stable=True)
-        shapes = self.shapes()
+        shapes = shapes_alone(self.arm, self.pairs)
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
         bodies = kernel.Bodies(chain_of(self.arm), shapes, self.hulls())
@@ -56,10 +59,6 @@ class PieceDistances:
         found = torch.empty(len(asked), dtype=torch.float64)
         found[order] = torch.from_numpy(out)
         return found
-
-    def shapes(self) -> Shapes:
-        """The capsules and their pairs, without regions, as compiled kernels take them."""
-        return shapes_of(self.arm.capsules, self.pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
 
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""
@@ -77,6 +76,34 @@ class PieceDistances:
         if pieces is None:
             return torch.zeros_like(capsules.radius)
         counts = pieces.start.diff()
-        a, b = (x.repeat_interleave(counts, 0).T for x in (capsules.a, capsules.b))
-        apart = segment_distance(a, b, pieces.corners.T, pieces.corners.T)
+        a, along = (x.repeat_interleave(counts, 0) for x in (capsules.a, capsules.b - capsules.a))
+        length = along.square().sum(1).clamp_min(torch.finfo(a.dtype).tiny)
+        share = (((pieces.corners - a) * along).sum(1) / length).clamp(0, 1)
+        apart = (a + share[:, None] * along - pieces.corners).norm(dim=1)
         return torch.stack([part.max() for part in apart.split(counts.tolist())])
+
+
+def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
+    """Which pairs of capsules, of some (P, 2), provably never touch within the joints' limits, (P,) bool.
+
+    Branch and bound over boxes of joint positions, with the bounds on motion that the check of trajectories
+    uses. Only for arms with something inside of their capsules; a pair for which the proof takes too long
+    counts as one that may touch.
+    """
+    found = torch.zeros(len(pairs), dtype=torch.bool)
+    inside = PieceDistances(arm, pairs)
+    if not len(pairs) or arm.capsules.pieces is None:
+        return found
+    from sidegan.kernels import bodies as kernel
+
+    bodies = kernel.Bodies(chain_of(arm), shapes_alone(arm, pairs), inside.hulls())
+    link = arm.capsules.link[pairs]
+    outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
+    reach = array(piece_reach(arm)[outer])
+    middle, half = arm.position_upper + arm.position_lower, arm.position_upper - arm.position_lower
+    work, room = np.empty((2, _DEPTH, arm.joints)), kernel.place_for(bodies.shapes, arm.joints)
+    for p, joints in enumerate((link[:, 0] - link[:, 1]).abs().tolist()):
+        work[0, 0], work[1, 0] = middle.numpy() / 2, half.numpy() / 2
+        budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
+        found[p] = kernel.never_touch(bodies, reach, p, _GAP, work, budget, room)
+    return found

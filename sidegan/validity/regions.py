@@ -11,8 +11,6 @@ from sidegan.errors import ConfigError
 from sidegan.kernels.chain import BALL, BOX, CONVEX, PLANE
 from sidegan.validity.obstacles import Convex, Sphere
 
-_HALVINGS = 36  # of a capsule's axis: leaves 1e-11 of its length
-
 
 @dataclass(frozen=True)
 class Plane:
@@ -40,12 +38,6 @@ class Plane:
     def grown(self, by: float) -> "Plane":
         """The region with its surface so much [m] further out."""
         return replace(self, offset=self.offset + by)
-
-    def margin(self, a: Tensor, b: Tensor) -> Tensor:
-        """Signed distance [m], (…), of segments with end points (3, …) to the region."""
-        normal = a.new_tensor(self.unit)
-        height = torch.minimum(torch.tensordot(normal, a, 1), torch.tensordot(normal, b, 1))
-        return height - self.offset
 
 
 @dataclass(frozen=True)
@@ -75,37 +67,6 @@ class Box:
         """The box with its faces so much [m] further out."""
         (a, b, c), (d, e, f) = self.lower, self.upper
         return Box((a - by, b - by, c - by), (d + by, e + by, f + by))
-
-    def margin(self, a: Tensor, b: Tensor) -> Tensor:
-        """Signed distance [m], (…), of segments with end points (3, …) to the region.
-
-        The signed distance to a convex body is convex along a segment: halving by the sign of its slope finds
-        the minimum.
-        """
-        shape = (3,) + (1,) * (a.ndim - 1)
-        lower, upper = a.new_tensor(self.lower).view(shape), a.new_tensor(self.upper).view(shape)
-        half, along = (upper - lower) / 2, b - a
-        a = a - lower - half
-        low, high = torch.zeros_like(a[0]), torch.ones_like(a[0])
-        for _ in range(_HALVINGS):
-            middle = (low + high) / 2
-            falls = (_outwards(a + middle * along, half) * along).sum(0) < 0
-            low, high = torch.where(falls, middle, low), torch.where(falls, high, middle)
-        return torch.minimum(_distance(a + low * along, half), _distance(a + high * along, half))
-
-
-def _distance(x: Tensor, half: Tensor) -> Tensor:
-    """Signed distance [m], (…), of points (3, …) from a box at the origin."""
-    beyond = x.abs() - half
-    outside = beyond.clamp_min(0).norm(dim=0)
-    return outside + beyond.amax(0).clamp_max(0)
-
-
-def _outwards(x: Tensor, half: Tensor) -> Tensor:
-    """Direction, (3, …), in which the distance from the box grows fastest; of any length."""
-    beyond = x.abs() - half
-    farthest = beyond.amax(0)
-    return torch.where(farthest > 0, beyond.clamp_min(0), (beyond == farthest).to(x)).copysign(x)
 
 
 Region = Plane | Box | Sphere | Convex

@@ -26,8 +26,6 @@ from sidegan.validity.bounds import (
 )
 from sidegan.validity.constraints import NAMES, Constraints
 
-Result = tuple[Tensor, dict[str, Tensor], dict[str, Tensor], dict[str, Tensor]]
-
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
 _models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
@@ -47,7 +45,6 @@ class Search:
         self.drifts = torch.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
-        self.columns = {name: NAMES.index(name) for name in constraints.labels}
 
     @property
     def valid(self) -> Tensor:
@@ -105,14 +102,6 @@ class Search:
         each(work, len(cuts) - 1)
         return torch.from_numpy(undecided)
 
-    def result(self) -> Result:
-        """Whether each trajectory is valid; the smallest margins, their elements and times."""
-        margins, elements, times = (
-            {name: torch.from_numpy(x[:, k].copy()) for name, k in self.columns.items()}
-            for x in self.smallest
-        )
-        return self.valid, margins, elements, times
-
 
 def _cuts(which: Tensor) -> list[int]:
     """Where the work on cells is cut, for each of torch's threads; no trajectory (N,) is in two parts."""
@@ -136,7 +125,7 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "pair_reach": reaches.pairs,
         "piece_reach": reaches.pieces,
         "region_reach": reaches.regions,
-        "region_most": largest_reach(reaches.regions),
+        "region_most": reaches.largest,
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
@@ -150,11 +139,5 @@ def _links_of(constraints: Constraints, reaches: Reaches) -> kernel_cells.Links:
     frames, group = torch.unique((capsules.link[pairs] + 1).sort(1).values, dim=0, return_inverse=True)
     start = torch.searchsorted(group.sort().values, torch.arange(len(frames) + 1))
     most = torch.zeros(len(frames), constraints.arm.joints, dtype=torch.float64)
-    for k in range(len(frames)):
-        most[k] = reaches.pairs[group == k].amax(0)
+    most.scatter_reduce_(0, group[:, None].expand_as(reaches.pairs), reaches.pairs, "amax")
     return kernel_cells.Links(*map(array, (frames, most, torch.argsort(group, stable=True), start)))
-
-
-def largest_reach(reach: Tensor) -> Tensor:
-    """Largest reach of each joint, (1, J); zero where nothing is checked."""
-    return torch.cat([reach, torch.zeros_like(reach.sum(0))[None]]).amax(0, keepdim=True)

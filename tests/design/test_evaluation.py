@@ -82,12 +82,6 @@ def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, lim
     assert_same(problem, candidates(problem, 4, seed))
 
 
-def test_trajectories_do_not_depend_on_those_beside_them(lwr_problem):
-    evaluation, c = Evaluation(lwr_problem, DISTANCE), candidates(lwr_problem, 5)
-    alone = np.concatenate([evaluation(one[None]) for one in c])
-    np.testing.assert_allclose(evaluation(c), alone, rtol=1e-12)
-
-
 def test_an_arm_that_does_not_move_has_a_hopeless_fitness(lwr_problem):
     for problem in (lwr_problem, replace(lwr_problem, diagonal=True)):
         evaluation, still = Evaluation(problem, DISTANCE), np.zeros((1, *problem.trajectory.shape))

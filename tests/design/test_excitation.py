@@ -1,15 +1,13 @@
 """Excitation and diversity: the full YᵀY and closed forms as oracles."""
 
 import math
-from unittest.mock import Mock
 
-import numpy as np
 import pytest
 import torch
 
 from sidegan.design import excitation
 from sidegan.design.excitation import Excitation, effective_rank, excite, mean_distance, nearest_distance
-from sidegan.motion.dynamics import BaseParameters, RigidBody
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain
 
@@ -31,33 +29,6 @@ def test_spectrum_trace_and_diagonal_are_those_of_the_full_regressor(joints, arm
     torch.testing.assert_close(excitation.diagonal, diagonal[:, body.base.columns])
 
 
-def with_other_columns(arm):
-    """The arm with the last independent columns of the regressor as its base instead of the first."""
-    body = RigidBody(arm)
-    mapping = body.base.mapping.numpy()
-    kept = []
-    for k in reversed(range(mapping.shape[1])):
-        if np.linalg.matrix_rank(mapping[:, [*kept, k]], tol=1e-6) > len(kept):
-            kept.append(k)
-    kept.sort()
-    other = torch.from_numpy(np.linalg.solve(mapping[:, kept], mapping))
-    body.base = BaseParameters(
-        columns=torch.tensor(kept),
-        mapping=other,
-        values=other @ arm.inertial_parameters.flatten(),
-        subspace=torch.linalg.cholesky(other @ other.T),
-        names=("",) * len(kept),
-    )
-    return body
-
-
-def test_spectrum_does_not_depend_on_the_columns_picked(arm):
-    trajectory, c = trajectories(7)
-    one, two = (excite(body, trajectory, c) for body in (RigidBody(arm), with_other_columns(arm)))
-    torch.testing.assert_close(one.spectrum, two.spectrum, rtol=1e-9, atol=1e-13 * float(one.spectrum.max()))
-    assert (one.diagonal_fitness / two.diagonal_fitness - 1).abs().max() > 0.1
-
-
 def test_fitnesses_are_ratios_of_extremes():
     spectrum = torch.tensor([[2.0, 3.0, 8.0], [1e-9, 1.0, 1.0]], dtype=torch.float64)
     diagonal = torch.tensor([[5.0, 1.0, 2.0], [7.0, 3.5, 7.0]], dtype=torch.float64)
@@ -74,15 +45,6 @@ def test_an_arm_at_rest_excites_nothing_but_gravity(arm):
     excitation = excite(RigidBody(arm), trajectory, torch.zeros(1, *trajectory.shape, dtype=torch.float64))
     assert excitation.eigenvalue_fitness.item() == excitation.diagonal_fitness.item() == math.inf
     assert excitation.spectrum.sum(1).item() > 0
-
-
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_excitation_is_double_whatever_the_type_and_device(planar, dtype, device):
-    body, (trajectory, c) = RigidBody(planar), trajectories(2)
-    c = c.to(dtype)
-    exact, there = excite(body, trajectory, c.double()), excite(body, trajectory, c.to(device))
-    for name in ("spectrum", "diagonal", "eigenvalue_fitness", "diagonal_fitness"):
-        assert torch.equal(getattr(there, name), getattr(exact, name))
 
 
 @pytest.mark.parametrize(
@@ -123,15 +85,12 @@ def _rows(count):
     return torch.randn(count, 2, 3, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(count))
 
 
-@pytest.mark.parametrize("count", [2, 7, 933])
-@pytest.mark.parametrize("held", [1, 3000, 25_000_000])
-def test_blocks_change_no_bit_of_the_nearest_distance_and_hold_no_more(count, held, monkeypatch):
-    rows, distances = _rows(count).flatten(1), Mock(wraps=torch.cdist)
+@pytest.mark.parametrize("held", [1, 7, 2000])
+def test_blocks_change_no_bit_of_the_nearest_distance(held, monkeypatch):
+    rows = _rows(933).flatten(1)
     exact = torch.cdist(rows, rows, compute_mode="donot_use_mm_for_euclid_dist").fill_diagonal_(torch.inf)
-    monkeypatch.setattr(excitation, "_DISTANCES", held)
-    monkeypatch.setattr(torch, "cdist", distances)
+    monkeypatch.setattr(excitation, "_AT_ONCE", held)
     assert nearest_distance(rows).hex() == float(exact.amin(1).mean()).hex()
-    assert max(len(call.args[0]) for call in distances.mock_calls) * count <= max(held, count)
 
 
 def test_a_sample_of_a_large_set_tells_nearly_the_same(monkeypatch):

@@ -97,13 +97,6 @@ def test_a_set_that_a_batch_does_not_fill_is_left_out(planar_problem, random, ob
     assert value == pytest.approx(sum(parts) / len(parts), rel=1e-9)
 
 
-def test_a_set_is_at_least_as_informative_as_its_members(planar_problem, random):
-    c = planar_problem.start(8, random)
-    alone, together = (physics.spectrum(SetInformation(planar_problem, k), c) for k in (1, 8))
-    for objective in (objectives.d_optimal, objectives.a_optimal):
-        assert objective(together) < objective(alone).min()
-
-
 @pytest.mark.parametrize("objective", OBJECTIVES)
 def test_single_precision_and_rest_have_finite_values_and_slopes(planar_problem, random, objective):
     for c in (planar_problem.start(4, random).float(), torch.zeros(2, *planar_problem.trajectory.shape)):

@@ -180,7 +180,7 @@ def test_each_goal_serves_its_own_criterion(problem_of):
     rest = torch.linalg.inv(subspace)
 
     def told(c):
-        return rest.T @ information_of(body, trajectory, c[None]).matrices(slice(None))[0] @ rest
+        return rest.T @ information_of(body, trajectory, c[None])[0] @ rest
 
     prior = 100 * told(c[0])
     targets = torch.eye(len(subspace)).double()

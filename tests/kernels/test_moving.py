@@ -41,10 +41,10 @@ def test_a_capsule_that_moves_evenly_comes_no_nearer_to_a_region_than_its_bound(
         ends, twist = random.normal(size=(3, len(shapes.radius), 3)), random.normal(size=(2, 3, 3))
         turning, moving = twist[:, shapes.frame[0]]
         speeds = moving + np.cross(turning, ends[:2, 0])
-        at = [torch.from_numpy(ends[:2, 0] + t * speeds) for t in (0.0, *np.linspace(-half, half, 9))]
-        now, *cell = (float(region.margin(a[:, None], b[:, None])) - radius for a, b in at)
+        at = [ends[:2, 0] + t * speeds for t in (0.0, *np.linspace(-half, half, 9))]
+        contacts = [near_region(shapes, 0, tuple(a), tuple(b)) for a, b in at]
+        now, *cell = (distance - radius for distance, _, _ in contacts)
         if now > 0:
-            contact = near_region(shapes, 0, tuple(ends[0, 0]), tuple(ends[1, 0]))
-            found = least_height(shapes, ends, twist, 0, contact, half)
+            found = least_height(shapes, ends, twist, 0, contacts[0], half)
             assert found <= min(cell) + 1e-7
             assert name != "plane" or found == pytest.approx(min(cell))

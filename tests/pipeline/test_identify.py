@@ -82,7 +82,7 @@ def consistent(once, planar):
     q = q.clamp(-2, 2)  # within the limits, which MuJoCo enforces
     dq = dq + 0.3 * dq.sign()  # where a smooth sign is one
     links = torch.tensor(numbers["inertial_parameters"], dtype=torch.float64)
-    torque = RigidBody(planar).torque(q, dq, ddq, links) + terms["offset"]
+    torque = RigidBody(planar).regressor(q, dq, ddq) @ links.flatten() + terms["offset"]
     torque += terms["viscous"] * dq + terms["coulomb"] * torch.tanh(dq / model["sign_width"])
     return model, torque.numpy(), [x.numpy() for x in (q, dq, ddq)]
 

@@ -30,7 +30,7 @@ def digests(*names: str) -> dict[str, str]:
                 task.constraints, task.trajectory, random_valid(task, 4, name).coefficients, name
             )
             task.__dict__["load"] = lambda artifact, library=library: library
-            one = ExcitationSet(name, None, name, task.trajectory, random_set(task))
+            one = ExcitationSet(name, None, task.trajectory, random_set(task))
             for stage in (plant, identification):
                 build = Build(Path(folder, stage.__name__), Path(folder), lambda done, total: None)
                 build.folder.mkdir()

@@ -1,4 +1,4 @@
-"""What surrounds an arm: every kind of region, scenes, and the floor under arms of strangers."""
+"""What surrounds an arm: every kind of region, and the floor under arms of strangers."""
 
 import logging
 from dataclasses import replace
@@ -14,7 +14,6 @@ from sidegan.validity import Convex, Plane, Sphere
 from sidegan.validity.floor import floor_under
 from tests.tiny import tiny
 
-SCENE = "(noname)+++\n* ball\n1\nsphere\n0.1\n0.9 0 0.2\n0 0 0 1\n0 0 0 0\n.\n"
 DESK = {"plane": {"normal": (0.0, 0.0, 1.0), "offset": 0.1}, "box": None}
 BALL = "{sphere: {centre: [2, 0, 0], radius: 0.1}}"
 PLANAR = (_MODELS / "planar2.urdf").read_text()
@@ -68,13 +67,7 @@ def test_a_mesh_is_known_by_what_is_in_its_file_and_told_where_it_is_not_convex(
     assert "% of its hull, all of which is kept out of" in caplog.text
 
 
-def test_a_scene_comes_beside_the_desk_and_built_in_arms_are_known_as_ever(tmp_path, planar):
-    (tmp_path / "my.scene").write_text(SCENE)
-    scene = tiny("workspace=desk", f"workspace.scene={tmp_path}/my.scene").workspace
-    desk, ball = scene.shapes(planar)
-    assert isinstance(desk, Plane) and isinstance(ball, Sphere)
-    stamped = scene.stamped(planar)
-    assert stamped["regions"] == [DESK] and len(stamped["scene"]) == 64
+def test_built_in_arms_are_known_as_ever(planar):
     assert tiny("workspace=desk").workspace.stamped(planar) == {"torque": True, "regions": [DESK]}
     assert tiny("workspace=free").workspace.stamped(planar) == {"torque": True, "regions": []}
 

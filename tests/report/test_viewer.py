@@ -132,7 +132,7 @@ def test_a_packed_surface_is_the_surface(planar):
 
 def test_surfaces_of_regions_look_outwards_and_hold_them():
     points = np.random.default_rng(0).normal(size=(60, 3))
-    hull = Convex(np.zeros((0, 3)), np.zeros(0), points)
+    hull = Convex(np.zeros((0, 4)), points)
     for region, volume in ((REGIONS[1], 0.4 * 0.2 * 0.3), (Sphere((1, 2, 3), 0.5), 0.52), (hull, None)):
         part = region_surface(region)
         a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))

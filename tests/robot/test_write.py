@@ -28,7 +28,7 @@ def assert_written(arm, path):
     parameters, states = real_links(arm.joints, 0), random_states(arm, 50)
     write_urdf(arm, parameters, path)
     read = load_robot(path)
-    expected = RigidBody(arm).torque(*states, parameters)
+    expected = RigidBody(arm).regressor(*states) @ parameters.flatten()
     torch.testing.assert_close(RigidBody(read).torque(*states), expected, rtol=0, atol=1e-9)
     for one in (arm, read):
         model, torque = pin.buildModelFromUrdf(str(one.urdf)), RigidBody(one).torque(*states).numpy()
@@ -115,7 +115,7 @@ def test_three_engines_read_the_same_arm_from_mjcf(name, tmp_path):
     write_mjcf(arm, links, path, own)
     states = random_states(arm, 20)
     _, dq, ddq = states
-    rigid = RigidBody(arm).torque(*states, links)
+    rigid = RigidBody(arm).regressor(*states) @ links.flatten()
     fast = Setup(limits=Limits(velocity=dict.fromkeys(arm.joint_names, 1.0)))  # MJCF has no place for them
     torch.testing.assert_close(RigidBody(load_robot(path, fast)).torque(*states), rigid, rtol=0, atol=1e-9)
     model, other = pin.buildModelFromMJCF(str(path)), mujoco.MjModel.from_xml_path(str(path))

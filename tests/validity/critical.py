@@ -7,14 +7,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.kernels.chain import Chain, Shapes
+from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm, Capsules
+from sidegan.robot import Arm, Capsules, load_robot
 from sidegan.robot.arm import Pieces
-from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from sidegan.validity import Box, Constraints, Convex, Plane, Region, Sphere
+from sidegan.validity.regions import tables
 
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
 DESK, BOX = Plane((0.0, 0.0, 1.0), 0.1), Box((-0.7, -0.7, -0.2), (0.7, 0.6, 0.12))
 BALL, HULL = Sphere((0.5, 0.3, 0.6), 0.15), Convex.between((0.6, -0.4, 0.2), (0.6, -0.4, 0.9), 0.08)
+BLOCK = Convex.around(np.array(np.meshgrid([-0.2, 0.2], [-0.3, 0.3], [-0.1, 0.1])).reshape(3, 8).T)
 BENT = (0.0, 0.5, 0.0, -1.3, 0.0, 0.6, 0.0)  # a home of seven joints
 
 
@@ -27,6 +31,16 @@ def random_segments(count: int, seed: int = 0, sets: int = 1) -> tuple[Tensor, .
     """Both ends of segments [m], (3, count) each, of one set after another."""
     generator = torch.Generator().manual_seed(seed)
     return (0.6 * torch.randn(2 * sets, 3, count, generator=generator, dtype=torch.float64)).unbind()
+
+
+def segments_as_capsules(
+    a: Sequence[Tensor], b: Sequence[Tensor], pairs: Tensor, guarded: Tensor, regions: Sequence[Region] = ()
+) -> tuple[Chain, Shapes]:
+    """Sets of segments with end points (3, N) as capsules on the base of the planar arm, of radius zero."""
+    ends = [torch.cat([*x], 1).T.contiguous() for x in (a, b)]
+    none = torch.zeros(len(ends[0]), dtype=torch.float64)
+    capsules = Capsules(none.long() - 1, *ends, none, ("",) * len(none))
+    return chain_of(load_robot("planar2")), shapes_of(capsules, pairs, guarded, tables(regions))
 
 
 def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Tensor:

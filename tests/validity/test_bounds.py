@@ -119,46 +119,6 @@ def test_torques_change_no_faster_than_their_bounds(chain: Arm, bounds) -> None:
     assert (np.abs(up - down) / (2 * step.numpy()) <= bend * (1 + 1e-4) + 1e-4).all()
 
 
-def sparse_chain(seed: int) -> Arm:
-    """Three joints along the axes, with half of all offsets, inertias and gravity gone."""
-    arm, _ = random_chain(3, seed)
-    generator = torch.Generator().manual_seed(seed)
-
-    def some(*shape: int) -> Tensor:
-        return (torch.rand(*shape, generator=generator) < 0.5).double()
-
-    prismatic = torch.rand(3, generator=generator) < 0.4
-    reach = torch.where(prismatic, 1e-9, 3.0).double()
-    return replace(
-        arm,
-        prismatic=prismatic,
-        rotation=torch.eye(3, dtype=torch.float64).expand(3, 3, 3),
-        axis=torch.eye(3, dtype=torch.float64)[torch.randint(3, (3,), generator=generator)],
-        translation=arm.translation * some(3, 1),
-        gravity=arm.gravity * some(1),
-        inertial_parameters=arm.inertial_parameters
-        * some(3, 3).repeat_interleave(torch.tensor([1, 3, 6]), dim=1),
-        position_lower=-reach,
-        position_upper=reach,
-    )
-
-
-def test_torque_bounds_hold_where_a_single_term_rules(bounds) -> None:
-    """Speeds, accelerations and jerks of every joint over eight decades: few terms matter at a time."""
-    nearest = 0.0
-    for seed in range(50):
-        arm = sparse_chain(seed)
-        generator = torch.Generator().manual_seed(seed)
-        q = random_states(arm, 300, seed)[0]
-        draw = torch.rand(2, 3, 300, 3, generator=generator, dtype=torch.float64)
-        dq, ddq, jerk = (10 ** (8 * draw[0] - 4) * (draw[1] - 0.5).sign()).unbind()
-        bound = bounds(arm, dq, ddq, jerk, torch.zeros_like(q))[0]
-        share = np.abs(rates_of(arm, q, dq, ddq, jerk)) / bound.clip(1e-300)
-        assert share.max() <= 1 + ROUNDING
-        nearest = max(nearest, float(share.max()))
-    assert nearest > 0.999  # there are states where the bound is sharp
-
-
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
 def test_no_point_of_a_capsule_moves_faster_than_its_reach(chain: Arm) -> None:
     q = random_states(chain, 200)[0].T.contiguous()

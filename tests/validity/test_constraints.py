@@ -11,7 +11,7 @@ from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_states
 
-from .critical import BALL, BENT, DESK, HULL, limited, only
+from .critical import BENT, DESK, limited, only
 
 
 def test_pair_that_the_description_names_is_excepted(arm: Arm) -> None:
@@ -84,15 +84,6 @@ def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) ->
     expected = {"position", "velocity", "torque"} | ({"keep_out"} if count == 2 else set())
     states = random_states(planar, 4)
     assert set(constraints.labels) == set(constraints.margins(*states)) == expected
-
-
-def test_margins_are_double_whatever_the_states_type_and_device(arm: Arm, device: torch.device) -> None:
-    constraints = Constraints(arm, [DESK, Box((0.3, 0.3, 0.3), (0.6, 0.6, 0.6)), BALL, HULL])
-    states = [x.float() for x in random_states(arm, 30)]
-    exact = constraints.margins(*(x.double() for x in states))
-    for name, margin in constraints.margins(*(x.to(device) for x in states)).items():
-        assert margin.shape == (30, len(constraints.labels[name]))
-        assert torch.equal(margin, exact[name])
 
 
 @pytest.mark.parametrize("beyond", [1e-6, -1e-6])

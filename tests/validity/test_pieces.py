@@ -13,7 +13,7 @@ from sidegan.kernels import gjk as kernel
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
-from sidegan.validity.pairs import capsule_distances
+from sidegan.validity.capsules import capsule_distances
 from tests.chains import constrained, random_chain, random_states
 
 from .critical import filled, moderate
@@ -68,7 +68,7 @@ def test_distance_of_hulls_is_that_of_coal(seed: int) -> None:
 def test_pieces_are_never_nearer_than_their_capsules(seed: int) -> None:
     constraints = constrained(filled(random_chain(4, seed % 50)[0], seed), ())
     q, dq, ddq = random_states(constraints.arm, 200, seed)
-    of_capsules = capsule_distances(constraints.arm, q, constraints.pairs).T
+    of_capsules = capsule_distances(constraints.arm, q, constraints.pairs)
     margins = constraints.margins(q, dq, ddq)
     if "collision" in margins:
         assert (margins["collision"] >= of_capsules).all()

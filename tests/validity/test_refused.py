@@ -12,13 +12,11 @@ from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Setup, load_robot
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check, default_home, usual_effort
-from sidegan.validity.scene import read_scene
 from sidegan.validity.straight import require_straight
 
 from .critical import DESK, limited, thick
 from .test_home import bent_arm
 from .test_pairs import chain
-from .test_regions import NEW, OLD, read
 
 ARM, PLANAR = load_robot("kuka_lwr4"), load_robot("planar2")
 WALL = Plane((1, 0, 0), -0.5)
@@ -56,10 +54,6 @@ def straight(start, end=(0.0, 0.0), regions=()):
     return lambda _: require_straight(Constraints(PLANAR, regions), list(start), list(end))
 
 
-def scene(text):
-    return lambda folder: read(text, folder)
-
-
 def touching(**setup):
     def run(folder):
         (folder / "arm.urdf").write_text(chain(0.31))
@@ -83,15 +77,6 @@ REFUSED = {
         (lambda _: Convex.between((0, 0, 0), (0, 0, 1), -1.0), OBSTACLE),
         (lambda _: Convex.around(POINTS), OBSTACLE),
         (lambda _: Convex.around(np.where(POINTS > 0, POINTS, math.inf)), OBSTACLE),
-        (scene(OLD.replace("cylinder", "octree")), "object 'rod' of .*: a shape is 'octree', expected box"),
-        (scene(OLD.replace("0.1 0.6", "0.1 much")), "object 'rod' of .*could not convert"),
-        (scene(OLD.replace("0.1 0.6", "0.1 nan")), "object 'rod' of .*not finite"),
-        (scene(OLD[: OLD.index("0.2 0.4")]), "object 'hat' of .*it ends early"),
-        (scene(OLD.replace("0 0.7071067811865476 0 0.7071067811865476", "0 0 0 0")), "a quaternion is zero"),
-        (scene(NEW.replace("0 0 1\n0 1 2", "1 1 0\n0 1 2")), "object 'wedge' of .*enclose a volume"),
-        (scene(OLD.replace("0 0 2 0.1", "0 0 0 0.1")), "object 'ground' of .*non-zero normal"),
-        (scene("a letter to a friend\n"), "is no MoveIt scene"),
-        (lambda folder: read_scene(folder / "lost.scene"), r"workspace\.scene: .*lost\.scene cannot be read"),
     ],
     InfeasibleError: [
         (home(2.7, 0.0), r"\[2.7, 0.0\].*of shoulder: margin -0\.1;.*keep_out of forearm in region 0"),

@@ -11,19 +11,19 @@ from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
-from sidegan.validity import Constraints, Convex, Plane, check
+from sidegan.validity import Constraints, Plane, check
 from sidegan.validity.constraints import NAMES
 from tests.chains import constrained, random_chain
 from tests.threads import several_threads
 
-from .critical import BALL, BOX, DESK, HULL, limited, margins_of, moderate, smallest
+from .critical import BALL, BLOCK, BOX, DESK, HULL, limited, margins_of, moderate, smallest
 
 REGIONS = {
     "none": (),
     "desk": (DESK,),
     "box": (BOX,),
     "round": (BALL, HULL),
-    "all": (Plane((0.3, -0.2, 0.9), -0.5), BOX, DESK, Convex.box((0.5, 0.3, 0.2))),
+    "all": (Plane((0.3, -0.2, 0.9), -0.5), BOX, DESK, BLOCK),
 }
 EPS = 1e-9  # margin at the centre of a cell, so that nothing is settled
 RATE = 200.0  # [Hz]

@@ -49,8 +49,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     family, run = _as_run(task, chosen)
     chosen.save(folder / LIBRARY)
     deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
-    information = information_of(task.body, family, run.coefficients)
-    criteria = criteria_of(information.stacked(torch.arange(len(run))))
+    criteria = criteria_of(information_of(task.body, family, run.coefficients).sum(0))
     tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
     table = _table(task, family, run)
     caption = [
