@@ -5,7 +5,7 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 _log = logging.getLogger(__name__)
-_NOT_NEGATIVE = ("rotor_inertia", "viscous", "coulomb", "stribeck")
 _ROUNDS = 6  # of finding the strength of the pull
 _SETTLED = 1.1  # times the strength: a change that no longer matters
 _STRENGTHS = (0.01, 100.0)  # between which it is looked for
@@ -127,36 +126,57 @@ class Consistent:
 
     def _solved(self, model: TorqueModel, information: Tensor, moment: Tensor, strength: Tensor) -> Tensor:
         """Most likely standard parameters, (F,), with pulls of a strength on each link, (J,)."""
-        import cvxpy as cp
-
-        unit = _units(model.arm)
-        links = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
-        standard = _expression(links, unit, model)
         rows, right = rows_of(information, moment)
-        misfit = cp.sum_squares((rows @ model.mapping).numpy() @ standard - right.numpy()) / 2
-        nominal = _scaled(possible_links(model.arm), unit).numpy()
-        constraints = [p >> self.margin * np.eye(4) for p in links]
-        signed = [model.standard_slice(name) for name in model.kinds if name in _NOT_NEGATIVE]
-        constraints += [standard[where] >= 0 for where in signed]
-        if self.total_mass is not None:
-            masses = (unit[:, 3] ** 2).tolist()
-            constraints.append(sum(m * p[3, 3] for m, p in zip(masses, links)) == self.total_mass)
-        each = zip(strength.tolist(), np.linalg.inv(nominal), links)
-        pulls = (one * (cp.trace(inverse @ p) - cp.log_det(p)) for one, inverse, p in each)
-        status = minimise(misfit + sum(pulls), constraints)
-        if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-            bounds = f"margin {self.margin:g}"
-            bounds += "" if self.total_mass is None else f", {self.total_mass:g} kg in all"
-            raise InfeasibleError(f"no bodies that can exist meet the conditions ({bounds}): {status}")
-        values = torch.from_numpy(np.asarray(standard.value, dtype=np.float64))
-        if not (least_eigenvalues(model.links_of(values), model.arm) > 0).all():
-            raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
-        return values
+        unit = _units(model.arm)
+        signed = [model.standard_slice(name) for name in model.kinds if name != "offset"]
+        pull = Pull(unit, _scaled(possible_links(model.arm), unit), strength)
+        return most_likely(rows @ model.mapping, right, pull, self.margin, signed, self.total_mass)
 
 
-def least_eigenvalues(links: Tensor, arm: Arm) -> Tensor:
-    """Smallest eigenvalue of the pseudo-inertia of each link (J, 10) in its typical mass and length, (J,)."""
-    return torch.linalg.eigvalsh(_scaled(links, _units(arm)))[:, 0]
+class Pull(NamedTuple):
+    """Pull of K bodies towards nominal ones."""
+
+    unit: Tensor  # D as in ``_units``, (K, 4)
+    nominal: Tensor  # pseudo-inertias in these units, (K, 4, 4)
+    strength: Tensor  # on each, (K,)
+
+
+def most_likely(
+    rows: Tensor,
+    right: Tensor,
+    pull: Pull,
+    margin: float,
+    signed: Sequence[slice] = (),
+    total_mass: float | None = None,
+) -> Tensor:
+    """Parameters x of K bodies that can exist and then of terms, (F,), with least ½ |R x − z|² and pulls.
+
+    Terms at ``signed`` places are not negative.
+
+    Raises:
+        InfeasibleError: when there are no such bodies.
+    """
+    import cvxpy as cp
+
+    unit, nominal, strength = pull
+    bodies = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
+    outer, back = (unit[:, :, None] * unit[:, None]).reshape(-1, 16).numpy(), FROM_PSEUDO_INERTIA.numpy()
+    parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, bodies)]
+    terms = rows.shape[1] - 10 * len(bodies)
+    x = cp.hstack([*parts, cp.Variable(terms)] if terms else parts)
+    constraints = [p >> margin * np.eye(4) for p in bodies] + [x[where] >= 0 for where in signed]
+    if total_mass is not None:
+        constraints.append(cp.sum(x[: 10 * len(bodies) : 10]) == total_mass)
+    each = zip(strength.tolist(), torch.linalg.inv(nominal).numpy(), bodies)
+    pulls = sum(one * (cp.trace(inverse @ p) - cp.log_det(p)) for one, inverse, p in each)
+    status = _minimise(cp.sum_squares(rows.numpy() @ x - right.numpy()) / 2 + pulls, constraints)
+    if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
+        bounds = f"margin {margin:g}" + ("" if total_mass is None else f", {total_mass:g} kg in all")
+        raise InfeasibleError(f"no bodies that can exist meet the conditions ({bounds}): {status}")
+    found = torch.from_numpy(np.asarray(x.value, dtype=np.float64))
+    if not (torch.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].view(-1, 10), unit)) > 0).all():
+        raise InfeasibleError("the solver left a link that cannot exist; a larger margin may help")
+    return found
 
 
 def _units(arm: Arm) -> Tensor:
@@ -171,31 +191,22 @@ def _scaled(links: Tensor, unit: Tensor) -> Tensor:
     return pseudo_inertia(links) * inverse[:, :, None] * inverse[:, None]
 
 
-def _expression(links: "Sequence[cp.Variable]", unit: Tensor, model: TorqueModel) -> "cp.Expression":
-    """Standard parameters, (F,), linear in scaled pseudo-inertias, and with variables for the terms."""
+def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
+    """Status of the best that Clarabel found, which the variables hold."""
     import cvxpy as cp
 
-    outer = (unit[:, :, None] * unit[:, None]).reshape(-1, 16).numpy()
-    back = FROM_PSEUDO_INERTIA.numpy()
-    parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, links)]
-    count = model.mapping.shape[1] - 10 * len(links)
-    return cp.hstack([*parts, cp.Variable(count)] if count else parts)
-
-
-def minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
-    """Clarabel's status after solving."""
-    import cvxpy as cp
-
+    status = cp.SOLVER_ERROR
     for scale in _OBJECTIVE_SCALES:
         problem = cp.Problem(cp.Minimize(scale * objective), constraints)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status has
             try:
                 problem.solve(solver=cp.CLARABEL)
-            except cp.error.SolverError as error:
+                status = str(problem.status)
+            except cp.error.SolverError as error:  # leaves status and variables as they were
                 _log.info("Clarabel: %s", error)
-        if problem.status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
+        if status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
             break
-    if problem.status == cp.OPTIMAL_INACCURATE:
+    if status == cp.OPTIMAL_INACCURATE:
         _log.warning("the consistent fit is less accurate than asked for")
-    return problem.status
+    return status

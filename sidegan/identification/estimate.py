@@ -1,6 +1,8 @@
 """One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from torch import Tensor
@@ -14,12 +16,11 @@ from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
-# Methods by name: a class, and the settings that the name stands for.
-METHODS: dict[str, tuple[type[LeastSquares | Consistent], dict[str, Any]]] = {
-    "ols": (LeastSquares, {}),
-    "weighted": (LeastSquares, {"weighted": True}),
-    "rls": (LeastSquares, {}),
-    "consistent": (Consistent, {}),
+METHODS: dict[str, Callable[..., LeastSquares | Consistent]] = {
+    "ols": LeastSquares,
+    "weighted": partial(LeastSquares, weighted=True),
+    "rls": LeastSquares,
+    "consistent": Consistent,
 }
 
 
@@ -48,21 +49,6 @@ class Estimate:
         """Standard deviation of each parameter's error, (P,)."""
         return self.covariance.diagonal().clamp_min(0).sqrt()
 
-    @property
-    def relative_deviation(self) -> Tensor:
-        """Standard deviation over the parameter's size, (P,)."""
-        return self.deviation / self.parameters.abs()
-
-    @property
-    def information(self) -> Tensor:
-        """Weighted Σ Yᵀ Y, (P, P)."""
-        return self.sums.weighted(self.weights)[0]
-
-    @property
-    def moment(self) -> Tensor:
-        """Weighted Σ Yᵀ τ, (P,)."""
-        return self.sums.weighted(self.weights)[1]
-
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
@@ -71,15 +57,11 @@ def estimate(method: str, model: TorqueModel, measurements: Samples, **settings:
     pieces, so memory does not grow with their number.
 
     Raises:
-        ConfigError: when the method or a setting is unknown or impossible.
+        ConfigError: when the method is unknown.
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    kind, usual = METHODS[method]
-    names = [f.name for f in fields(kind)]
-    if unknown := [name for name in settings if name not in names]:
-        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
-    estimator = kind(**usual | settings)
+    estimator = METHODS[method](**settings)
     data = gather(model, measurements, settings.get("forgetting", 1.0))
     fit, sums = estimator.fit(data), data.sums
     errors = fit.errors or torque_errors(data, fit)

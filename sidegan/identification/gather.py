@@ -17,14 +17,8 @@ _KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB 
 class Reach(NamedTuple):
     """Range and speed of each joint's motion, (J,) each."""
 
-    lowest: Tensor  # position [rad or m]
-    highest: Tensor  # position [rad or m]
+    range: Tensor  # between the furthest positions [rad or m]
     fastest: Tensor  # velocity [rad/s or m/s]
-
-    @property
-    def range(self) -> Tensor:
-        """Distance between the furthest positions, (J,)."""
-        return self.highest - self.lowest
 
 
 @dataclass(frozen=True)
@@ -49,11 +43,11 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
     """
     sums, samples, stride = no_sums(model.joints, model.count), 0, 1
     kept: list[Measurements] = []
-    reach: list[Tensor] = []  # −lowest, highest, fastest of the joints so far, (3, J)
+    ends = torch.full((3, model.joints), -torch.inf, dtype=torch.float64)  # −lowest, highest, fastest so far
     for number, part in enumerate(pieces(measurements)):
         sums = sums.times(forgetting ** len(part)).plus(_sums(model, part, forgetting))
-        moved = torch.stack([-part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0)])
-        reach = [torch.stack([*reach, moved]).amax(0)]
+        q, speed = part.position, part.velocity.abs()
+        ends = torch.maximum(ends, torch.stack([(-q).amax(0), q.amax(0), speed.amax(0)]))
         samples += len(part)
         if number % stride == 0:
             kept.append(part)
@@ -61,15 +55,13 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
             kept, stride = kept[::2], 2 * stride
     if not samples:
         raise ShapeError("there are no samples to identify from")
-    down, up, fastest = reach[0]
-    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest))
+    return Gathered(model, sums, kept, samples, Reach(ends[0] + ends[1], ends[2]))
 
 
 def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:
     """Sums over one piece whose equations count with weights (S, J)."""
     root = weights.sqrt()
-    y = _regressor(model, part) * root[..., None]
-    return sums_of(y, part.torque * root)
+    return sums_of(_regressor(model, part) * root[..., None], part.torque * root)
 
 
 def residual_of(model: TorqueModel, part: Measurements, parameters: Tensor) -> Tensor:

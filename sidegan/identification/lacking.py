@@ -112,7 +112,7 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
     sums, chance = _Sums.over(model, estimate, samples), estimate.inflation / estimate.samples
     each = [sums.explained(j, float(chance[j])) for j in range(model.joints)]
     amounts = torch.stack([one for _, one in each])  # (J, K)
-    states = model.usual_states(seed=1)
+    states = model.usual_states()
     rows = model.regressor(*states)
     torque = rows @ estimate.parameters
     still = Measurements(*states, torque)
@@ -136,7 +136,7 @@ class _Sums:
         """Sums over the samples."""
         information, weights = estimate.sums.information, estimate.weights.square()
         moments, along, across, right, energy = _products(model, estimate, samples)
-        inverse = scaled_inverse(estimate.information, _ROUNDING)
+        inverse = scaled_inverse(estimate.sums.weighted(estimate.weights)[0], _ROUNDING)
         wrong = torch.einsum("pq,j,jqk->pjk", inverse, weights, moments)
         crossed = torch.einsum("jpk,pjl->jkl", moments, wrong)
         kept = torch.einsum("pjk,jpq,qjl->jkl", wrong, information, wrong)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import torch
@@ -103,13 +103,8 @@ def joined(parts: Iterable[Measurements]) -> Measurements:
 
 @dataclass(frozen=True)
 class Noise:
-    """Uniform measurement noise.
+    """Uniform measurement noise in proportion to the signal, x · (1 + level · U(−1, 1))."""
 
-    ``multiplicative`` is x · (1 + level · U(−1, 1)); ``additive`` is x + level · σ · U(−1, 1) with σ
-    the standard deviation of that joint's signal over its trajectory.
-    """
-
-    kind: Literal["multiplicative", "additive"]
     level: NonNegative  # 0.1 for the paper's "10 % uniform random noise"
     torque: bool  # whether measured torques are noisy
     state: bool  # whether measured positions, velocities and accelerations are noisy
@@ -118,10 +113,6 @@ class Noise:
     def exact(self) -> bool:
         """Whether nothing is noisy."""
         return not self.level or not (self.torque or self.state)
-
-    def size(self, x: Tensor) -> Tensor:
-        """Largest noise on clean signals (B, T, J)."""
-        return self.level * (x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True))
 
 
 def measure(
@@ -132,8 +123,8 @@ def measure(
 ) -> Measurements:
     """Simulated measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
 
-    The torque is that of the true states. Both kinds of noise and all choices of what is noisy use
-    the same draws, and a batch those of its trajectories in turn, so comparisons differ in nothing else.
+    The torque is that of the true states. All choices of what is noisy use the same draws, and a batch those
+    of its trajectories in turn, so comparisons differ in nothing else.
 
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
@@ -155,5 +146,5 @@ def disturbed(
     draws = torch.from_numpy(draw).to(exact.torque).unbind(1)
     signals = [x.unflatten(0, (batch, count)) for x in (*exact.states, exact.torque)]
     noisy = (noise.state, noise.state, noise.state, noise.torque)
-    signals = [x + noise.size(x) * d if some else x for x, d, some in zip(signals, draws, noisy)]
+    signals = [x + noise.level * x * d if some else x for x, d, some in zip(signals, draws, noisy)]
     return Measurements(*(x.flatten(0, 1) for x in signals))

@@ -17,7 +17,6 @@ class StudySettings:
 
     rate: Hertz  # of sampling [Hz]
     prior: Positive  # P₀ = prior · I
-    forgetting: Part
     weighted: bool  # also with one weight per joint, beside the paper's unweighted
     noise: Noise  # of the simulated measurements; test torques are free of it
     repeats: Count  # noise realisations
@@ -118,8 +117,7 @@ class GoalSettings:
 class EstimationSettings:
     """Estimation of parameters from recordings."""
 
-    method: Literal["ols", "weighted", "rls"]
-    settings: dict[str, Number] | None  # of the method
+    method: Literal["ols", "weighted"]
     strength: Positive | None  # of the pull towards the description; null: the most probable one
     margin: Positive
     total_mass: Positive | None  # [kg]

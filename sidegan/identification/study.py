@@ -16,11 +16,9 @@ import torch
 from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
-from sidegan.errors import ConfigError
-from sidegan.identification.expected import expected_errors
-from sidegan.identification.fit import recursive
+from sidegan.identification.fit import least_squares, reweighted
 from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
+from sidegan.identification.measurements import Measurements, disturbed, measure
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
@@ -56,24 +54,17 @@ def compare(
     children, stacked = random.spawn(settings.repeats), {}
     for done, (name, family) in enumerate(sets.items()):
         stacked[name] = _stacked_condition(body, family), family[0].period * len(family[1])
-        exact = list(_measured(body, family, settings.rate))
+        exact = list(measured(body, family, settings.rate))
         for repeat, child in enumerate(children):
             generator = np.random.default_rng(child)
             noisy = (disturbed(one, settings.noise, generator) for one in exact)
-            data = gather(judge.model, noisy, settings.forgetting)
-            judge.identify((name, repeat), data.sums, data.samples)
+            judge.identify((name, repeat), gather(judge.model, noisy).sums)
             if progress is not None:
                 progress(done * settings.repeats + repeat + 1, len(sets) * settings.repeats)
     results, facts = judge.frames()
     columns = pd.DataFrame([stacked[name] for name in facts["set"]], columns=["condition", "duration"])
     facts[["condition", "duration"]] = columns
     return results, facts
-
-
-def expected(body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings) -> pd.DataFrame:
-    """NMSE of a set that ``compare`` finds on average over noise draws, as of ``expected_errors``."""
-    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
-    return expected_errors(body, exact, truth, settings)
 
 
 def measured_sums(
@@ -87,19 +78,15 @@ def measured_sums(
 
     Arguments are as for ``compare``; progress receives (done, N).
     """
-    generator, count = np.random.default_rng(random), len(family[1])
-    model = TorqueModel(body, RIGID)
-    if not count:
-        return no_sums(model.joints, model.count)
-
-    def data() -> Iterator[Measurements]:
-        parts = _measured(body, family, settings.rate, settings.noise, generator, _TRAJECTORIES_AT_ONCE)
-        for k, part in enumerate(parts, start=1):
-            yield part
-            if progress is not None:
-                progress(min(k * _TRAJECTORIES_AT_ONCE, count), count)
-
-    return gather(model, data()).sums
+    model, generator, count = TorqueModel(body, RIGID), np.random.default_rng(random), len(family[1])
+    sums, done = no_sums(model.joints, model.count), 0
+    for some in family[1].split(_TRAJECTORIES_AT_ONCE) if count else ():
+        motion = family[0].roll_out(some, family[0].times(settings.rate))
+        sums = sums.plus(gather(model, measure(body, motion, settings.noise, generator)).sums)
+        done += len(some)
+        if progress is not None:
+            progress(done, count)
+    return sums
 
 
 def combined(
@@ -111,32 +98,18 @@ def combined(
 
     Returns:
         Results (columns set, weighted, joint, nmse) and facts (set, covariance_norm, samples).
-
-    Raises:
-        ConfigError: when the recursion forgets: sums have no order in time.
     """
-    if settings.forgetting < 1:
-        raise ConfigError(f"sums cannot be added with forgetting factor {settings.forgetting}, expected 1")
     judge = _Judge(body, tests, settings, ["set"])
     for name, parts in sets.items():
-        sums = reduce(Sums.plus, parts)
-        judge.identify((name,), sums, round(float(sums.weight)))
+        judge.identify((name,), reduce(Sums.plus, parts))
     return judge.frames()
 
 
-def _measured(
-    body: RigidBody,
-    family: MotionSet,
-    rate: float,
-    noise: Noise | None = None,
-    random: np.random.Generator | None = None,
-    at_once: int = 1,
-) -> Iterator[Measurements]:
-    """Measurements of the trajectories of a set, so many at once; exact ones without noise."""
+def measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
+    """Measurements without noise along each trajectory of a set."""
     trajectory, coefficients = family
     times = trajectory.times(rate)
-    for c in coefficients.split(at_once):
-        yield measure(body, trajectory.roll_out(c, times), noise, random)
+    return (measure(body, trajectory.roll_out(c, times)) for c in coefficients.split(1))
 
 
 class _Judge:
@@ -144,19 +117,18 @@ class _Judge:
 
     def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings, keys: list[str]) -> None:
         self.model, self._settings, self._keys = TorqueModel(body, RIGID), settings, keys
-        self._truth = list(_measured(body, tests, settings.rate))
+        self._truth = list(measured(body, tests, settings.rate))
         self._results, self._facts = list[tuple[object, ...]](), list[tuple[object, ...]]()
 
-    def identify(self, key: tuple[object, ...], sums: Sums, samples: int) -> None:
+    def identify(self, key: tuple[object, ...], sums: Sums) -> None:
         """Rows of identification with equal weights, and where set with one per joint."""
-        settings = self._settings
-        for weighted in (False, True) if settings.weighted else (False,):
-            fit = recursive(sums, samples, settings.prior, settings.forgetting, weighted)
+        for weighted in (False, True) if self._settings.weighted else (False,):
+            fit = (reweighted if weighted else least_squares)(sums, 1 / self._settings.prior)
             errors = score(self.model, fit.parameters, self._truth).nmse.tolist()
             self._results += [(*key, weighted, *row) for row in zip(self.model.arm.joint_names, errors)]
             if not weighted:
                 norm = torch.linalg.vector_norm(fit.inverse.diagonal())
-                self._facts.append((*key, float(norm), samples))
+                self._facts.append((*key, float(norm), round(float(sums.weight))))
 
     def frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """All rows: errors, and norms ‖diag P‖ with equal weights."""

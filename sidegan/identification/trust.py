@@ -56,7 +56,7 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
     """
-    y = model.usual_rows(seed=1)
+    y = model.regressor(*model.usual_states())
     usual = (y @ estimate.parameters).square().mean(0).sqrt().clamp_min(torch.finfo(torch.float64).tiny)
     share = y.square().mean(0).sqrt() / usual[:, None]
     variance = torch.einsum("sjp,pq,sjq->j", y, estimate.covariance, y).clamp_min(0) / len(y)
@@ -66,7 +66,7 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
 def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
     """The description's link parameters with everything else fitted, (P,)."""
     r, nominal = model.rigid, model.nominal.clone()
-    information, moment = estimate.information, estimate.moment
+    information, moment = estimate.sums.weighted(estimate.weights)
     rest = moment[r:] - information[r:, :r] @ nominal[:r]
     if len(rest):
         nominal[r:], _ = solve(information[r:, r:], rest, _LEAST)

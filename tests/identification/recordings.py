@@ -19,7 +19,7 @@ from sidegan.identification import (
 from sidegan.motion.dynamics import RigidBody
 from tests.settings import settings
 
-NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
+NOISE = Noise(0.1, torque=True, state=False)
 GOAL = GoalSettings(1, "parameters", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
@@ -101,8 +101,8 @@ def noisy_rows(samples):
     return torch.from_numpy(y), torch.from_numpy(tau)
 
 
-def model_of(arm, velocities=None, **terms):
-    return TorqueModel(RigidBody(arm), replace(FULL, stribeck=velocities is not None, **terms), velocities)
+def model_of(arm, **terms):
+    return TorqueModel(RigidBody(arm), replace(FULL, **terms))
 
 
 def fitted(method, model, measurements, **changes):
@@ -115,7 +115,7 @@ def fitted(method, model, measurements, **changes):
 
 
 def study_settings(**changes):
-    values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": NOISE, "repeats": 2}
+    values = {"rate": 20.0, "prior": 1e6, "weighted": True, "noise": NOISE, "repeats": 2}
     return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})
 
 

@@ -7,9 +7,17 @@ import pytest
 import torch
 
 from sidegan.identification import estimate, score
-from sidegan.identification.consistent import Consistent, least_eigenvalues
+from sidegan.identification.consistent import Consistent
+from sidegan.identification.prior import scales
 from sidegan.robot import Drives, pseudo_inertia, write_mjcf
 from tests.identification.recordings import fitted, measured, model_of, multisine, recorded, truth_of
+
+
+def least_eigenvalues(links, arm):
+    """Of pseudo-inertias in units of each link's typical mass and length, (J,)."""
+    mass, length = scales(arm)
+    unit = mass.sqrt()[:, None] * torch.stack([length, length, length, torch.ones_like(length)], 1)
+    return torch.linalg.eigvalsh(pseudo_inertia(links) / unit[:, None] / unit[:, :, None])[:, 0]
 
 
 def links_of(model, found):
@@ -49,7 +57,7 @@ class TestFit:
         data, truth = recorded(other, 600, noise=0.05), truth_of(other)
         plain = estimate("weighted", model, data)
         pulled = Consistent(strength=None, margin=1e-4, total_mass=None)
-        _, strength = pulled.standard(model, plain.information, plain.moment)
+        _, strength = pulled.standard(model, *plain.sums.weighted(plain.weights))
         assert float(strength[-1]) < 0.1 < 1.5 < float(strength[1:-1].min())
         worst = {}
         for setting in (None, 1.0):
@@ -83,12 +91,13 @@ class TestFit:
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
         plain, strength = estimate("weighted", model, recorded(model, 200, noise=1.0)), 2.0
         fit = Consistent(strength=strength, margin=1e-4, total_mass=None)
-        standard = fit.standard(model, plain.information, plain.moment)[0].requires_grad_(True)
+        standard = fit.standard(model, *plain.sums.weighted(plain.weights))[0].requires_grad_(True)
         links = standard.reshape(-1, 10)
         assert (least_eigenvalues(links.detach(), planar) > 2e-4).all(), "a bound is active"
         x, first = model.mapping @ standard, pseudo_inertia(planar.inertial_parameters)
         now = pseudo_inertia(links)
-        misfit = 0.5 * x @ plain.information @ x - plain.moment @ x
+        information, moment = plain.sums.weighted(plain.weights)
+        misfit = 0.5 * x @ information @ x - moment @ x
         traces = torch.linalg.solve(first, now).diagonal(dim1=1, dim2=2).sum()
         pull = strength * (traces - torch.logdet(now).sum())
         scale = standard.detach().abs()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.identification.fit import least_squares, recursive
+from sidegan.identification.fit import LeastSquares, least_squares
 from sidegan.identification.gather import gather
 from tests.identification.recordings import Fixed, assert_close, at_once, noisy_rows
 
@@ -42,8 +42,7 @@ def gathered(y, tau, size=None, forgetting=1.0):
 
 
 def fed(y, tau, size=None, prior=1e6, forgetting=1.0, weighted=False):
-    data = gathered(y, tau, size, forgetting)
-    return recursive(data.sums, data.samples, prior, forgetting, weighted)
+    return LeastSquares(prior, forgetting, weighted).fit(gathered(y, tau, size, forgetting))
 
 
 class TestOracles:
@@ -51,7 +50,7 @@ class TestOracles:
     @pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (0.1, 3.0, 40.0)])
     def test_batch_least_squares(self, prior, weights):
         sums = gathered(*ROWS).sums
-        fit = least_squares(sums, torch.tensor(weights, dtype=torch.float64), 1 / prior)
+        fit = least_squares(sums, 1 / prior, torch.tensor(weights, dtype=torch.float64))
         parameters, inverse = batch(*ROWS, prior, weights)
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, inverse)

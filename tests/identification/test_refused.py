@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
@@ -15,7 +14,6 @@ from sidegan.identification import (
     folds,
     measure,
     score,
-    study,
     trust,
 )
 from sidegan.identification.drive_gains import drive_gains
@@ -30,7 +28,6 @@ from tests.identification.recordings import (
     model_of,
     noisy_rows,
     recorded,
-    study_settings,
 )
 
 ROWS = noisy_rows(60)
@@ -72,29 +69,14 @@ def gains(load, data=PLANAR_DATA):
     return drive_gains(MODEL, [data], [data], torch.zeros(load).double())
 
 
-def goal(terms=FULL, **changes):
-    return unmeasured(RigidBody(PLANAR), terms, replace(GOAL, **changes))
-
-
-def summed(**changes):
-    settings, family = study_settings(**changes), (FAMILY, torch.zeros(1, *FAMILY.shape).double())
-    sums = study.measured_sums(RigidBody(PLANAR), family, study_settings(), np.random.SeedSequence(0))
-    return study.combined(RigidBody(PLANAR), {"a": [sums]}, family, settings)
+def goal(**changes):
+    return unmeasured(RigidBody(PLANAR), FULL, replace(GOAL, **changes))
 
 
 NOBODY = r"no bodies that can exist meet the conditions \(margin 0.5, 0.1 kg in all\): infeasible"
 LOAD = "expected three numbers as centre, and six as inertia"
-SETTINGS = [
-    *(("ols", "prior", x) for x in (0.0, float("nan"), float("inf"))),
-    *(("rls", "forgetting", x) for x in (0.0, 1.01, float("nan"))),
-]
 REFUSED = [
     (ConfigError, "'lasso', expected one of ols, weighted, rls", lambda: of_rows("lasso")),
-    (ConfigError, "ols has no setting threshold; it has prior", lambda: of_rows("ols", threshold=1.0)),
-    *(
-        (ConfigError, f"{name} is .*, expected", lambda m=m, x={name: x}: of_rows(m, **x))
-        for m, name, x in SETTINGS
-    ),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [])),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [DATA[:0]])),
     (ShapeError, "hold a str", lambda: estimate("ols", LINEAR, ["a.csv"])),
@@ -112,7 +94,6 @@ REFUSED = [
     (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
     (ShapeError, r"of joints \[1, 2\] is constant", lambda: score(MODEL, MODEL.nominal, measurements())),
     (ConfigError, "at least two recordings, got 1", lambda: folds("ols", MODEL, [PLANAR_DATA])),
-    (ConfigError, "3 Stribeck velocities, expected 2", lambda: model_of(PLANAR, (0.1, 0.1, 0.1))),
     (ShapeError, r"sign \(3, 2\), expected \(S, 2\)", lambda: MODEL.regressor(*[STATE] * 3, STATE[:3])),
     (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
     (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
@@ -122,7 +103,6 @@ REFUSED = [
     (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),
     *((ConfigError, LOAD, lambda n=n: KnownLoad(1.0, [0.1, 0.2, 0.3], [1.0] * n)) for n in (3, 7)),
     (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
-    (ConfigError, "forgetting factor 0.9, expected 1", lambda: summed(forgetting=0.9)),
     (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
     (
         ConfigError,
@@ -131,7 +111,6 @@ REFUSED = [
     ),
     (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),
     (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),
-    (ConfigError, "design with model.stribeck=false", lambda: goal(replace(FULL, stribeck=True))),
 ]
 
 

@@ -204,8 +204,8 @@ SMALL = [(0.24, 0.26, "goes further"), (0.26, 0.24, "is faster")]
 @pytest.mark.parametrize(("moved", "fast", "words"), SMALL)
 def test_advice_is_about_what_was_small(flawless, moved, fast, words):
     arm, reach = flawless.arm, flawless.estimate.reach
-    lower, span = arm.position_lower, arm.position_upper - arm.position_lower
-    reach = reach._replace(lowest=lower, highest=lower + moved * span, fastest=fast * arm.velocity_limit)
+    span = moved * (arm.position_upper - arm.position_lower)
+    reach = reach._replace(range=span, fastest=fast * arm.velocity_limit)
     shaken = torch.tensor([0.2, 0.0], dtype=torch.float64)
     found = replace(flawless.estimate, reach=reach)
     (reason,) = replace(flawless, estimate=found, torque_deviation=shaken).reasons

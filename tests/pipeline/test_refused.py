@@ -34,7 +34,6 @@ SETTINGS = [
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
     ("reproduction", "identification.rate=0.5", "identification.rate is 0.5 Hz, expected more than twice"),
-    ("reproduction", "identification.forgetting=0.9", "identification.forgetting must be 1"),
     ("reproduction", "parallel=dask parallel.scheduler=here", "expected an address like tcp://host:8786"),
     ("reproduction", "parallel.scheduler=tcp://host:8786", "scheduler is of dask; choose parallel=dask"),
     ("exp1", "workspace.clearance=-0.1", "workspace.clearance is -0.1"),

@@ -7,7 +7,8 @@ import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.identification.drive_gains import drive_gains
-from sidegan.identification.workflow import model_of
+from sidegan.identification.model import TorqueModel
+from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
 from sidegan.pipeline.stages.payload import both
@@ -24,7 +25,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     cfg, arm, folder = task.cfg, recorded_arm(task), task.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
-    found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
+    found = drive_gains(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded, cfg.load.parameters)
     each = {"gain": found.gains.tolist(), "deviation": found.deviation.tolist()}
     joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
     write_json(folder / RESULT, {**joints, **each})

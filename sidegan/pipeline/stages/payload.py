@@ -9,8 +9,9 @@ from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import VALUES, Payload, identify_payload
-from sidegan.identification.workflow import model_of
+from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
@@ -49,7 +50,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     """Identify the load, and leave it in the run's folder."""
     cfg, arm = task.cfg, recorded_arm(task)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
-    found = identify_payload(model_of(arm, cfg.model, unloaded), unloaded, loaded)
+    found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
     write_json(task.store.run_folder / RESULT, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
     caption = (

@@ -15,7 +15,6 @@ _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
 _METHODS = {
     "weighted": "least squares in which each joint's torques count by their noise",
     EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
-    "rls": "least squares one sample after another, as while an arm runs",
     CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
     "description": "the description's own links, with friction and rotors fitted to the data",
 }
@@ -23,7 +22,7 @@ _INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
-    **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m", "fs": "N·m"},
+    **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m"},
 }
 
 
@@ -145,7 +144,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "unit": [_UNITS.get(kind, _UNITS.get(kind[:1], "")) for kind in kinds],
             "value": chosen.parameters.tolist(),
             "std": chosen.deviation.tolist(),
-            "relative_std": chosen.relative_deviation.tolist(),
+            "relative_std": (chosen.deviation / chosen.parameters.abs()).tolist(),
             "urdf": nominal,
             "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
             "effect": trust.effect.tolist(),

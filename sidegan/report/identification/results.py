@@ -120,7 +120,6 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
-        "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
         "consistent": _standard(model, identified.standard),
         "use": {"method": identified.use, **_standard(model, identified.used_standard)},
     }
