@@ -5,7 +5,7 @@ before, and ``motion``, that of the set, G = Σ Yᵀ Y over the noise's variance
 """
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TypeAlias
 
 import torch
 from torch import Tensor
@@ -23,32 +23,6 @@ _DOUBT = 10.0  # times these: what a tool may be before anything is measured
 _TOLD = 0.5  # of the deviation before, below which something is told of a parameter
 _FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's counts as at least
 _UNITS = ("kg", "kg·m", "kg·m²")
-
-
-class Purpose(Protocol):
-    """Goal of a set of trajectories."""
-
-    names: tuple[str, ...]  # of what is to be known, (K,)
-    goal: Goal  # the same for a search, but for what is known and measured
-
-    def deviations(self, known: Tensor, motion: Tensor) -> Tensor:
-        """Standard deviation of each of what is to be known, (K,), of information (P, P) each."""
-
-    def said(self, deviations: Tensor, before: Tensor) -> str:
-        """Deviations (K,) now and before, in words."""
-
-
-def purpose_of(objective: str | list[str], model: TorqueModel, unit: Tensor, identified: bool) -> Purpose:
-    """Goal by its name, or by those of links, for a model whose parameters count in units (P,).
-
-    Raises:
-        ConfigError: when links are not the arm's, or torques of one without masses are asked for.
-    """
-    if objective == "payload":
-        return Tool(model, unit, identified)
-    if objective == "prediction":
-        return Prediction(model, unit, usual_torque(model.body))
-    return Parameters(model, unit, objective if isinstance(objective, list) else None)
 
 
 class Parameters:
@@ -137,6 +111,22 @@ class Prediction:
         """The error on average."""
         now, then = (float(x.square().mean().sqrt()) for x in (deviations, before))
         return f"torques of other motions are uncertain by {now:.2%} of their usual size, before {then:.2%}"
+
+
+Purpose: TypeAlias = Parameters | Tool | Prediction
+
+
+def purpose_of(objective: str | list[str], model: TorqueModel, unit: Tensor, identified: bool) -> Purpose:
+    """Goal by its name, or by those of links, for a model whose parameters count in units (P,).
+
+    Raises:
+        ConfigError: when links are not the arm's, or torques of one without masses are asked for.
+    """
+    if objective == "payload":
+        return Tool(model, unit, identified)
+    if objective == "prediction":
+        return Prediction(model, unit, usual_torque(model.body))
+    return Parameters(model, unit, objective if isinstance(objective, list) else None)
 
 
 def usual_torque(body: RigidBody) -> Tensor:

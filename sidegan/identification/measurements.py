@@ -87,20 +87,6 @@ def pieces(measurements: Samples) -> Iterator[Measurements]:
         yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
 
 
-def halves_of(measurements: Iterable[Measurements]) -> list[Measurements]:
-    """Two recordings: the first halves of all stretches, and the second ones."""
-    stretches = [one for one in measurements if len(one) > 1]
-    if not stretches:
-        raise ShapeError("there are no two samples in a row to halve")
-    cut = [(one[: len(one) // 2], one[len(one) // 2 :]) for one in stretches]
-    return [joined(parts) for parts in zip(*cut)]
-
-
-def joined(parts: Iterable[Measurements]) -> Measurements:
-    """Recordings one after another as one; all with a sign of the velocity, or none."""
-    return Measurements(*(torch.cat(x) for x in zip(*([x for _, x in part._named()] for part in parts))))
-
-
 @dataclass(frozen=True)
 class Noise:
     """Uniform measurement noise in proportion to the signal, x · (1 + level · U(−1, 1))."""

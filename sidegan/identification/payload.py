@@ -20,7 +20,6 @@ LOAD = len(LINK_PARAMETERS)  # parameters of what is fixed to the last link, the
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
 _STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
-_MARGIN = 1e-4  # smallest eigenvalue of the load's pseudo-inertia in its typical mass and length
 _CLEAR = 3.0  # deviations from which a mass is one
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
 
@@ -102,7 +101,7 @@ def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
     size = torch.tensor([[_LENGTH, _LENGTH, _LENGTH, 1.0]], dtype=torch.float64)
     unit = max(float(estimate[0]), _LIGHTEST) ** 0.5 * size  # in which the ball is the identity
     strength, ball = torch.tensor([_STRENGTH]), torch.eye(4, dtype=torch.float64)[None]
-    return most_likely(rows, right, Pull(unit, ball, strength), _MARGIN)
+    return most_likely(rows, right, Pull(unit, ball, strength))
 
 
 class Loaded:

@@ -119,5 +119,3 @@ class EstimationSettings:
 
     method: Literal["ols", "weighted"]
     strength: Positive | None  # of the pull towards the description; null: the most probable one
-    margin: Positive
-    total_mass: Positive | None  # [kg]

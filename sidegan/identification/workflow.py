@@ -9,7 +9,7 @@ from torch import Tensor
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import estimate
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
-from sidegan.identification.measurements import Measurements, halves_of, joined
+from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
@@ -49,8 +49,8 @@ def identify_arm(
         tests = {method: score(model, one.parameters, held_out) for method, one in estimates.items()}
     elif len(training) > 1:
         kind = f"each of {len(training)} recordings, predicted from the others"
-        whole = [joined(measurements_of([recording])) for recording in training]
-        turns = {method: folds(method, model, whole, **more) for method, more in methods.items()}
+        each = [measurements_of([recording]) for recording in training]
+        turns = {method: folds(method, model, each, **more) for method, more in methods.items()}
         tests = {method: one.pooled for method, one in turns.items()}
     unseen, unseen_kind = {method: one.nmse for method, one in tests.items()}, kind
     if tests is trained:
@@ -78,12 +78,7 @@ def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
 
 def _methods(settings: EstimationSettings) -> Methods:
     """Settings of the chosen method, and of those that it is compared with."""
-    names = ("strength", "margin", "total_mass")
-    return {
-        settings.method: {},
-        EQUAL_WEIGHTS: {},
-        CONSISTENT: {name: getattr(settings, name) for name in names},
-    }
+    return {settings.method: {}, EQUAL_WEIGHTS: {}, CONSISTENT: {"strength": settings.strength}}
 
 
 def _require_enough(model: TorqueModel, samples: list[Measurements]) -> None:
@@ -99,14 +94,12 @@ def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -
 
     Empty where a half determines too little.
     """
+    halves = [one[: len(one) // 2] for one in samples], [one[len(one) // 2 :] for one in samples]
+    names = next(iter(methods)), CONSISTENT
     try:
-        halves = halves_of(samples)
-        each = {
-            name: folds(name, model, halves, **methods[name]) for name in (next(iter(methods)), CONSISTENT)
-        }
+        return {name: folds(name, model, halves, **methods[name]).pooled.nmse for name in names}
     except (InfeasibleError, ShapeError):
         return {}
-    return {name: one.pooled.nmse for name, one in each.items()}
 
 
 def _causes(found: IdentifiedArm) -> dict[str, Any]:

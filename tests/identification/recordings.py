@@ -8,7 +8,6 @@ import torch
 
 from sidegan.identification import (
     FULL,
-    EstimationSettings,
     GoalSettings,
     Measurements,
     Noise,
@@ -17,7 +16,6 @@ from sidegan.identification import (
     estimate,
 )
 from sidegan.motion.dynamics import RigidBody
-from tests.settings import settings
 
 NOISE = Noise(0.1, torque=True, state=False)
 GOAL = GoalSettings(1, "parameters", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
@@ -103,15 +101,6 @@ def noisy_rows(samples):
 
 def model_of(arm, **terms):
     return TorqueModel(RigidBody(arm), replace(FULL, **terms))
-
-
-def fitted(method, model, measurements, **changes):
-    """An estimate; the consistent method has the settings of conf/ but for the changes."""
-    if method == "consistent":
-        group = settings(EstimationSettings, "identify/default")
-        names = ("strength", "margin", "total_mass")
-        changes = {name: getattr(group, name) for name in names} | changes
-    return estimate(method, model, measurements, **changes)
 
 
 def study_settings(**changes):

@@ -46,7 +46,7 @@ class TestLaws:
     @pytest.mark.parametrize("method", METHODS)
     def test_exact_torques_give_the_true_parameters(self, planar, method):
         model = model_of(planar)
-        found = recordings.fitted(method, model, recorded(model, 600))
+        found = estimate(method, model, recorded(model, 600))
         tolerance = 2e-3 if method == "consistent" else 1e-4
         scale = truth_of(model).abs().clamp_min(0.1)
         assert ((found.parameters - truth_of(model)).abs() / scale).max() < tolerance

@@ -2,11 +2,11 @@
 
 import pytest
 
-from sidegan.identification import Measurements
+from sidegan.identification import Measurements, estimate
 from sidegan.identification.lacking import lacks
 from sidegan.recording.segments import preprocess
 from sidegan.robot import load_robot
-from tests.identification.recordings import fitted, model_of
+from tests.identification.recordings import model_of
 from tests.recording.conftest import load_recording, of_file, real
 from tests.recording.test_check import GAINS
 
@@ -25,7 +25,7 @@ def test_ur10e_shows_friction_that_grows_with_the_load(ur10e):
     """At the joints that carry the arm, in both recordings, most of what is left."""
     model, runs = ur10e
     for run in runs:
-        found = lacks(model, fitted("weighted", model, run), run)
-        first = {j: found.of(j)[0] for j in (1, 2)}
-        assert all(one.kind.name == "friction that grows with the load" for one in first.values())
+        found = lacks(model, estimate("weighted", model, run), run)
+        first = {j: next(one for one in found.found if one.joint == j) for j in (1, 2)}
+        assert all(one.kind == "friction that grows with the load" for one in first.values())
         assert first[1].share > 0.5 and first[2].share > 0.35

@@ -50,7 +50,7 @@ class TestScore:
     def test_folds_leave_one_out(self, good):
         model, _, _ = good
         recordings = [recorded(model, 300, NOISE, seed) for seed in range(3)]
-        found = folds("weighted", model, recordings)
+        found = folds("weighted", model, [[one] for one in recordings])
         for k in range(3):
             others = [x for i, x in enumerate(recordings) if i != k]
             parameters = estimate("weighted", model, others).parameters
@@ -58,7 +58,7 @@ class TestScore:
 
 
 def folded(model, *recordings):
-    return folds("weighted", model, recordings)
+    return folds("weighted", model, [[one] for one in recordings])
 
 
 def still(data):

@@ -78,12 +78,9 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """Motions to record next, a sentence each; the command designs them."""
     if identified.trust.other_gravity:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
-    same = "more motion of the same kind leaves the bias as it is"
-    asked = [f"record {motion}: {same}" for motion in identified.helpful_motions]
     if not identified.trust.weak:
-        return asked
+        return []
     return [
-        *asked,
         "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
         f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
     ]

@@ -81,7 +81,7 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "left_over": identified.left_over,
         "torque_bias": _numbers(identified.lacks.error),
         "lacking": [
-            {"joint": arm.joint_names[one.joint], "kind": one.kind.name, "share": _number(one.share)}
+            {"joint": arm.joint_names[one.joint], "kind": one.kind, "share": _number(one.share)}
             for one in identified.lacks.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
