@@ -25,13 +25,10 @@ def expected_errors(
 
     The weights of joints follow from the noise alone. No rows where states are noisy.
     """
-    rows, noise = list[tuple[object, ...]](), settings.noise
-    model, weightings = TorqueModel(body, RIGID), [False, True] if settings.weighted else [False]
-    if noise.state and noise.level:
-        weightings = []
+    model, noise, rows = TorqueModel(body, RIGID), settings.noise, list[tuple[object, ...]]()
     exact, truth = (list(measured(body, one, settings.rate)) for one in (family, tests))
     sums, judged, spread = gather(model, exact).sums, gather(model, truth).sums, _noise(model, exact, noise)
-    for weighted in weightings:
+    for weighted in () if noise.state and noise.level else (False, True):
         weights = torch.ones_like(sums.energy)
         if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
             weights = 1 / torch.maximum((spread.energy / spread.weight).sqrt(), least_residual(sums))

@@ -17,7 +17,6 @@ class StudySettings:
 
     rate: Hertz  # of sampling [Hz]
     prior: Positive  # P₀ = prior · I
-    weighted: bool  # also with one weight per joint, beside the paper's unweighted
     noise: Noise  # of the simulated measurements; test torques are free of it
     repeats: Count  # noise realisations
     tests: Count  # test trajectories

@@ -50,21 +50,19 @@ def compare(
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         samples, condition of the stacked YᵀY, duration [s]).
     """
-    judge = _Judge(body, tests, settings, ["set", "repeat"])
-    children, stacked = random.spawn(settings.repeats), {}
-    for done, (name, family) in enumerate(sets.items()):
-        stacked[name] = _stacked_condition(body, family), family[0].period * len(family[1])
+    judge, parts = _Judge(body, tests, settings), list[tuple[pd.DataFrame, pd.DataFrame]]()
+    children = random.spawn(settings.repeats)
+    for name, family in sets.items():
+        facts = {"condition": _stacked_condition(body, family), "duration": family[0].period * len(family[1])}
         exact = list(measured(body, family, settings.rate))
         for repeat, child in enumerate(children):
             generator = np.random.default_rng(child)
             noisy = (disturbed(one, settings.noise, generator) for one in exact)
-            judge.identify((name, repeat), gather(judge.model, noisy).sums)
+            errors, norms = judge(gather(judge.model, noisy).sums, set=name, repeat=repeat)
+            parts.append((errors, norms.assign(**facts)))
             if progress is not None:
-                progress(done * settings.repeats + repeat + 1, len(sets) * settings.repeats)
-    results, facts = judge.frames()
-    columns = pd.DataFrame([stacked[name] for name in facts["set"]], columns=["condition", "duration"])
-    facts[["condition", "duration"]] = columns
-    return results, facts
+                progress(len(parts), len(sets) * settings.repeats)
+    return _joined(parts)
 
 
 def measured_sums(
@@ -99,10 +97,8 @@ def combined(
     Returns:
         Results (columns set, weighted, joint, nmse) and facts (set, covariance_norm, samples).
     """
-    judge = _Judge(body, tests, settings, ["set"])
-    for name, parts in sets.items():
-        judge.identify((name,), reduce(Sums.plus, parts))
-    return judge.frames()
+    judge = _Judge(body, tests, settings)
+    return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 
 
 def measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
@@ -115,27 +111,25 @@ def measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measur
 class _Judge:
     """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
 
-    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings, keys: list[str]) -> None:
-        self.model, self._settings, self._keys = TorqueModel(body, RIGID), settings, keys
+    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
+        self.model, self._least = TorqueModel(body, RIGID), 1 / settings.prior
         self._truth = list(measured(body, tests, settings.rate))
-        self._results, self._facts = list[tuple[object, ...]](), list[tuple[object, ...]]()
 
-    def identify(self, key: tuple[object, ...], sums: Sums) -> None:
-        """Rows of identification with equal weights, and where set with one per joint."""
-        for weighted in (False, True) if self._settings.weighted else (False,):
-            fit = (reweighted if weighted else least_squares)(sums, 1 / self._settings.prior)
-            errors = score(self.model, fit.parameters, self._truth).nmse.tolist()
-            self._results += [(*key, weighted, *row) for row in zip(self.model.arm.joint_names, errors)]
-            if not weighted:
-                norm = torch.linalg.vector_norm(fit.inverse.diagonal())
-                self._facts.append((*key, float(norm), round(float(sums.weight))))
+    def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""
+        fits, errors = [least_squares(sums, self._least), reweighted(sums, self._least)], []
+        for weighted, fit in enumerate(fits):
+            nmse = score(self.model, fit.parameters, self._truth).nmse.tolist()
+            columns = {"weighted": bool(weighted), "joint": self.model.arm.joint_names, "nmse": nmse}
+            errors.append(pd.DataFrame({**keys, **columns}))
+        norm = float(torch.linalg.vector_norm(fits[0].inverse.diagonal()))
+        facts = pd.DataFrame([{**keys, "covariance_norm": norm, "samples": round(float(sums.weight))}])
+        return pd.concat(errors), facts
 
-    def frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """All rows: errors, and norms ‖diag P‖ with equal weights."""
-        return (
-            pd.DataFrame(self._results, columns=[*self._keys, "weighted", "joint", "nmse"]),
-            pd.DataFrame(self._facts, columns=[*self._keys, "covariance_norm", "samples"]),
-        )
+
+def _joined(parts: list[tuple[pd.DataFrame, pd.DataFrame]]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    results, facts = (pd.concat(frames, ignore_index=True) for frames in zip(*parts))
+    return results, facts
 
 
 def _stacked_condition(body: RigidBody, family: MotionSet) -> float:

@@ -1,10 +1,10 @@
 """A verdict on an identified model, in words."""
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from string import ascii_letters
 from typing import NamedTuple
 
 from torch import Tensor
@@ -57,12 +57,8 @@ class Trust:
     # limits, (J,)
     torque_deviation: Tensor
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
-    # mass [kg] of the links that some torque depends on, of the consistent model and of the description; None
-    # where it is not known
-    mass: tuple[float, float] | None = None
-    doubts: tuple[str, ...] = ()  # what of the description and the torques cannot both be right
-    other_gravity: str | None = None  # sentence on one that explains the torques better
-    implausible: tuple[Finding, ...] = ()  # of the consistent model's links
+    causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
+    other_gravity: bool = False  # whether another one than the description's explains the torques better
 
     @property
     def verdict(self) -> str:
@@ -81,22 +77,16 @@ class Trust:
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
         gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
-        return [self._sentence(group) for group in [*([one] for one in self.causes), *gravest_first]]
-
-    def _sentence(self, group: list[Finding]) -> str:
-        """Findings about the arm, or all about one joint, in a sentence."""
-        texts, joint = "; ".join(one.text for one in group), group[0].joint
-        return texts if joint is None else f"{self.joint(joint)}: {texts}"
+        sentences = []
+        for group in [*([one] for one in self.causes), *gravest_first]:
+            texts, joint = "; ".join(one.text for one in group), group[0].joint
+            sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
+        return sentences
 
     @cached_property
     def findings(self) -> list[Finding]:
         """Findings that keep the model from being good."""
         return [*self.causes, *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
-
-    @property
-    def causes(self) -> list[Finding]:
-        """Faults of the torques or the description, which the rest may follow from."""
-        return [*_doubts(self), *_scale(self), *self.implausible]
 
     @property
     def described(self) -> bool:
@@ -125,24 +115,6 @@ class Trust:
     def joint(self, j: int) -> str:
         """Number and name of joint j."""
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
-
-
-def _doubts(trust: Trust) -> Iterator[Finding]:
-    if trust.other_gravity is not None:
-        yield Finding(BAD, trust.other_gravity)
-    yield from (Finding(USABLE, doubt) for doubt in trust.doubts)
-
-
-def _scale(trust: Trust) -> Iterator[Finding]:
-    if trust.mass is None or trust.doubts:
-        return
-    found, described = trust.mass
-    if not described > 0:
-        return
-    if not described / _MASSES <= found <= described * _MASSES:
-        units = "recording.units.torque or recording.units.current, robot.gains"
-        text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
-        yield Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")
 
 
 def _held_out(trust: Trust) -> Iterator[Finding]:
@@ -222,6 +194,15 @@ def _advice(trust: Trust, j: int) -> str:
     return f"; excite it with a motion that {' and '.join(wishes)}"
 
 
+def implausible_mass(found: float, described: float) -> list[Finding]:
+    """Finding on the mass of an arm's links [kg] that is of another order than the description's."""
+    if not described > 0 or described / _MASSES <= found <= described * _MASSES:
+        return []
+    units = "recording.units.torque or recording.units.current, robot.gains"
+    text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
+    return [Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")]
+
+
 def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
     """Findings on links (J, 10) that no such arm has, by mass and centre of mass."""
     described = arm.inertial_parameters[:, 0]
@@ -240,5 +221,4 @@ def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
 
 def joint_of(name: str) -> int:
     """Joint or link, from 0, that a parameter's name ends with."""
-    number = re.search(r"\d+$", name)
-    return int(number.group()) - 1 if number else -1
+    return int(name.lstrip(ascii_letters)) - 1

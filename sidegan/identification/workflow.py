@@ -14,7 +14,7 @@ from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.trust import trust
-from sidegan.identification.verdict import implausible_links
+from sidegan.identification.verdict import BAD, USABLE, Finding, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
@@ -61,7 +61,8 @@ def identify_arm(
     found = IdentifiedArm(
         model, training, validation, kind, estimates, tests, trained, judged, use, unseen, unseen_kind
     )
-    return replace(found, trust=replace(judged, **_causes(found)))
+    causes, gravity = _causes(found)
+    return replace(found, trust=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
 def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
@@ -102,21 +103,21 @@ def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -
         return {}
 
 
-def _causes(found: IdentifiedArm) -> dict[str, Any]:
-    """Fields of ``Trust`` on what speaks against the description, the torques or the links."""
+def _causes(found: IdentifiedArm) -> tuple[list[Finding], bool]:
+    """Findings against the description, the torques or the links; whether gravity is another one."""
     model, arm, links = found.model, found.model.arm, found.links
-    torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
-    gravity = agreement.gravity(arm)
+    causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
+    torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
+    if not causes:
+        masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
+        causes += implausible_mass(*masses)
     if gravity is not None:
-        error = _error_under(found, agreement.load.gravity)
-        gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(found.trust.judged.nmse_mean)}"
-    return {
-        "mass": tuple(float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters)),
-        "doubts": tuple(agreement.doubts(arm)),
-        "other_gravity": gravity,
-        "implausible": tuple(one for one in implausible_links(arm, links) if torques_tell[one.joint]),
-    }
+        error, now = _error_under(found, agreement.load.gravity), found.trust.judged.nmse_mean
+        gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
+        causes.insert(0, Finding(BAD, gravity))
+    causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
+    return causes, gravity is not None
 
 
 def _error_under(found: IdentifiedArm, gravity: Tensor) -> float:

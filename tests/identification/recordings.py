@@ -104,7 +104,7 @@ def model_of(arm, **terms):
 
 
 def study_settings(**changes):
-    values = {"rate": 20.0, "prior": 1e6, "weighted": True, "noise": NOISE, "repeats": 2}
+    values = {"rate": 20.0, "prior": 1e6, "noise": NOISE, "repeats": 2}
     return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})
 
 
