@@ -11,7 +11,6 @@ from sidegan.identification.gather import Gathered
 from sidegan.identification.sums import Sums, solve
 
 _LEAST_RESIDUAL = 1e-6  # of a joint's torque: near what the sums resolve, and less than any sensor does
-_LEAST_INFORMATION = 1e-200  # of a prior that was forgotten: keeps the covariance finite
 _REPETITIONS = 20
 _SETTLED = 1e-3  # relative change of a weight that no longer matters
 
@@ -91,5 +90,5 @@ class LeastSquares:
 
     def fit(self, data: Gathered) -> Fit:
         """Parameters after the last sample."""
-        least = max(self.forgetting**data.samples / self.prior, _LEAST_INFORMATION)
+        least = self.forgetting**data.samples / self.prior
         return (reweighted if self.weighted else least_squares)(data.sums, least)

@@ -6,15 +6,8 @@ from unittest.mock import patch
 import numpy as np
 import torch
 
-from sidegan.identification import (
-    FULL,
-    GoalSettings,
-    Measurements,
-    Noise,
-    StudySettings,
-    TorqueModel,
-    estimate,
-)
+from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estimate
+from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.motion.dynamics import RigidBody
 
 NOISE = Noise(0.1, torque=True, state=False)
@@ -36,17 +29,8 @@ def multisine(joints, samples, seed=0, rate=100.0, sines=4):
 def truth_of(model):
     """Parameters (P,) of the description with friction, another one at every joint."""
     grow = torch.linspace(1.0, 0.4, model.joints, dtype=torch.float64)
-    terms = {name: FRICTION[name] * grow for name in model.kinds if name in FRICTION}
-    return parameters_of(model, terms)
-
-
-def parameters_of(model, terms):
-    """Parameters (P,) of the description's links and of terms, name → (J,)."""
-    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
-    standard[: 10 * model.joints] = model.arm.inertial_parameters.reshape(-1)
-    for name, values in terms.items():
-        standard[model.standard_slice(name)] = values.double()
-    return model.mapping @ standard
+    terms = [FRICTION[name] * grow for name in model.kinds]
+    return model.mapping @ torch.cat([model.arm.inertial_parameters.reshape(-1), *terms])
 
 
 def at_once(samples):
@@ -58,11 +42,10 @@ def white(shape, *seed):
     return torch.from_numpy(np.random.default_rng(seed).normal(size=shape))
 
 
-def measured(model, states, noise=0.0, seed=0, parameters=None):
-    """Measurements of the model at states, by its true parameters unless told, with white noise [N·m]."""
-    torque = model.torque(truth_of(model) if parameters is None else parameters, *states)
-    level = torch.as_tensor(noise, dtype=torch.float64)
-    return Measurements(*states, torque + level * white(torque.shape, seed, 1))
+def measured(model, states, noise=0.0, seed=0):
+    """Measurements of the model at states, by its true parameters, with white noise [N·m]."""
+    torque = model.torque(truth_of(model), *states)
+    return Measurements(*states, torque + noise * white(torque.shape, seed, 1))
 
 
 def recorded(model, samples=1500, noise=0.0, seed=0):

@@ -1,4 +1,7 @@
+import re
+
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 
@@ -57,17 +60,9 @@ class TestGroupings:
         full = torch.from_numpy(np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
         values = dict(zip(model.standard_names, full.tolist()))
         for own, text, expected in zip(model.names, model.formulas, (model.mapping @ full).tolist()):
+            product = re.sub(r"\b([\d.]+(?:e-\d+)?) ([A-Za-z])", r"\1 * \2", text)
             assert own in text.split()
-            words = text.replace("- ", "-").replace("+ ", "").split()
-            total, factor = 0.0, 1.0
-            for word in words:
-                name = word.lstrip("-")
-                if name in values:
-                    total += (-1 if word.startswith("-") else 1) * factor * values[name]
-                    factor = 1.0
-                else:
-                    factor = float(word)
-            assert total == pytest.approx(expected, rel=1e-3)
+            assert pd.eval(product, local_dict=values) == pytest.approx(expected, rel=1e-3)
 
     def test_reads_as_people_write(self):
         shares = torch.tensor([0.0, -1.0, 0.0780001, 1.0], dtype=torch.float64)
