@@ -25,13 +25,12 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 _log = logging.getLogger(__name__)
-_LEAST = 1e-6  # information on what neither samples nor pull determine
+_LEAST = 1e-6  # information on what neither samples nor pull determine, and on terms
 _MARGIN = 1e-4  # smallest eigenvalue of a pseudo-inertia in its link's typical mass and length
 _ROUNDS = 6  # of finding the strength of the pull
 _SETTLED = 1.1  # times the strength: a change that no longer matters
 _STRENGTHS = (0.01, 100.0)  # between which it is looked for
 _BELIEVED = 1.0  # of a link's ten parameters: as much says beforehand that its strength is the others'
-_FREE = 1e-6  # information on each term beside the samples'
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
@@ -126,7 +125,7 @@ def _most_probable(model: TorqueModel, information: Tensor, standard: Tensor, pu
     distances, bend = pull.distances(model.links_of(standard))
     own = torch.block_diag(*(pull.strength[:, None, None] * bend))
     count, size = len(standard), len(own)
-    both = model.mapping.T @ information @ model.mapping + _FREE * torch.diag(torch.arange(count) >= size)
+    both = model.mapping.T @ information @ model.mapping + _LEAST * torch.diag(torch.arange(count) >= size)
     both[:size, :size] += own
     left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
     determined = 10 - (left @ own).diagonal().view(-1, 10).sum(1)

@@ -50,17 +50,11 @@ class Gains:
 def drive_gains(
     model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], load: Tensor
 ) -> Gains:
-    """Torque per current of each joint, from currents recorded without and with a known load.
+    """Torque per current of each joint, from measurements whose torque holds currents [A].
 
-    Currents alone give the arm's parameters up to a factor per joint, which the load sets. Each joint is on
-    its own: i = Y φ + g y_load with errors in the currents is linear in the arm's parameters over its gain,
-    φ, and in one over its gain, g.
-
-    Args:
-        model: of the arm without the load.
-        unloaded: measurements whose torque holds currents [A].
-        loaded: the same with the load.
-        load: its ten parameters in Pinocchio's order about the last joint's frame.
+    Currents alone give the arm's parameters up to a factor per joint, which the known load sets, ten
+    parameters in the last joint's frame. Each joint is on its own: i = Y φ + g y_load with errors in the
+    currents is linear in the arm's parameters over its gain, φ, and in one over its gain, g.
 
     Raises:
         ShapeError: when the load is not ten finite numbers, or measurements do not fit the model.
@@ -83,7 +77,7 @@ def drive_gains(
     residuals = [
         x.torque - torch.einsum("sjp,jp->sj", part.model.regressor(*x.inputs), parameters)
         for part in parts
-        for x in part.kept
+        for x in part.pieces
     ]
     squares = (sums.energy - (sums.moment * parameters).sum(1)).clamp_min(0)  # what the best fit leaves
     spread = torch.stack([covariance[-1, -1] for _, covariance in each])

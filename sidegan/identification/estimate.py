@@ -31,9 +31,7 @@ class Estimate:
     method: str  # how they were found
     names: tuple[str, ...]  # of the parameters, (P,)
     parameters: Tensor  # θ, (P,)
-    # of the parameters' errors, (P, P), for errors of the torque, each joint with its own size and its own
-    # correlation over time; errors of the states are not in it
-    covariance: Tensor
+    covariance: Tensor  # of their errors, (P, P), for errors of the torque; those of states are not in it
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     residual_rms: Tensor  # root mean square of τ − Y θ [N·m or N], (J,)
     inflation: Tensor  # samples that weigh as much as one independent one, (J,)
@@ -41,8 +39,7 @@ class Estimate:
     samples: int  # number of samples of all joints
     reach: Reach  # how far and how fast the joints moved
     sums: Sums  # over the samples, from which other weights can be tried
-    # link parameters and terms in ``TorqueModel.standard_names``' order, (F,), of the consistent method
-    standard: Tensor | None = None
+    standard: Tensor | None = None  # as ``TorqueModel.standard_names``, (F,), of the consistent method
 
     @property
     def deviation(self) -> Tensor:
@@ -53,8 +50,7 @@ class Estimate:
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
 
-    Samples are of one recording, several, or a stream of them in the order of time. They are read once and in
-    pieces, so memory does not grow with their number.
+    Samples are of one recording, several, or a stream of them in the order of time, read once and in pieces.
 
     Raises:
         ConfigError: when the method is unknown.

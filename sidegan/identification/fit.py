@@ -26,9 +26,7 @@ class Fit(NamedTuple):
     """Parameters that a method fitted."""
 
     parameters: Tensor  # θ, (P,)
-    # of the weighted information and the prior, (P, P): the P matrix of recursive least squares; as in the
-    # paper it follows from where the samples were, not from how large their errors are
-    inverse: Tensor
+    inverse: Tensor  # of the weighted information and the prior, (P, P): P of recursive least squares
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     prior: Tensor  # information that did not come from the samples, (P, P)
     standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them

@@ -103,8 +103,8 @@ def measure(
 ) -> Measurements:
     """Simulated measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
 
-    The torque is that of the true states. All choices of what is noisy use the same draws, and a batch those
-    of its trajectories in turn, so comparisons differ in nothing else.
+    The torque is that of the true states. Whatever is noisy, the draws are the same, and those of a batch
+    are those of its trajectories in turn.
 
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.

@@ -61,10 +61,6 @@ class TorqueModel:
     parameters. A parameter that has the same effect as those before it (such as the rotor inertia of the
     first joint and the inertia about its axis) has no column: it is grouped into theirs.
 
-    Args:
-        body: the arm; its own inertial parameters are used as ``nominal`` only.
-        terms: what is added to the rigid bodies.
-
     Attributes:
         names: of the parameters, such as "Izz6" or "fv3", (P,).
         kinds: names of the terms in use, in the order of their columns.

@@ -1,7 +1,6 @@
 """The load of an arm, from recordings without and with it: mass, centre of mass, inertia, with errors."""
 
 from dataclasses import dataclass
-from itertools import chain
 
 import torch
 from torch import Tensor
@@ -64,31 +63,20 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
 
     The arm's parameters are unknown too, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
 
-    Raises:
-        ShapeError: when there are no samples, or they do not fit the model.
-        InfeasibleError: when the solver finds no body.
-
     Source: Khalil, Gautier, Lemoine 2007, Identification of the payload inertial parameters of industrial
     manipulators, method 2.
     """
     parts = gathered(model, unloaded, loaded)
     sums = parts[0].sums.plus(parts[1].sums)
     fit = reweighted(sums, _LEAST)
-    residuals = chain.from_iterable(
-        (residual_of(part.model, x, fit.parameters) for x in part.kept) for part in parts
-    )
+    residuals = [residual_of(part.model, x, fit.parameters) for part in parts for x in part.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
-    empty = torch.cat([fit.parameters[:-LOAD], torch.zeros(LOAD, dtype=torch.float64)])
-    with_load = parts[1].sums
-    return Payload(
-        link=model.arm.link_names[-1],
-        estimate=fit.parameters[-LOAD:],
-        covariance=covariance,
-        body=_possible(fit.parameters[-LOAD:], covariance),
-        without=with_load.nmse(empty),
-        explained=with_load.nmse(fit.parameters),
-    )
+    load, empty = fit.parameters[-LOAD:], fit.parameters.clone()
+    empty[-LOAD:] = 0
+    without, explained = (parts[1].sums.nmse(x) for x in (empty, fit.parameters))
+    body = _possible(load, covariance)
+    return Payload(model.arm.link_names[-1], load, covariance, body, without, explained)
 
 
 def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
@@ -105,12 +93,7 @@ def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
 
 
 class Loaded:
-    """A model of an arm with columns behind it for what is fixed to its last link, zero where nothing is.
-
-    Args:
-        model: of the arm.
-        carried: whether the load is.
-    """
+    """A model of an arm with columns behind it for what is fixed to its last link, zero where nothing is."""
 
     kinds = ("load",)  # a model with more than rigid base parameters
 
@@ -124,10 +107,6 @@ class Loaded:
 
 
 def gathered(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> list[Gathered]:
-    """Sums over runs without and with the load, of one set of parameters.
-
-    Raises:
-        ShapeError: when there are no samples, or they do not fit the model.
-    """
+    """Sums over runs without and with the load, of one set of parameters."""
     runs = ((unloaded, False), (loaded, True))
     return [gather(Loaded(model, carried), samples) for samples, carried in runs]  # type: ignore[arg-type]

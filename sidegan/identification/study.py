@@ -72,10 +72,7 @@ def measured_sums(
     random: np.random.SeedSequence,
     progress: Progress | None = None,
 ) -> Sums:
-    """Sums of least squares over all N trajectories of a set, measured once with noise.
-
-    Arguments are as for ``compare``; progress receives (done, N).
-    """
+    """Sums of least squares over all N trajectories of a set, measured once with noise; progress is of N."""
     model, generator, count = TorqueModel(body, RIGID), np.random.default_rng(random), len(family[1])
     sums, done = no_sums(model.joints, model.count), 0
     for some in family[1].split(_TRAJECTORIES_AT_ONCE) if count else ():
@@ -90,13 +87,7 @@ def measured_sums(
 def combined(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """NMSE of every set, weighting and joint, and the covariance norm and number of samples of every set.
-
-    Arguments are as for ``compare``, but ``sets`` has the sums that are identified from together.
-
-    Returns:
-        Results (columns set, weighted, joint, nmse) and facts (set, covariance_norm, samples).
-    """
+    """As ``compare``, of sums that are identified from together: no repeat, condition and duration."""
     judge = _Judge(body, tests, settings)
     return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 

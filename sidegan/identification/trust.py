@@ -5,7 +5,7 @@ from torch import Tensor
 
 from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.measurements import Samples
+from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score, score, score_of_sums
 from sidegan.identification.sums import solve
@@ -18,12 +18,10 @@ _EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than th
 def trust(
     model: TorqueModel,
     estimate: Estimate,
-    validation: Samples | None = None,
+    validation: list[Measurements] | None = None,
     folds: Score | None = None,
 ) -> Trust:
     """Quality of an estimate of a model, from which its verdict follows.
-
-    Recordings that were held out are a list, as they are read twice.
 
     Raises:
         ShapeError: when the estimate is of another model or a joint's validation torque is constant.
@@ -38,17 +36,8 @@ def trust(
     validated = None
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
-    return Trust(
-        arm=model.arm,
-        estimate=estimate,
-        train=train,
-        validation=validated,
-        nominal_score=nominal,
-        folds=folds,
-        effect=effect,
-        torque_deviation=torque_deviation,
-        weak=tuple(estimate.names[i] for i in weak),
-    )
+    names = tuple(estimate.names[i] for i in weak)
+    return Trust(model.arm, estimate, train, validated, nominal, folds, effect, torque_deviation, names)
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:

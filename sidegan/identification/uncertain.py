@@ -26,15 +26,13 @@ class Uncertain:
     Args:
         model: that was, or is to be, identified.
         covariance: of its parameters' errors, (P, P).
-        certainty: one over the deviation that a sample's torque error would have if samples were
-            independent, (J,).
+        certainty: one over the deviation of an independent sample's torque, (J,).
         rate: of the samples [Hz].
         objective: of ``GoalSettings``.
         identified: whether the model was, from recordings without a tool.
 
     Raises:
-        ShapeError: when something does not fit the model.
-        ConfigError: when the objective does not fit the arm.
+        ShapeError, ConfigError: when something does not fit the model.
     """
 
     def __init__(

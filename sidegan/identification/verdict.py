@@ -48,14 +48,10 @@ class Trust:
     estimate: Estimate  # its parameters
     train: Score  # errors on what was identified from
     validation: Score | None  # errors on what was held out; None when nothing was
-    # errors of the description's link parameters with fitted friction, on the same samples as
-    # ``validation``, or else ``train``
-    nominal_score: Score
+    nominal_score: Score  # of the description's links with fitted friction, on the same samples as these
     folds: Score | None  # each recording predicted from the others; None when not asked for
     effect: Tensor  # largest share of a joint's usual torque that one deviation of a parameter makes, (P,)
-    # standard deviation of the predicted torque over the joint's usual torque, anywhere within the
-    # limits, (J,)
-    torque_deviation: Tensor
+    torque_deviation: Tensor  # deviation of predicted torques within the limits, over the usual ones, (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
     causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
     other_gravity: bool = False  # whether another one than the description's explains the torques better
@@ -73,11 +69,10 @@ class Trust:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
             right = "; the description is right: its own links predict as well" if self.described else ""
             return [f"{error}, and every parameter that matters is certain{right}"]
-        groups: dict[object, list[Finding]] = {}
+        groups, sentences = dict[object, list[Finding]](), list[str]()
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
         gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
-        sentences = []
         for group in [*([one] for one in self.causes), *gravest_first]:
             texts, joint = "; ".join(one.text for one in group), group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
@@ -126,9 +121,8 @@ def _held_out(trust: Trust) -> Iterator[Finding]:
         yield Finding(USABLE, ratio if trust.causes else f"{ratio}: give more, or more varied, recordings")
     if trust.described and not trust.causes and trust.nominal_score.nmse_mean > _GOOD_NMSE:
         error = trust.nominal_score.nmse_mean
-        yield Finding(
-            USABLE, f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
-        )
+        text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
+        yield Finding(USABLE, text)
     if folds is not None and float(folds.nmse.mean()) > _GOOD_NMSE:
         worst = int(folds.nmse.mean(1).argmax())
         error = float(folds.nmse[worst].mean())
