@@ -9,12 +9,12 @@ import pandas as pd
 import torch
 
 from sidegan.identification.fit import least_residual, least_squares
-from sidegan.identification.gather import gather, weighted_sums
+from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, Noise, pieces
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.settings import StudySettings
 from sidegan.identification.study import MotionSet, measured
-from sidegan.identification.sums import Sums, no_sums
+from sidegan.identification.sums import Sums, no_sums, sums_of
 from sidegan.motion.dynamics import RigidBody
 
 
@@ -45,5 +45,6 @@ def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
     sums, share = no_sums(model.joints, model.count), noise.level**2 / 3 * noise.torque
     for part in pieces(exact):
         variance = share * part.torque.square()
-        sums = sums.plus(weighted_sums(model, part, variance)._replace(energy=variance.sum(0)))
+        one = sums_of(model.regressor(*part.states) * variance.sqrt()[..., None], part.torque)
+        sums = sums.plus(one._replace(energy=variance.sum(0)))
     return sums

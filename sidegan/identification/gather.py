@@ -49,12 +49,6 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
     return Gathered(model, sums, parts, sum(map(len, parts)), reach)
 
 
-def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:
-    """Sums over one piece whose equations count with weights (S, J)."""
-    root = weights.sqrt()
-    return sums_of(_regressor(model, part) * root[..., None], part.torque * root)
-
-
 def residual_of(model: TorqueModel, part: Measurements, parameters: Tensor) -> Tensor:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
     return part.torque - _regressor(model, part) @ parameters

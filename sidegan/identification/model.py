@@ -63,6 +63,7 @@ class TorqueModel:
 
     Attributes:
         names: of the parameters, such as "Izz6" or "fv3", (P,).
+        rigid: number of base parameters, the first of the P.
         kinds: names of the terms in use, in the order of their columns.
         standard_names: of the J links' ten parameters and then each term's J, (F,).
         extras: indices among all terms' parameters, (kinds · J), of those that have a column.
@@ -72,8 +73,8 @@ class TorqueModel:
     """
 
     def __init__(self, body: RigidBody, terms: Terms = FULL) -> None:
-        self.body, self.terms, self.kinds = body, terms, terms.kinds
-        joints, rigid = body.joints, len(body.base.values)
+        self.body, self.arm, self.terms, self.kinds = body, body.arm, terms, terms.kinds
+        self.joints, self.rigid = joints, rigid = body.joints, len(body.base.values)
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
         names = [f"{_LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
         self.extras, grouped = self._grouped()
@@ -82,26 +83,7 @@ class TorqueModel:
         rest = torch.zeros(len(self.extras), 10 * joints, dtype=torch.float64)
         self.mapping = torch.cat([top, torch.cat([rest, grouped[rigid:]], 1)])
         self.names = [*body.base.names, *(names[int(k)] for k in self.extras)]
-
-    @property
-    def arm(self) -> Arm:
-        """The arm that is modelled."""
-        return self.body.arm
-
-    @property
-    def joints(self) -> int:
-        """Number of joints J."""
-        return self.body.joints
-
-    @property
-    def count(self) -> int:
-        """Number of parameters P."""
-        return len(self.names)
-
-    @property
-    def rigid(self) -> int:
-        """Number of rigid-body base parameters, the first of the P."""
-        return len(self.body.base.values)
+        self.count = len(self.names)
 
     @cached_property
     def formulas(self) -> list[str]:

@@ -22,7 +22,7 @@ class TestStatedDeviations:
     @pytest.mark.parametrize(
         ("name", "method", "samples", "colour", "error"),
         [
-            *(("planar2", method, 300, np.copy, 0.12) for method in ("weighted", "ols", "rls")),
+            *(("planar2", method, 300, np.copy, 0.12) for method in ("weighted", "ols")),
             ("kuka_lwr4", "weighted", 600, np.copy, 0.05),
             ("planar2", "weighted", 2000, low_passed, 0.12),
         ],

@@ -1,15 +1,13 @@
 from dataclasses import replace
 
-import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 import torch
 
 from sidegan.identification import estimate
 from sidegan.identification.consistent import Consistent
 from sidegan.identification.prior import scales
-from sidegan.robot import Drives, pseudo_inertia, write_mjcf
+from sidegan.robot import pseudo_inertia
 from tests.identification.recordings import model_of, recorded, truth_of
 
 
@@ -56,10 +54,8 @@ class TestFit:
         other, model = model_of(replace(arm, inertial_parameters=links)), model_of(arm)
         data, truth = recorded(other, 600, noise=0.05), truth_of(other)
         plain = estimate("weighted", model, data)
-        pulled = Consistent(strength=None)
-        _, pull = pulled.standard(model, *plain.sums.weighted(plain.weights))
-        strength = pull.strength
-        assert float(strength[-1]) < 0.1 < 1.5 < float(strength[1:-1].min())
+        _, pull = Consistent().standard(model, *plain.sums.weighted(plain.weights))
+        assert float(pull.strength[-1]) < 0.1 < 1.5 < float(pull.strength[1:-1].min())
         worst = {}
         for setting in (None, 1.0):
             found = estimate("consistent", model, data, strength=setting)
@@ -85,27 +81,15 @@ class TestFit:
         """Where no bound is active the two gradients cancel, each with the weight that the objective has."""
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
         plain, strength = estimate("weighted", model, recorded(model, 200, noise=1.0)), 2.0
-        fit = Consistent(strength=strength)
-        standard = fit.standard(model, *plain.sums.weighted(plain.weights))[0].requires_grad_(True)
+        information, moment = plain.sums.weighted(plain.weights)
+        standard = Consistent(strength=strength).standard(model, information, moment)[0].requires_grad_(True)
         links = standard.reshape(-1, 10)
         assert (least_eigenvalues(links.detach(), planar) > 2e-4).all(), "a bound is active"
         x, first = model.mapping @ standard, pseudo_inertia(planar.inertial_parameters)
         now = pseudo_inertia(links)
-        information, moment = plain.sums.weighted(plain.weights)
         misfit = 0.5 * x @ information @ x - moment @ x
         traces = torch.linalg.solve(first, now).diagonal(dim1=1, dim2=2).sum()
         pull = strength * (traces - torch.logdet(now).sum())
         scale = standard.detach().abs()
         slopes = [scale * torch.autograd.grad(x, standard, retain_graph=True)[0] for x in (misfit, pull)]
         assert (slopes[0] + slopes[1]).norm() < 0.02 * slopes[0].norm()
-
-
-def test_links_are_accepted_by_mujoco_and_pinocchio(noisy, found, arm, tmp_path):
-    links = links_of(noisy[0], found)
-    for row in links.numpy():
-        inertia = pin.Inertia.FromDynamicParameters(row)
-        assert np.linalg.eigvalsh(inertia.inertia).min() > 0
-        assert np.linalg.eigvalsh(pin.PseudoInertia.FromInertia(inertia).toMatrix()).min() > 0
-    write_mjcf(arm, links, tmp_path / "arm.xml", Drives.none(7))
-    loaded = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
-    np.testing.assert_allclose(loaded.body_mass[-7:], links[:, 0], rtol=1e-9)

@@ -166,12 +166,3 @@ def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, prob
     torch.testing.assert_close(aim.deviations, after.deviation, rtol=0.3, atol=0)
     share = (after.deviation / before.deviation).log().mean().exp()
     assert float(share) == pytest.approx(aim.left, rel=0.15)
-
-
-def test_what_is_known_is_the_inverse_of_the_covariance_in_whatever_units(poor):
-    model, random = poor[0], torch.Generator().manual_seed(0)
-    root = torch.randn(model.count, model.count, generator=random, dtype=torch.float64)
-    unit = 10.0 ** torch.linspace(-3, 1, model.count, dtype=torch.float64)
-    units, covariance = torch.outer(unit, unit), root @ root.T + torch.eye(model.count).double()
-    aim = Uncertain(model, units * covariance, torch.ones(model.joints).double(), RATE)
-    torch.testing.assert_close(aim.next().prior * units, torch.linalg.inv(covariance), rtol=1e-6, atol=1e-6)

@@ -3,23 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from sidegan.identification import Measurements, Noise, measure
-from sidegan.identification.measurements import pieces
+from sidegan.identification import Noise, measure
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, Trajectory
-from tests.identification.recordings import NOISE, at_once
+from tests.identification.recordings import NOISE
 
 
 def stack(measurements):
     return torch.stack([*measurements.states, measurements.torque])
-
-
-def recording(count, joints=2, start=0):
-    x = torch.arange(start, start + count, dtype=torch.float64)[:, None].expand(count, joints)
-    return Measurements(x, x + 0.1, x + 0.2, x + 0.3)
 
 
 @pytest.fixture(scope="module")
@@ -73,16 +65,3 @@ def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion):
     alone = (Motion(motion.time, *(x[i : i + 1] for x in motion[1:])) for i in range(2))
     parts = [stack(measure(body, one, noise, random)) for one in alone]
     torch.testing.assert_close(whole, torch.cat(parts, 1), rtol=1e-14, atol=1e-14)
-
-
-@settings(max_examples=40)
-@given(st.lists(st.integers(0, 9), min_size=1, max_size=6), st.integers(1, 12))
-def test_pieces_are_the_same_samples_in_order_and_end_with_their_recording(lengths, samples):
-    starts = np.cumsum([0, *lengths])
-    with at_once(samples):
-        parts = list(pieces(recording(n, start=s) for n, s in zip(lengths, starts)))
-    expected = [min(samples, n - k) for n in lengths for k in range(0, n, samples)]
-    assert [len(x) for x in parts] == expected
-    if parts:
-        joined = torch.cat([stack(x) for x in parts], 1)
-        assert torch.equal(joined, stack(recording(sum(lengths))))

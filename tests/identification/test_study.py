@@ -63,17 +63,6 @@ def test_noise_is_that_of_the_repeat_and_the_seed_whatever_the_sets(body, famili
     assert (table["a"][0] != table["a"][1]).all()
 
 
-def test_a_short_period_does_not_hide_its_harmonics_from_the_condition(body):
-    """At a fixed rate one second of six harmonics would be aliased."""
-    random = torch.Generator().manual_seed(1)
-    slow, fast = Trajectory(2, 6, 16.0), Trajectory(2, 6, 1.0)
-    c = 0.3 * torch.randn(1, 2, 6, 2, generator=random, dtype=torch.float64)
-    for family in (slow, fast):
-        fine = study._stacked_condition(body, (family, c))
-        exact = float(study.excitation_of(body, study.gram(body, family, c, 2000)).eigenvalue_fitness[0])
-        assert fine == pytest.approx(exact, rel=0.05)
-
-
 def test_sums_of_sets_identify_like_the_sets_together(body, families):
     """Without noise on states the sums are those of the samples, in whatever order they were added."""
     sets, tests = families
