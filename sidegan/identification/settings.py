@@ -56,12 +56,9 @@ class KnownLoad:
     """A known load of an arm, in the frame of the last link that moves."""
 
     mass: NonNegative  # [kg]
-    centre: list[Number]  # of mass [m]
-    inertia: list[Number] | None  # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
-
-    def __post_init__(self) -> None:
-        if len(self.centre) != 3 or len(self.inertia or [0] * 6) != 6:
-            raise ConfigError("load: expected three numbers as centre, and six as inertia")
+    centre: tuple[Number, Number, Number]  # of mass [m]
+    # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
+    inertia: tuple[Number, Number, Number, Number, Number, Number] | None
 
     @property
     def parameters(self) -> Tensor:

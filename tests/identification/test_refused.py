@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification import FULL, KnownLoad, Measurements, estimate, measure, score, trust
+from sidegan.identification import FULL, Measurements, estimate, measure, score, trust
 from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.dynamics import RigidBody
@@ -53,7 +53,6 @@ def goal(**changes):
     return unmeasured(RigidBody(PLANAR), FULL, replace(GOAL, **changes))
 
 
-LOAD = "expected three numbers as centre, and six as inertia"
 REFUSED = [
     (ConfigError, "'lasso', expected one of ols, weighted, rls", lambda: of_rows("lasso")),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [DATA[:0]])),
@@ -75,8 +74,6 @@ REFUSED = [
     (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
     (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
-    (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),
-    *((ConfigError, LOAD, lambda n=n: KnownLoad(1.0, [0.1, 0.2, 0.3], [1.0] * n)) for n in (3, 7)),
     (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
     (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
     (ConfigError, r"names hand, expected some of .*forearm", lambda: goal(objective=["hand"])),
