@@ -103,7 +103,7 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
 
 
 class _Left(NamedTuple):
-    """What a joint's forms leave in its residuals."""
+    """Products over samples of what the model leaves of a joint's forms."""
 
     normal: Tensor  # its products, (K, K)
     right: Tensor  # its products with the residuals, (K,)

@@ -1,7 +1,7 @@
 """Samples of joint states and torques, recorded or simulated with noise."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -35,22 +35,21 @@ class Measurements:
     sign: Tensor | None = None
 
     def __post_init__(self) -> None:
-        for name, x in self._named():
+        for name, x in self._named().items():
             if x.ndim != 2 or x.shape != self.torque.shape:
                 raise ShapeError(
                     f"{name} is {tuple(x.shape)}, expected (S, J) like torque {tuple(self.torque.shape)}"
                 )
-            if x.sum().isfinite():  # then all are: sums are many times faster than looking at each
-                continue
-            bad = ~x.isfinite().all(1)
-            if bad.any():
-                raise ShapeError(f"{name} of sample {int(bad.nonzero()[0])} is not finite")
+            if not x.sum().isfinite():  # which is many times faster than looking at each
+                bad = (~x.isfinite().all(1)).nonzero()
+                if len(bad):
+                    raise ShapeError(f"{name} of sample {int(bad[0])} is not finite")
 
     def __len__(self) -> int:
         return len(self.torque)
 
     def __getitem__(self, samples: slice) -> "Measurements":
-        return Measurements(*(x[samples] for _, x in self._named()))
+        return Measurements(*(x[samples] for x in self._named().values()))
 
     @property
     def joints(self) -> int:
@@ -67,9 +66,8 @@ class Measurements:
         """Inputs of a model's regressor: the states, and the sign where there is one."""
         return self.states if self.sign is None else (*self.states, self.sign)
 
-    def _named(self) -> list[tuple[str, Tensor]]:
-        named = [(field.name, getattr(self, field.name)) for field in fields(self)]
-        return [(name, x) for name, x in named if x is not None]
+    def _named(self) -> dict[str, Tensor]:
+        return {name: x for name, x in vars(self).items() if x is not None}
 
 
 Samples: TypeAlias = Measurements | Iterable[Measurements]

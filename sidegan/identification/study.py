@@ -16,13 +16,13 @@ import torch
 from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
-from sidegan.identification.fit import least_squares, reweighted
+from sidegan.identification.fit import least_residual, least_squares, reweighted
 from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements, disturbed, measure
+from sidegan.identification.measurements import Measurements, Noise, disturbed, measure, pieces
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
-from sidegan.identification.sums import Sums, no_sums
+from sidegan.identification.sums import Sums, no_sums, sums_of
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
@@ -54,7 +54,7 @@ def compare(
     children = random.spawn(settings.repeats)
     for name, family in sets.items():
         facts = {"condition": _stacked_condition(body, family), "duration": family[0].period * len(family[1])}
-        exact = list(measured(body, family, settings.rate))
+        exact = list(_measured(body, family, settings.rate))
         for repeat, child in enumerate(children):
             generator = np.random.default_rng(child)
             noisy = (disturbed(one, settings.noise, generator) for one in exact)
@@ -92,7 +92,42 @@ def combined(
     return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 
 
-def measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
+def expected_errors(
+    body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings
+) -> pd.DataFrame:
+    """NMSE that ``compare`` finds on average over noise, by weighting and joint, in closed form.
+
+    An estimate is linear in noise on torques. With the information M = Σ wⱼ² Yⱼᵀ Yⱼ + 1/P₀ and
+    S = Σ wⱼ⁴ σ² yᵀ y over equations y with noise of variance σ², the covariance is C = M⁻¹ S M⁻¹. The tests'
+    Yⱼ turns it into errors of expected square tr(Yⱼᵀ Yⱼ C), besides those that the prior makes. The weights
+    of joints follow from the noise alone. No rows where states are noisy.
+    """
+    model, noise, rows = TorqueModel(body, RIGID), settings.noise, list[tuple[object, ...]]()
+    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
+    sums, judged, spread = gather(model, exact).sums, gather(model, truth).sums, _noise(model, exact, noise)
+    for weighted in () if noise.state and noise.level else (False, True):
+        weights = torch.ones_like(sums.energy)
+        if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
+            weights = 1 / torch.maximum((spread.energy / spread.weight).sqrt(), least_residual(sums))
+        fit = least_squares(sums, 1 / settings.prior, weights)
+        covariance = fit.inverse @ spread.weighted(weights.square())[0] @ fit.inverse
+        squares = judged.squares(fit.parameters) + torch.einsum("jpq,qp->j", judged.information, covariance)
+        nmse = squares / judged.weight / judged.variance
+        rows += [(weighted, *row) for row in zip(model.arm.joint_names, nmse.tolist())]
+    return pd.DataFrame(rows, columns=["weighted", "joint", "nmse"])
+
+
+def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
+    """Sums over equations that count with the variance of their noise, which the energy has, too."""
+    sums, share = no_sums(model.joints, model.count), noise.level**2 / 3 * noise.torque
+    for part in pieces(exact):
+        variance = share * part.torque.square()
+        one = sums_of(model.regressor(*part.states) * variance.sqrt()[..., None], part.torque)
+        sums = sums.plus(one._replace(energy=variance.sum(0)))
+    return sums
+
+
+def _measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
     """Measurements without noise along each trajectory of a set."""
     trajectory, coefficients = family
     times = trajectory.times(rate)
@@ -104,7 +139,7 @@ class _Judge:
 
     def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
         self.model, self._least = TorqueModel(body, RIGID), 1 / settings.prior
-        self._truth = list(measured(body, tests, settings.rate))
+        self._truth = list(_measured(body, tests, settings.rate))
 
     def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""

@@ -3,7 +3,6 @@
 import torch
 from torch import Tensor
 
-from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
@@ -24,10 +23,8 @@ def trust(
     """Quality of an estimate of a model, from which its verdict follows.
 
     Raises:
-        ShapeError: when the estimate is of another model or a joint's validation torque is constant.
+        ShapeError: when a joint's validation torque is constant.
     """
-    if estimate.names != tuple(model.names):
-        raise ShapeError("the estimate has other parameters than the model")
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
     weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > _EFFECT]

@@ -174,10 +174,9 @@ def _advice(trust: Trust, j: int) -> str:
     """Advice on exciting a joint better; nothing where something else is to be mended first."""
     if trust.causes:
         return ""
-    arm, reach = trust.arm, trust.estimate.reach
-    limit, fastest = float(arm.velocity_limit[j]), float(reach.fastest[j])
-    span, unit = float(arm.position_upper[j] - arm.position_lower[j]), "m" if arm.prismatic[j] else "rad"
-    moved = float(reach.range[j])
+    arm, unit = trust.arm, "m" if trust.arm.prismatic[j] else "rad"
+    moved, fastest = (float(x[j]) for x in trust.estimate.reach)
+    span, limit = float(arm.position_upper[j] - arm.position_lower[j]), float(arm.velocity_limit[j])
     wishes = []
     if moved < _LITTLE * span:
         wishes.append(f"goes further than {moved:.2g} of {span:.3g} {unit}")

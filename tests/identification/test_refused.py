@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification import FULL, Measurements, estimate, measure, score, trust
+from sidegan.identification import FULL, Measurements, estimate, measure, score
 from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.dynamics import RigidBody
@@ -20,7 +20,6 @@ DATA = LINEAR.measurements(ROWS[1])
 PLANAR = load_robot("planar2")
 MODEL = model_of(PLANAR)
 PLANAR_DATA = recorded(MODEL, 200, noise=0.1)
-OLS = estimate("ols", MODEL, PLANAR_DATA)
 STATE = torch.zeros(4, 2).double()
 FAMILY = Trajectory(2)
 NOWHERE = torch.zeros(0, *FAMILY.shape).double()
@@ -74,7 +73,6 @@ REFUSED = [
     (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
     (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
-    (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
     (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
     (ConfigError, r"names hand, expected some of .*forearm", lambda: goal(objective=["hand"])),
     (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),

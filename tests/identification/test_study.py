@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from sidegan.identification import study
-from sidegan.identification.expected import expected_errors
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import NOISE, study_settings
@@ -82,7 +81,9 @@ def test_errors_over_many_draws_are_those_expected(body, families):
     settings = study_settings(repeats=150)
     drawn, _ = study.compare(body, {"seeds": sets["seeds"]}, tests, settings, np.random.SeedSequence(1))
     nmse = drawn.groupby(["weighted", "joint"]).nmse
-    expected = expected_errors(body, sets["seeds"], tests, settings).set_index(["weighted", "joint"]).nmse
+    expected = (
+        study.expected_errors(body, sets["seeds"], tests, settings).set_index(["weighted", "joint"]).nmse
+    )
     apart = (nmse.mean() - expected.loc[nmse.mean().index]) / nmse.sem()
     assert len(apart) == 4 and (apart.abs() < 4).all()
     assert (nmse.sem() < 0.1 * nmse.mean()).all()  # so that the comparison says something
@@ -91,6 +92,6 @@ def test_errors_over_many_draws_are_those_expected(body, families):
 def test_nothing_is_expected_where_states_are_noisy(body, families):
     sets, tests = families
     noise = replace(NOISE, state=True)
-    assert expected_errors(body, sets["seeds"], tests, study_settings(noise=noise)).empty
-    quiet = expected_errors(body, sets["seeds"], tests, study_settings(noise=EXACT))
+    assert study.expected_errors(body, sets["seeds"], tests, study_settings(noise=noise)).empty
+    quiet = study.expected_errors(body, sets["seeds"], tests, study_settings(noise=EXACT))
     assert quiet.nmse.max() < 1e-8

@@ -7,7 +7,6 @@ import pandas as pd
 
 from sidegan.base.storage import write_parquet
 from sidegan.identification import study
-from sidegan.identification.expected import expected_errors
 from sidegan.pipeline.graph import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.pools import ExcitationSet
@@ -43,7 +42,7 @@ def _make(task: Task, build: Build, one: ExcitationSet) -> None:
     tests = task.trajectory, test_trajectories(task)
     family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
     frames = study.compare(task.body, {one.name: family}, tests, settings, random, build.report)
-    expected = expected_errors(task.body, family, tests, settings).assign(set=one.name)
+    expected = study.expected_errors(task.body, family, tests, settings).assign(set=one.name)
     for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
