@@ -46,6 +46,11 @@ class Estimate:
         """Standard deviation of each parameter's error, (P,)."""
         return self.covariance.diagonal().clamp_min(0).sqrt()
 
+    @property
+    def certainty(self) -> Tensor:
+        """One over the deviation of an independent sample's torque, (J,)."""
+        return 1 / (self.residual_rms * self.inflation.sqrt())
+
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.

@@ -57,8 +57,3 @@ def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
     if len(rest):
         nominal[r:], _ = solve(information[r:, r:], rest, _LEAST)
     return nominal
-
-
-def certainty(estimate: Estimate) -> Tensor:
-    """One over the deviation that a sample's error would have if samples were independent, (J,)."""
-    return 1 / (estimate.residual_rms * estimate.inflation.sqrt())

@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 
 from sidegan.design.goal import Goal
-from sidegan.errors import ShapeError
 from sidegan.identification.goals import purpose_of, usual_torque
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import belief
@@ -32,7 +31,7 @@ class Uncertain:
         identified: whether the model was, from recordings without a tool.
 
     Raises:
-        ShapeError, ConfigError: when something does not fit the model.
+        ConfigError: when the objective does not fit the arm.
     """
 
     def __init__(
@@ -44,11 +43,6 @@ class Uncertain:
         objective: str | list[str] = "parameters",
         identified: bool = False,
     ) -> None:
-        if covariance.shape != (model.count, model.count) or certainty.shape != (model.joints,):
-            raise ShapeError(
-                f"covariance {tuple(covariance.shape)} and certainty {tuple(certainty.shape)} are not of a "
-                f"model with {model.count} parameters and {model.joints} joints"
-            )
         self._model, self._certainty, self._rate = model, certainty, rate
         self._scale, self._before = _known(covariance)  # units of the parameters, information in these
         self._motion = torch.zeros_like(self._before)

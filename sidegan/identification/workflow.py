@@ -40,7 +40,9 @@ def identify_arm(
     """
     samples, held_out = measurements_of(training), measurements_of(validation)
     model, methods = TorqueModel(RigidBody(arm), terms), _methods(settings)
-    _require_enough(model, samples)
+    if (count := sum(map(len, samples))) * model.joints < model.count:
+        few = f"{count} samples of {model.joints} joints are left"
+        raise RecordingError(f"{few}, too few for {model.count} parameters")
     estimates = {method: estimate(method, model, samples, **more) for method, more in methods.items()}
     trained = {method: score(model, one.parameters, samples) for method, one in estimates.items()}
     kind, tests, turns = "in sample: nothing was held out", trained, dict[str, Score]()
@@ -80,14 +82,6 @@ def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
 def _methods(settings: EstimationSettings) -> Methods:
     """Settings of the chosen method, and of those that it is compared with."""
     return {settings.method: {}, EQUAL_WEIGHTS: {}, CONSISTENT: {"strength": settings.strength}}
-
-
-def _require_enough(model: TorqueModel, samples: list[Measurements]) -> None:
-    count = sum(map(len, samples))
-    if count * model.joints < model.count:
-        raise RecordingError(
-            f"{count} samples of {model.joints} joints are left, too few for {model.count} parameters"
-        )
 
 
 def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Tensor]:

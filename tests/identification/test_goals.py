@@ -17,7 +17,6 @@ from sidegan.identification import FULL, estimate
 from sidegan.identification.goals import Parameters, Prediction, Tool
 from sidegan.identification.model import states_within
 from sidegan.identification.payload import Loaded
-from sidegan.identification.trust import certainty
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -150,7 +149,7 @@ def poor(planar):
 
 def rest_of(poor):
     model, found, _ = poor
-    return Uncertain(model, found.covariance, certainty(found), RATE)
+    return Uncertain(model, found.covariance, found.certainty, RATE)
 
 
 def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, problem):

@@ -8,7 +8,7 @@ import torch
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import FULL, Measurements, estimate, measure, score
 from sidegan.identification.drive_gains import drive_gains
-from sidegan.identification.uncertain import Uncertain, unmeasured
+from sidegan.identification.uncertain import unmeasured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
@@ -73,7 +73,6 @@ REFUSED = [
     (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
     (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
-    (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
     (ConfigError, r"names hand, expected some of .*forearm", lambda: goal(objective=["hand"])),
     (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),
     (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),

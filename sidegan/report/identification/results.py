@@ -15,7 +15,6 @@ from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
-from sidegan.identification.trust import certainty
 from sidegan.report.identification.checks import CHECK, write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
 from sidegan.report.identification.page import report_html
@@ -115,7 +114,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
-        "certainty": certainty(chosen).tolist(),
+        "certainty": chosen.certainty.tolist(),
         "rate": identified.training[0].grid.rate,
         "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
