@@ -23,7 +23,7 @@ from sidegan.gan.side_gan import Data
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
-from sidegan.identification.fit import recursive
+from sidegan.identification.fit import LeastSquares
 from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
@@ -152,11 +152,11 @@ def test_recursive_least_squares(rate: Rate, by: str) -> None:
     if by == OURS:
         model = TorqueModel(BODY, RIGID)
         recordings = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
-        work = partial(_recursive, model, recordings)
+        work = partial(_least_squares, model, recordings)
     else:
         work = partial(Pinocchio(CONSTRAINTS).estimate, *motions(count, samples), torque[0].numpy())
     rate(work, count * samples, "samples", 3)
 
 
-def _recursive(model: TorqueModel, recordings: list[Measurements]) -> object:
-    return recursive(gather(model, iter(recordings)).sums, 1, 1e6)
+def _least_squares(model: TorqueModel, recordings: list[Measurements]) -> object:
+    return LeastSquares().fit(gather(model, iter(recordings)))

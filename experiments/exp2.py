@@ -23,7 +23,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Tables II and III, unweighted as in the paper and weighted."""
     config, results = artifacts.cfg, artifacts.whole_errors
     noise = config.replication.noise
-    setting = f"{noise.level:.0%} {noise.kind} noise, {config.replication.repeats} draws, seed {config.seed}"
+    setting = f"{noise.level:.0%} uniform noise, {config.replication.repeats} draws, seed {config.seed}"
     spread = "mean ± standard deviation over joints"
     shown = {}
     for name, (table, kind) in tables2(results, config).items():

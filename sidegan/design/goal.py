@@ -32,10 +32,6 @@ class Linear(Protocol):
     def terms(self) -> Any:
         """The terms: their ``kinds`` and ``sign_width``."""
 
-    @property
-    def stribeck(self) -> Tensor | None:
-        """Velocity of each joint's Stribeck term, (J,); None without it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Goal:
@@ -118,10 +114,8 @@ def _fitting(name: str, given: Tensor | None, shape: tuple[int, ...]) -> np.ndar
 
 def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> information.JointTerms:
     """Terms of a model beside rigid bodies, joints in order."""
-    first, speeds = np.searchsorted(joints, np.arange(count + 1)), np.ones(count)
+    first = np.searchsorted(joints, np.arange(count + 1))
     if model is None:
         return information.no_terms(count)
-    if model.stribeck is not None:
-        speeds = array(model.stribeck)
     named = np.array([information.KINDS.index(model.terms.kinds[k]) for k in kinds.tolist()], np.int64)
-    return information.JointTerms(named, first, model.terms.sign_width, speeds)
+    return information.JointTerms(named, first, model.terms.sign_width, np.ones(count))

@@ -1,9 +1,9 @@
 """Measurements, simulated or recorded, to an identified model with its uncertainty."""
 
-from sidegan.identification.estimate import METHODS, Estimate, estimate
+from sidegan.identification.estimate import METHODS, estimate
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
-from sidegan.identification.score import Score, folds, score
+from sidegan.identification.score import folds, score
 from sidegan.identification.settings import (
     EstimationSettings,
     GoalSettings,
@@ -17,14 +17,12 @@ __all__ = [
     "FULL",
     "METHODS",
     "RIGID",
-    "Estimate",
     "EstimationSettings",
     "GoalSettings",
     "KnownLoad",
     "Measurements",
     "Noise",
     "ReplicationSettings",
-    "Score",
     "StudySettings",
     "Terms",
     "TorqueModel",

@@ -7,7 +7,6 @@ import torch
 from torch import Tensor
 from torch.nn.functional import pad
 
-from sidegan.errors import ShapeError
 from sidegan.identification.fit import Fit, TorqueErrors
 from sidegan.identification.gather import Gathered, residual_of
 from sidegan.identification.sums import Sums
@@ -23,7 +22,7 @@ def torque_errors(data: Gathered, fit: Fit) -> TorqueErrors:
     each joint's samples is taken off.
     """
     sums = data.sums
-    inflation = inflation_of(residual_of(data.model, x, fit.parameters) for x in data.kept)
+    inflation = inflation_of(residual_of(data.model, x, fit.parameters) for x in data.pieces)
     share = torch.einsum("pq,jpq->j", fit.inverse, sums.information)
     spent = fit.weights.square() * share * inflation
     variance = sums.squares(fit.parameters) / (sums.weight - spent.clamp_max(_MOST_SPENT * sums.weight))
@@ -48,18 +47,12 @@ def inflation_of(residuals: Iterable[Tensor]) -> Tensor:
     """Samples that weigh as much as one, 1 + 2 Σ ρ_k ≥ 1, (J,), with ρ the residuals' autocorrelation.
 
     The residuals come in pieces (S, J) without gaps. The sum over lags ends before the first one without a
-    positive correlation. Where a correlation swings below zero later, as after a low-pass, that is too much
-    by a tenth or so, which makes up for what the parameters have taken out of the residuals at the motion's
-    own frequencies.
-
-    Raises:
-        ShapeError: when there are none.
+    positive correlation. After a low-pass that is too much by a tenth or so, which makes up for what the
+    parameters have taken out of the residuals at the motion's own frequencies.
 
     Source: after Geyer 1992, Practical Markov chain Monte Carlo, initial positive sequence.
     """
     parts = [_products(r) for r in residuals]
-    if not parts:
-        raise ShapeError("there are no residuals to judge by")
     longest = max(len(products) for products, _ in parts)
     products = reduce(torch.add, [pad(one, (0, 0, 0, longest - len(one))) for one, _ in parts])
     pairs = reduce(torch.add, [pad(count, (0, longest - len(count))) for _, count in parts])

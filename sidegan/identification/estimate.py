@@ -1,6 +1,8 @@
 """One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from torch import Tensor
@@ -14,12 +16,11 @@ from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
-# Methods by name: a class, and the settings that the name stands for.
-METHODS: dict[str, tuple[type[LeastSquares | Consistent], dict[str, Any]]] = {
-    "ols": (LeastSquares, {}),
-    "weighted": (LeastSquares, {"weighted": True}),
-    "rls": (LeastSquares, {}),
-    "consistent": (Consistent, {}),
+METHODS: dict[str, Callable[..., LeastSquares | Consistent]] = {
+    "ols": LeastSquares,
+    "weighted": partial(LeastSquares, weighted=True),
+    "rls": LeastSquares,
+    "consistent": Consistent,
 }
 
 
@@ -30,9 +31,7 @@ class Estimate:
     method: str  # how they were found
     names: tuple[str, ...]  # of the parameters, (P,)
     parameters: Tensor  # θ, (P,)
-    # of the parameters' errors, (P, P), for errors of the torque, each joint with its own size and its own
-    # correlation over time; errors of the states are not in it
-    covariance: Tensor
+    covariance: Tensor  # of their errors, (P, P), for errors of the torque; those of states are not in it
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
     residual_rms: Tensor  # root mean square of τ − Y θ [N·m or N], (J,)
     inflation: Tensor  # samples that weigh as much as one independent one, (J,)
@@ -40,8 +39,7 @@ class Estimate:
     samples: int  # number of samples of all joints
     reach: Reach  # how far and how fast the joints moved
     sums: Sums  # over the samples, from which other weights can be tried
-    # link parameters and terms in ``TorqueModel.standard_names``' order, (F,), of the consistent method
-    standard: Tensor | None = None
+    standard: Tensor | None = None  # as ``TorqueModel.standard_names``, (F,), of the consistent method
 
     @property
     def deviation(self) -> Tensor:
@@ -49,37 +47,22 @@ class Estimate:
         return self.covariance.diagonal().clamp_min(0).sqrt()
 
     @property
-    def relative_deviation(self) -> Tensor:
-        """Standard deviation over the parameter's size, (P,)."""
-        return self.deviation / self.parameters.abs()
-
-    @property
-    def information(self) -> Tensor:
-        """Weighted Σ Yᵀ Y, (P, P)."""
-        return self.sums.weighted(self.weights)[0]
-
-    @property
-    def moment(self) -> Tensor:
-        """Weighted Σ Yᵀ τ, (P,)."""
-        return self.sums.weighted(self.weights)[1]
+    def certainty(self) -> Tensor:
+        """One over the deviation of an independent sample's torque, (J,)."""
+        return 1 / (self.residual_rms * self.inflation.sqrt())
 
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
     """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
 
-    Samples are of one recording, several, or a stream of them in the order of time. They are read once and in
-    pieces, so memory does not grow with their number.
+    Samples are of one recording, several, or a stream of them in the order of time, read once and in pieces.
 
     Raises:
-        ConfigError: when the method or a setting is unknown or impossible.
+        ConfigError: when the method is unknown.
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    kind, usual = METHODS[method]
-    names = [f.name for f in fields(kind)]
-    if unknown := [name for name in settings if name not in names]:
-        raise ConfigError(f"{method} has no setting {', '.join(unknown)}; it has {', '.join(names)}")
-    estimator = kind(**usual | settings)
+    estimator = METHODS[method](**settings)
     data = gather(model, measurements, settings.get("forgetting", 1.0))
     fit, sums = estimator.fit(data), data.sums
     errors = fit.errors or torque_errors(data, fit)

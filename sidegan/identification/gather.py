@@ -1,4 +1,4 @@
-"""One walk through the samples: their sums, and a share of them to judge residuals by."""
+"""Samples of a model, piece by piece: their sums, residuals and reach."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,65 +11,42 @@ from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, finite, no_sums, sums_of
 
-_KEPT = 48  # pieces that are remembered: enough for residual statistics, 45 MB of a 7-joint arm
-
 
 class Reach(NamedTuple):
     """Range and speed of each joint's motion, (J,) each."""
 
-    lowest: Tensor  # position [rad or m]
-    highest: Tensor  # position [rad or m]
+    range: Tensor  # between the furthest positions [rad or m]
     fastest: Tensor  # velocity [rad/s or m/s]
-
-    @property
-    def range(self) -> Tensor:
-        """Distance between the furthest positions, (J,)."""
-        return self.highest - self.lowest
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """Sums over samples, and a share of these, from which every method fits its parameters."""
+    """Samples and sums over them, from which every method fits its parameters."""
 
     model: TorqueModel  # whose parameters are looked for
     sums: Sums  # over all samples
-    kept: list[Measurements]  # pieces spread evenly over the samples, each without gaps
+    pieces: list[Measurements]  # without gaps
     samples: int  # number of samples of all joints
     reach: Reach  # of the joints in them
 
 
 def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
-    """Sums over measurements, which are read once and in pieces, and a share of the samples.
+    """Sums over measurements: one recording or several in the order of time.
 
-    They are one recording, several, or a stream of them in the order of time; a sample of age k counts
-    forgetting^k as much.
+    A sample of age k counts forgetting^k as much.
 
     Raises:
         ShapeError: when there are no samples, or they do not fit the model.
     """
-    sums, samples, stride = no_sums(model.joints, model.count), 0, 1
-    kept: list[Measurements] = []
-    reach: list[Tensor] = []  # −lowest, highest, fastest of the joints so far, (3, J)
-    for number, part in enumerate(pieces(measurements)):
+    sums, parts = no_sums(model.joints, model.count), list(pieces(measurements))
+    for part in parts:
         sums = sums.times(forgetting ** len(part)).plus(_sums(model, part, forgetting))
-        moved = torch.stack([-part.position.amin(0), part.position.amax(0), part.velocity.abs().amax(0)])
-        reach = [torch.stack([*reach, moved]).amax(0)]
-        samples += len(part)
-        if number % stride == 0:
-            kept.append(part)
-        if len(kept) > _KEPT:
-            kept, stride = kept[::2], 2 * stride
-    if not samples:
+    if not parts:
         raise ShapeError("there are no samples to identify from")
-    down, up, fastest = reach[0]
-    return Gathered(model, sums, kept, samples, Reach(-down, up, fastest))
-
-
-def weighted_sums(model: TorqueModel, part: Measurements, weights: Tensor) -> Sums:
-    """Sums over one piece whose equations count with weights (S, J)."""
-    root = weights.sqrt()
-    y = _regressor(model, part) * root[..., None]
-    return sums_of(y, part.torque * root)
+    low, high = (torch.stack([part.position.aminmax(dim=0)[k] for part in parts]) for k in (0, 1))
+    fastest = torch.stack([part.velocity.abs().amax(0) for part in parts]).amax(0)
+    reach = Reach(high.amax(0) - low.amin(0), fastest)
+    return Gathered(model, sums, parts, sum(map(len, parts)), reach)
 
 
 def residual_of(model: TorqueModel, part: Measurements, parameters: Tensor) -> Tensor:

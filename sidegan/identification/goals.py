@@ -4,8 +4,8 @@ Information on a model's parameters (P, P) is that on parameters in units of wha
 before, and ``motion``, that of the set, G = Σ Yᵀ Y over the noise's variance.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Protocol
+from collections.abc import Sequence
+from typing import TypeAlias
 
 import torch
 from torch import Tensor
@@ -15,28 +15,14 @@ from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.verdict import joint_of
-from sidegan.motion.dynamics import LINK_PARAMETERS
+from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
+from sidegan.plant.varied import torque_scale
 
 _TOOL, _ARM = 1.0, 0.1  # [kg], [m] of a typical tool
 _DOUBT = 10.0  # times these: what a tool may be before anything is measured
 _TOLD = 0.5  # of the deviation before, below which something is told of a parameter
+_FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's counts as at least
 _UNITS = ("kg", "kg·m", "kg·m²")
-
-
-class Purpose(Protocol):
-    """Goal of a set of trajectories."""
-
-    names: tuple[str, ...]  # of what is to be known, (K,)
-    goal: Goal  # the same for a search, but for what is known and measured
-
-    def deviations(self, known: Tensor, motion: Tensor) -> Tensor:
-        """Standard deviation of each of what is to be known, (K,), of information (P, P) each."""
-
-    def said(self, deviations: Tensor, before: Tensor) -> str:
-        """Deviations (K,) now and before, in words."""
-
-
-Wanted = Callable[[TorqueModel, Tensor], Purpose]  # of a model whose parameters count in units (P,)
 
 
 class Parameters:
@@ -111,7 +97,8 @@ class Prediction:
 
     def __init__(self, model: TorqueModel, unit: Tensor, usual: Tensor) -> None:
         self.names = model.arm.joint_names
-        each = usual_products(model, usual)
+        rows = model.regressor(*model.usual_states()) / usual[:, None]
+        each = torch.einsum("sjp,sjq->jpq", rows, rows) / len(rows)
         self.goal = Goal("variance", targets=root_of(each.mean(0)).T)
         self._each = each * unit * unit[:, None]
 
@@ -126,7 +113,31 @@ class Prediction:
         return f"torques of other motions are uncertain by {now:.2%} of their usual size, before {then:.2%}"
 
 
-def usual_products(model: TorqueModel, usual: Tensor) -> Tensor:
-    """Each joint's mean YᵀY over its squared usual torque (J,), where the model is to hold, (J, P, P)."""
-    rows = model.usual_rows(seed=1) / usual[:, None]
-    return torch.einsum("sjp,sjq->jpq", rows, rows) / len(rows)
+Purpose: TypeAlias = Parameters | Tool | Prediction
+
+
+def purpose_of(objective: str | list[str], model: TorqueModel, unit: Tensor, identified: bool) -> Purpose:
+    """Goal by its name, or by those of links, for a model whose parameters count in units (P,).
+
+    Raises:
+        ConfigError: when links are not the arm's, or torques of one without masses are asked for.
+    """
+    if objective == "payload":
+        return Tool(model, unit, identified)
+    if objective == "prediction":
+        return Prediction(model, unit, usual_torque(model.body))
+    return Parameters(model, unit, objective if isinstance(objective, list) else None)
+
+
+def usual_torque(body: RigidBody) -> Tensor:
+    """Root mean square torque of each joint within the limits [N·m or N], (J,).
+
+    Raises:
+        ConfigError: when no link has a mass.
+    """
+    if not body.arm.inertial_parameters.any():
+        raise ConfigError(
+            f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "
+            "goal.objective=condition needs none, and the URDF that +experiment=identify leaves has masses"
+        )
+    return torch.from_numpy(torque_scale(body, _FLOOR))

@@ -27,9 +27,7 @@ class IdentifiedArm:
     training: list[CheckedRecording]  # recordings that were identified from
     validation: list[CheckedRecording]  # recordings that were held out
     kind: str  # of the tests below: held out, each recording by the others, or in sample
-    estimates: dict[
-        str, Estimate
-    ]  # by method: the chosen one first, then equal weights and the consistent one
+    estimates: dict[str, Estimate]  # by method: the chosen one, equal weights, the consistent one
     tests: dict[str, Score]  # errors of each method on what it had not seen, where there was something
     trained: dict[str, Score]  # errors of each method on what it was identified from
     trust: Trust  # whether to trust the model to use
@@ -94,17 +92,8 @@ class IdentifiedArm:
     @property
     def left_over(self) -> list[str]:
         """Torques that are left over, a sentence for each joint that lacks something."""
-        return self.lacks.sentences(self.joint_names, self.trust.torque_deviation)
-
-    @property
-    def helpful_motions(self) -> list[str]:
-        """Motions that would help where what is left makes more of an error than noise does."""
-        return self.lacks.motions(self.joint_names, self.trust.torque_deviation)
-
-    @property
-    def joint_names(self) -> list[str]:
-        """Number and name of each joint."""
-        return [self.trust.joint(j) for j in range(self.model.joints)]
+        names = [self.trust.joint(j) for j in range(self.model.joints)]
+        return self.lacks.sentences(names, self.trust.torque_deviation)
 
 
 def measurements_of(recordings: list[CheckedRecording]) -> list[Measurements]:

@@ -25,36 +25,30 @@ _CHANCE = 4.0  # times what noise alone would explain: less is no finding
 _LEAST = 0.05  # share of a joint's residuals that a kind explains at least
 _MOST = 3  # kinds of one joint
 _ROUNDING = 1e-10
+_TINY = torch.finfo(torch.float64).tiny
 _LOST = 1e-6  # of what forms leave of one another: they are separate above that
 
 
-class Kind(NamedTuple):
-    """A kind of torque that models lack."""
-
-    name: str
-    forms: tuple[int, ...]  # of ``unmodelled``
-    motion: str  # that shows it, of a joint
-
-
-KINDS = (
-    Kind("friction near rest", (0,), "slow reversals of {joint}"),
-    Kind("friction that grows with the load", (1,), "{joint} under small and large loads, equally fast"),
-    Kind("friction that bends with the speed", (2,), "{joint} at several constant speeds, slow ones too"),
-    Kind("friction that differs between directions", (3,), "{joint} there and back at equal speeds"),
-    Kind("friction that depends on the position", (12, 13), "{joint} slowly over its whole range"),
-    Kind("torque that depends on the position", (4, 5, 6, 7), "{joint} slowly over its whole range"),
-    Kind("ripple", (8, 9, 10, 11), "{joint} slowly, at constant speed"),
-)
+# Kinds of torque that models lack, by the forms of ``unmodelled``.
+KINDS = {
+    "friction near rest": (0,),
+    "friction that grows with the load": (1,),
+    "friction that bends with the speed": (2,),
+    "friction that differs between directions": (3,),
+    "friction that depends on the position": (12, 13),
+    "torque that depends on the position": (4, 5, 6, 7),
+    "ripple": (8, 9, 10, 11),
+}
 
 
-def unmodelled(q: Tensor, dq: Tensor, torque: Tensor, scale: Tensor) -> Tensor:
+def unmodelled(q: Tensor, dq: Tensor, torque: Tensor, usual: Tensor) -> Tensor:
     """Torques that models lack, in the order of ``KINDS``' forms, each of size one, (…, J, K).
 
-    At positions, velocities and torques (…, J) of joints whose usual torque is the scale, (J,).
+    At positions, velocities and torques (…, J) of joints whose usual torque is ``usual``, (J,).
     """
     s, root = torch.tanh(dq / _SHARP), (dq * dq + 1e-4) ** 0.25
     waves = [f(n * q) for n in (2, 8, 20, 100) for f in (torch.sin, torch.cos)]
-    size = torque / scale
+    size = torque / usual
     forms = [s * torch.exp(-((dq / 0.1) ** 2)), s * torch.tanh(3 * size) * size]
     forms += [s * root, s * dq, *waves, s * torch.sin(2 * q), s * torch.cos(2 * q)]
     return torch.stack(forms, -1)
@@ -64,7 +58,7 @@ class Lack(NamedTuple):
     """A kind of torque that one joint shows and the model lacks."""
 
     joint: int
-    kind: Kind
+    kind: str  # of ``KINDS``
     share: float  # of the variance of the joint's residuals
 
 
@@ -75,32 +69,19 @@ class Lacks:
     found: tuple[Lack, ...]  # by joints, of each joint the one that explains most first
     error: Tensor  # that it makes at usual states, root mean square over each joint's usual torque, (J,)
 
-    def of(self, joint: int) -> list[Lack]:
-        """Kinds of one joint."""
-        return [one for one in self.found if one.joint == joint]
-
     def sentences(self, names: Sequence[str], noise: Tensor) -> list[str]:
         """A sentence for each joint that lacks something, beside the error that noise makes, (J,)."""
         sentences = []
         for j, name in enumerate(names):
-            if own := self.of(j):
-                first, *more = [f"{one.share:.0%} {one.kind.name}" for one in own]
-                kinds = listed([first.replace("%", "% of what is left is", 1), *more], _MOST)
+            if own := [f"{one.share:.0%} {one.kind}" for one in self.found if one.joint == j]:
+                own[0] = own[0].replace("%", "% of what is left is", 1)
                 error, beside = float(self.error[j]), float(noise[j])
                 sentences.append(
-                    f"{name}: {kinds}, and no noise; torques of other motions err by "
+                    f"{name}: {listed(own, _MOST)}, and no noise; torques of other motions err by "
                     f"{error:.1%} for what the model lacks and by {beside:.1%} for noise: "
                     f"{BIASED if error > beside else 'noise dominates'}"
                 )
         return sentences or ["no known misfit explains more of it than noise would: more motion helps"]
-
-    def motions(self, names: Sequence[str], noise: Tensor) -> list[str]:
-        """Motions that help where bias dominates, each with the joints that ask for it."""
-        asked: dict[str, list[str]] = {}
-        for one in self.found:
-            if self.error[one.joint] > noise[one.joint]:
-                asked.setdefault(one.kind.motion, []).append(names[one.joint])
-        return [motion.format(joint=listed(joints, len(joints))) for motion, joints in asked.items()]
 
 
 def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
@@ -109,66 +90,48 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
     A kind counts where it explains several times as much of them as noise of their size and correlation
     would let it by chance. The samples, which are read once, are those of the estimate.
     """
-    sums, chance = _Sums.over(model, estimate, samples), estimate.inflation / estimate.samples
-    each = [sums.explained(j, float(chance[j])) for j in range(model.joints)]
-    amounts = torch.stack([one for _, one in each])  # (J, K)
-    states = model.usual_states(seed=1)
+    turned, left = _left(model, estimate, samples)
+    each = [_explained(one, float(x)) for one, x in zip(left, estimate.inflation / estimate.samples)]
+    found = [Lack(j, *kind) for j, (kinds, _) in enumerate(each) for kind in kinds]
+    amounts, states = torch.stack([one for _, one in each]), model.usual_states()
     rows = model.regressor(*states)
     torque = rows @ estimate.parameters
-    still = Measurements(*states, torque)
-    error = torch.einsum("sjk,jk->sj", _forms(model, estimate, rows, still), amounts)
-    error = error - rows @ torch.einsum("pjk,jk->p", sums.turned, amounts)
-    usual = torque.square().mean(0).clamp_min(torch.finfo(torch.float64).tiny)
-    return Lacks(tuple(one for found, _ in each for one in found), (error.square().mean(0) / usual).sqrt())
+    forms = _forms(model, estimate, rows, Measurements(*states, torque))
+    error = torch.einsum("sjk,jk->sj", forms, amounts) - rows @ torch.einsum("pjk,jk->p", turned, amounts)
+    usual = torque.square().mean(0).clamp_min(_TINY)
+    return Lacks(tuple(found), (error.square().mean(0) / usual).sqrt())
 
 
-@dataclass(frozen=True)
-class _Sums:
-    """Products of the forms with the model's columns and with the residuals."""
+class _Left(NamedTuple):
+    """Products over samples of what the model leaves of a joint's forms."""
 
-    turned: Tensor  # B: parameters that a unit of each form turns into, (P, J, K)
-    normal: Tensor  # products of what the forms of a joint leave there, (J, K, K)
-    right: Tensor  # their products with its residuals, (J, K)
-    energy: Tensor  # squares of these, (J,)
+    normal: Tensor  # its products, (K, K)
+    right: Tensor  # its products with the residuals, (K,)
+    energy: Tensor  # squares of these, ()
 
-    @classmethod
-    def over(cls, model: TorqueModel, estimate: Estimate, samples: Samples) -> "_Sums":
-        """Sums over the samples."""
-        information, weights = estimate.sums.information, estimate.weights.square()
-        moments, along, across, right, energy = _products(model, estimate, samples)
-        inverse = scaled_inverse(estimate.information, _ROUNDING)
-        wrong = torch.einsum("pq,j,jqk->pjk", inverse, weights, moments)
-        crossed = torch.einsum("jpk,pjl->jkl", moments, wrong)
-        kept = torch.einsum("pjk,jpq,qjl->jkl", wrong, information, wrong)
-        left = across - torch.einsum("pjk,jp->jk", wrong, along)
-        return cls(wrong, right - crossed - crossed.mT + kept, left, energy)
-
-    def explained(self, joint: int, chance: float) -> tuple[list[Lack], Tensor]:
-        """Kinds that a joint shows, and how much of each form, (K,); a form explains this share by chance."""
-        kinds, gains, whole = list(KINDS), list[Lack](), float(self.energy[joint])
-        chosen: list[int] = []
-        reached, amounts = 0.0, torch.zeros_like(self.right[joint])
-        while whole > 0 and len(gains) < _MOST:
-            values = {kind: self._reached(joint, [*chosen, *kind.forms])[0] for kind in kinds}
-            best = max(values, key=values.__getitem__)
-            share = (values[best] - reached) / whole
-            if share < max(_LEAST, _CHANCE * chance * len(best.forms)):
-                break
-            chosen += best.forms
-            kinds.remove(best)
-            gains.append(Lack(joint, best, share))
-            reached, amounts[chosen] = self._reached(joint, chosen)
-        return gains, amounts
-
-    def _reached(self, joint: int, forms: list[int]) -> tuple[float, Tensor]:
+    def by(self, forms: list[int]) -> tuple[float, Tensor]:
         """Squares of the residuals that forms explain, and how much there is of each."""
-        normal, right = self.normal[joint][forms][:, forms], self.right[joint][forms]
-        amounts = scaled_inverse(normal, _LOST) @ right
-        return float(amounts @ right), amounts
+        amounts = scaled_inverse(self.normal[forms][:, forms], _LOST) @ self.right[forms]
+        return float(amounts @ self.right[forms]), amounts
 
 
-def _products(model: TorqueModel, estimate: Estimate, samples: Samples) -> list[Tensor]:
-    """Σ Yᵀ b, Σ Yᵀ r, Σ b r, Σ b bᵀ and Σ r² of each joint's forms b and residuals r."""
+def _explained(left: _Left, chance: float) -> tuple[list[tuple[str, float]], Tensor]:
+    """Kinds with the shares that they explain, more than by chance, and how much of each form, (K,)."""
+    found, chosen, reached, amounts = dict[str, float](), list[int](), 0.0, torch.zeros_like(left.right)
+    while left.energy > 0 and len(found) < _MOST:
+        values = {kind: left.by([*chosen, *forms])[0] for kind, forms in KINDS.items() if kind not in found}
+        best = max(values, key=values.__getitem__)
+        share = (values[best] - reached) / float(left.energy)
+        if share < max(_LEAST, _CHANCE * chance * len(KINDS[best])):
+            break
+        found[best] = share
+        chosen += KINDS[best]
+        reached, amounts[chosen] = left.by(chosen)
+    return [*found.items()], amounts
+
+
+def _left(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[Tensor, list[_Left]]:
+    """Parameters B that a unit of each joint's forms turns into, (P, J, K), and what the forms leave."""
     sums: list[Tensor] = []
     for part in pieces(samples):
         y = model.regressor(*(x.double() for x in part.inputs))
@@ -181,15 +144,17 @@ def _products(model: TorqueModel, estimate: Estimate, samples: Samples) -> list[
             residual.square().sum(0),
         ]
         sums = [a + b for a, b in zip(sums, one)] if sums else one
-    return sums
+    moments, along, across, products, energy = sums
+    inverse = scaled_inverse(estimate.sums.weighted(estimate.weights)[0], _ROUNDING)
+    turned = torch.einsum("pq,j,jqk->pjk", inverse, estimate.weights.square(), moments)
+    crossed = torch.einsum("jpk,pjl->jkl", moments, turned)
+    kept = torch.einsum("pjk,jpq,qjl->jkl", turned, estimate.sums.information, turned)
+    right = across - torch.einsum("pjk,jp->jk", turned, along)
+    return turned, [_Left(*one) for one in zip(products - crossed - crossed.mT + kept, right, energy)]
 
 
 def _forms(model: TorqueModel, estimate: Estimate, y: Tensor, part: Measurements) -> Tensor:
     """Forms that the model may lack at samples with a regressor, (S, J, K)."""
     rigid = y[..., : model.rigid] @ estimate.parameters[: model.rigid]
-    return unmodelled(part.position.double(), part.velocity.double(), rigid, _scale(estimate))
-
-
-def _scale(estimate: Estimate) -> Tensor:
-    """Root mean square torque of each joint in the samples, (J,)."""
-    return (estimate.sums.energy / estimate.sums.weight).clamp_min(torch.finfo(torch.float64).tiny).sqrt()
+    usual = (estimate.sums.energy / estimate.sums.weight).clamp_min(_TINY).sqrt()
+    return unmodelled(part.position.double(), part.velocity.double(), rigid, usual)

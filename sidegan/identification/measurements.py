@@ -1,8 +1,8 @@
 """Samples of joint states and torques, recorded or simulated with noise."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import torch
@@ -35,22 +35,21 @@ class Measurements:
     sign: Tensor | None = None
 
     def __post_init__(self) -> None:
-        for name, x in self._named():
+        for name, x in self._named().items():
             if x.ndim != 2 or x.shape != self.torque.shape:
                 raise ShapeError(
                     f"{name} is {tuple(x.shape)}, expected (S, J) like torque {tuple(self.torque.shape)}"
                 )
-            if x.sum().isfinite():  # then all are: sums are many times faster than looking at each
-                continue
-            bad = ~x.isfinite().all(1)
-            if bad.any():
-                raise ShapeError(f"{name} of sample {int(bad.nonzero()[0])} is not finite")
+            if not x.sum().isfinite():  # which is many times faster than looking at each
+                bad = (~x.isfinite().all(1)).nonzero()
+                if len(bad):
+                    raise ShapeError(f"{name} of sample {int(bad[0])} is not finite")
 
     def __len__(self) -> int:
         return len(self.torque)
 
     def __getitem__(self, samples: slice) -> "Measurements":
-        return Measurements(*(x[samples] for _, x in self._named()))
+        return Measurements(*(x[samples] for x in self._named().values()))
 
     @property
     def joints(self) -> int:
@@ -67,49 +66,23 @@ class Measurements:
         """Inputs of a model's regressor: the states, and the sign where there is one."""
         return self.states if self.sign is None else (*self.states, self.sign)
 
-    def _named(self) -> list[tuple[str, Tensor]]:
-        named = [(field.name, getattr(self, field.name)) for field in fields(self)]
-        return [(name, x) for name, x in named if x is not None]
+    def _named(self) -> dict[str, Tensor]:
+        return {name: x for name, x in vars(self).items() if x is not None}
 
 
 Samples: TypeAlias = Measurements | Iterable[Measurements]
 
 
 def pieces(measurements: Samples) -> Iterator[Measurements]:
-    """Pieces of measurements, none of which reaches over the end of a recording.
-
-    Raises:
-        ShapeError: when something else is among the measurements.
-    """
+    """Pieces of measurements, none of which reaches over the end of a recording."""
     for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
-        if not isinstance(recording, Measurements):
-            raise ShapeError(f"measurements hold a {type(recording).__name__}, expected Measurements")
         yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
-
-
-def halves_of(measurements: Iterable[Measurements]) -> list[Measurements]:
-    """Two recordings: the first halves of all stretches, and the second ones."""
-    stretches = [one for one in measurements if len(one) > 1]
-    if not stretches:
-        raise ShapeError("there are no two samples in a row to halve")
-    cut = [(one[: len(one) // 2], one[len(one) // 2 :]) for one in stretches]
-    return [joined(parts) for parts in zip(*cut)]
-
-
-def joined(parts: Iterable[Measurements]) -> Measurements:
-    """Recordings one after another as one; all with a sign of the velocity, or none."""
-    return Measurements(*(torch.cat(x) for x in zip(*([x for _, x in part._named()] for part in parts))))
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Uniform measurement noise.
+    """Uniform measurement noise in proportion to the signal, x · (1 + level · U(−1, 1))."""
 
-    ``multiplicative`` is x · (1 + level · U(−1, 1)); ``additive`` is x + level · σ · U(−1, 1) with σ
-    the standard deviation of that joint's signal over its trajectory.
-    """
-
-    kind: Literal["multiplicative", "additive"]
     level: NonNegative  # 0.1 for the paper's "10 % uniform random noise"
     torque: bool  # whether measured torques are noisy
     state: bool  # whether measured positions, velocities and accelerations are noisy
@@ -118,10 +91,6 @@ class Noise:
     def exact(self) -> bool:
         """Whether nothing is noisy."""
         return not self.level or not (self.torque or self.state)
-
-    def size(self, x: Tensor) -> Tensor:
-        """Largest noise on clean signals (B, T, J)."""
-        return self.level * (x if self.kind == "multiplicative" else x.std(1, correction=0, keepdim=True))
 
 
 def measure(
@@ -132,8 +101,8 @@ def measure(
 ) -> Measurements:
     """Simulated measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
 
-    The torque is that of the true states. Both kinds of noise and all choices of what is noisy use
-    the same draws, and a batch those of its trajectories in turn, so comparisons differ in nothing else.
+    The torque is that of the true states. Whatever is noisy, the draws are the same, and those of a batch
+    are those of its trajectories in turn.
 
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
@@ -155,5 +124,5 @@ def disturbed(
     draws = torch.from_numpy(draw).to(exact.torque).unbind(1)
     signals = [x.unflatten(0, (batch, count)) for x in (*exact.states, exact.torque)]
     noisy = (noise.state, noise.state, noise.state, noise.torque)
-    signals = [x + noise.size(x) * d if some else x for x, d, some in zip(signals, draws, noisy)]
+    signals = [x + noise.level * x * d if some else x for x, d, some in zip(signals, draws, noisy)]
     return Measurements(*(x.flatten(0, 1) for x in signals))

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.typed import Positive
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
@@ -20,7 +20,7 @@ _USUAL = 400  # random states that stand for where the model is to hold
 _PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves there
 _ACCELERATION = 5.0  # [rad/s²] of the states that groupings are found with
 _DIGITS = 4  # of a share in a formula
-_LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo", "stribeck": "fs"}
+_LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo"}
 
 
 @dataclass(frozen=True)
@@ -31,9 +31,6 @@ class Terms:
     viscous: bool  # fv · dq
     coulomb: bool  # fc · tanh(dq / sign_width)
     offset: bool  # fo
-    # the extra friction near rest, fs · tanh(dq / sign_width) · exp(−(dq / v)²), with a velocity v of each
-    # joint that ``stribeck_velocities`` finds from measurements
-    stribeck: bool
     sign_width: Positive  # velocity [rad/s or m/s] at which the smooth sign is at 76 %
 
     @property
@@ -41,25 +38,20 @@ class Terms:
         """Names of the terms in use, in the order of their columns."""
         return tuple(name for name in _LETTERS if getattr(self, name))
 
-    def signals(
-        self, dq: Tensor, ddq: Tensor, stribeck: Tensor | None, sign: Tensor | None = None
-    ) -> list[Tensor]:
-        """Columns of each term in use, (S, J) each, at velocities (S, J).
+    def signals(self, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> list[Tensor]:
+        """Columns of each term in use, (S, J) each, at velocities and accelerations (S, J).
 
-        Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None; the Stribeck term
-        has a velocity per joint, (J,).
+        Coulomb friction follows ``sign``, tanh(dq / sign_width) when None.
         """
         if sign is None:
             sign = torch.tanh(dq / self.sign_width)
         values = {"rotor_inertia": ddq, "viscous": dq, "coulomb": sign, "offset": torch.ones_like(dq)}
-        if stribeck is not None:
-            values["stribeck"] = sign * torch.exp(-((dq / stribeck.to(dq)) ** 2))
         return [values[name] for name in self.kinds]
 
 
 # Of torques from motor currents, and of rigid bodies alone, as simulated measurements are.
-FULL = Terms(rotor_inertia=True, viscous=True, coulomb=True, offset=True, stribeck=False, sign_width=0.01)
-RIGID = Terms(False, False, False, False, False, sign_width=0.01)
+FULL = Terms(rotor_inertia=True, viscous=True, coulomb=True, offset=True, sign_width=0.01)
+RIGID = Terms(False, False, False, False, sign_width=0.01)
 
 
 class TorqueModel:
@@ -69,34 +61,20 @@ class TorqueModel:
     parameters. A parameter that has the same effect as those before it (such as the rotor inertia of the
     first joint and the inertia about its axis) has no column: it is grouped into theirs.
 
-    Args:
-        body: the arm; its own inertial parameters are used as ``nominal`` only.
-        terms: what is added to the rigid bodies.
-        velocities: of the Stribeck term [rad/s or m/s], one per joint, where ``terms`` have it.
-
     Attributes:
         names: of the parameters, such as "Izz6" or "fv3", (P,).
+        rigid: number of base parameters, the first of the P.
         kinds: names of the terms in use, in the order of their columns.
         standard_names: of the J links' ten parameters and then each term's J, (F,).
         extras: indices among all terms' parameters, (kinds · J), of those that have a column.
         mapping: parameters from standard ones, (P, F).
-        stribeck: velocity of each joint's Stribeck term, (J,); None without it.
-
-    Raises:
-        ConfigError: when the Stribeck velocities are not one per joint, or there are none.
 
     Source: Gautier 1991, Numerical calculation of the base inertial parameters of robots.
     """
 
-    def __init__(
-        self, body: RigidBody, terms: Terms = FULL, velocities: Sequence[float] | Tensor | None = None
-    ) -> None:
-        self.body, self.terms, self.kinds = body, terms, terms.kinds
-        joints, rigid = body.joints, len(body.base.values)
-        given = () if velocities is None else velocities
-        self.stribeck = torch.as_tensor(given, dtype=torch.float64) if terms.stribeck else None
-        if self.stribeck is not None and len(self.stribeck) != joints:
-            raise ConfigError(f"there are {len(self.stribeck)} Stribeck velocities, expected {joints}")
+    def __init__(self, body: RigidBody, terms: Terms = FULL) -> None:
+        self.body, self.arm, self.terms, self.kinds = body, body.arm, terms, terms.kinds
+        self.joints, self.rigid = joints, rigid = body.joints, len(body.base.values)
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
         names = [f"{_LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
         self.extras, grouped = self._grouped()
@@ -105,26 +83,7 @@ class TorqueModel:
         rest = torch.zeros(len(self.extras), 10 * joints, dtype=torch.float64)
         self.mapping = torch.cat([top, torch.cat([rest, grouped[rigid:]], 1)])
         self.names = [*body.base.names, *(names[int(k)] for k in self.extras)]
-
-    @property
-    def arm(self) -> Arm:
-        """The arm that is modelled."""
-        return self.body.arm
-
-    @property
-    def joints(self) -> int:
-        """Number of joints J."""
-        return self.body.joints
-
-    @property
-    def count(self) -> int:
-        """Number of parameters P."""
-        return len(self.names)
-
-    @property
-    def rigid(self) -> int:
-        """Number of rigid-body base parameters, the first of the P."""
-        return len(self.body.base.values)
+        self.count = len(self.names)
 
     @cached_property
     def formulas(self) -> list[str]:
@@ -145,20 +104,16 @@ class TorqueModel:
         start = (10 + self.kinds.index(term)) * self.joints
         return slice(start, start + self.joints)
 
-    def usual_rows(self, seed: int) -> Tensor:
-        """Regressor (S, J, P) of random states at half of the velocity limits: where the model is to hold."""
-        return self.regressor(*self.usual_states(seed))
-
-    def usual_states(self, seed: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Position, velocity and acceleration of these states, (S, J) each."""
+    def usual_states(self, seed: int = 1) -> tuple[Tensor, Tensor, Tensor]:
+        """Random states (S, J) at half of the velocity limits, where the model is to hold."""
         q, dq, ddq = states_within(self.arm, _USUAL, seed=seed)
         return q, _PACE * dq, _PACE * ddq
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
 
-        Coulomb and Stribeck friction follow ``sign``, tanh(dq / sign_width) when None. Y is a view of an
-        array with the states last, in which products over samples are fast.
+        Coulomb friction follows ``sign``, tanh(dq / sign_width) when None. Y is a view of an array with the
+        states last, in which products over samples are fast.
 
         Raises:
             ShapeError: when a shape does not fit the arm.
@@ -168,7 +123,7 @@ class TorqueModel:
             raise ShapeError(f"position is {given}, expected (S, {self.joints})")
         y = torch.zeros(self.joints, self.count, len(q), dtype=torch.float64)
         y[:, : self.rigid] = self.body.base_regressor(q, dq, ddq).permute(1, 2, 0)
-        signals = self.terms.signals(dq, ddq, self.stribeck, sign)
+        signals = self.terms.signals(dq, ddq, sign)
         for place, k in enumerate(self.extras.tolist(), start=self.rigid):
             y[k % self.joints, place] = signals[k // self.joints][:, k % self.joints]
         return y.permute(2, 0, 1)
@@ -188,7 +143,7 @@ class TorqueModel:
             return torch.zeros(0, dtype=torch.long), torch.zeros(len(base.values), 0, dtype=torch.float64)
         q, dq, ddq = states_within(self.arm, _STATES_PER_JOINT * joints)
         rigid = self.body.base_regressor(q, dq, ddq).reshape(-1, len(base.values)).numpy()
-        signals = [torch.diag_embed(x) for x in self.terms.signals(dq, ddq, self.stribeck)]
+        signals = [torch.diag_embed(x) for x in self.terms.signals(dq, ddq)]
         extra = torch.cat(signals, 2).reshape(len(rigid), -1).numpy()
         y = np.concatenate([rigid, extra], 1)
         new = np.abs(np.diag(np.linalg.qr(y / np.linalg.norm(y, axis=0))[1]))[rigid.shape[1] :]

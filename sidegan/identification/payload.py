@@ -1,28 +1,24 @@
 """The load of an arm, from recordings without and with it: mass, centre of mass, inertia, with errors."""
 
 from dataclasses import dataclass
-from itertools import chain
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.errors import InfeasibleError
 from sidegan.identification.accuracy import covariance_of, inflation_of
-from sidegan.identification.consistent import minimise
+from sidegan.identification.consistent import Pull, most_likely
 from sidegan.identification.fit import TorqueErrors, reweighted
 from sidegan.identification.gather import Gathered, gather, residual_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import rows_of, solve
 from sidegan.motion.dynamics import LINK_PARAMETERS
-from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, about_the_centre
+from sidegan.robot.consistency import about_the_centre
 
 LOAD = len(LINK_PARAMETERS)  # parameters of what is fixed to the last link, the last ones of the model
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
 _STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
-_MARGIN = 1e-4  # smallest eigenvalue of the load's pseudo-inertia in its typical mass and length
 _CLEAR = 3.0  # deviations from which a mass is one
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
 
@@ -67,31 +63,20 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
 
     The arm's parameters are unknown too, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
 
-    Raises:
-        ShapeError: when there are no samples, or they do not fit the model.
-        InfeasibleError: when the solver finds no body.
-
     Source: Khalil, Gautier, Lemoine 2007, Identification of the payload inertial parameters of industrial
     manipulators, method 2.
     """
     parts = gathered(model, unloaded, loaded)
     sums = parts[0].sums.plus(parts[1].sums)
     fit = reweighted(sums, _LEAST)
-    residuals = chain.from_iterable(
-        (residual_of(part.model, x, fit.parameters) for x in part.kept) for part in parts
-    )
+    residuals = [residual_of(part.model, x, fit.parameters) for part in parts for x in part.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
-    empty = torch.cat([fit.parameters[:-LOAD], torch.zeros(LOAD, dtype=torch.float64)])
-    with_load = parts[1].sums
-    return Payload(
-        link=model.arm.link_names[-1],
-        estimate=fit.parameters[-LOAD:],
-        covariance=covariance,
-        body=_possible(fit.parameters[-LOAD:], covariance),
-        without=with_load.nmse(empty),
-        explained=with_load.nmse(fit.parameters),
-    )
+    load, empty = fit.parameters[-LOAD:], fit.parameters.clone()
+    empty[-LOAD:] = 0
+    without, explained = (parts[1].sums.nmse(x) for x in (empty, fit.parameters))
+    body = _possible(load, covariance)
+    return Payload(model.arm.link_names[-1], load, covariance, body, without, explained)
 
 
 def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
@@ -99,55 +84,29 @@ def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
 
     min over pseudo-inertias P of ½ |x − x̂|² in units of the errors + strength · d(P, P⁰), P⁰ a small ball.
     """
-    import cvxpy as cp
-
     _, information = solve(covariance, torch.zeros(LOAD, dtype=torch.float64), 1e-12)
     rows, right = rows_of(information, information @ estimate)
-    unit = max(float(estimate[0]), _LIGHTEST) ** 0.5 * np.array([_LENGTH, _LENGTH, _LENGTH, 1.0])
-    body = cp.Variable((4, 4), symmetric=True)  # in typical units, in which the ball is the identity
-    outer = np.outer(unit, unit).reshape(-1)
-    x = FROM_PSEUDO_INERTIA.numpy() @ cp.multiply(outer, cp.vec(body, order="C"))
-    misfit = cp.sum_squares(rows.numpy() @ x - right.numpy()) / 2
-    pull = _STRENGTH * (cp.trace(body) - cp.log_det(body))
-    status = minimise(misfit + pull, [body >> _MARGIN * np.eye(4)])
-    if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        raise InfeasibleError(f"there is no body that explains the load: {status}")
-    return torch.from_numpy(np.asarray(x.value, dtype=np.float64))
+    size = torch.tensor([[_LENGTH, _LENGTH, _LENGTH, 1.0]], dtype=torch.float64)
+    unit = max(float(estimate[0]), _LIGHTEST) ** 0.5 * size  # in which the ball is the identity
+    strength, ball = torch.tensor([_STRENGTH]), torch.eye(4, dtype=torch.float64)[None]
+    return most_likely(rows, right, Pull(unit, ball, strength))
 
 
 class Loaded:
-    """A model of an arm with columns behind it for what is fixed to its last link, zero where nothing is.
-
-    Args:
-        model: of the arm.
-        carried: whether the load is.
-        known: parameters of a known load, (10,), whose torque is a single column then; None: ten columns.
-    """
+    """A model of an arm with columns behind it for what is fixed to its last link, zero where nothing is."""
 
     kinds = ("load",)  # a model with more than rigid base parameters
 
-    def __init__(self, model: TorqueModel, carried: bool, known: Tensor | None = None) -> None:
-        self.arm_model, self._carried, self._known = model, carried, known
-        self.joints, self.arm = model.joints, model.arm
-        more = [f"load {name}" for name in LINK_PARAMETERS] if known is None else ["load"]
-        self.names = [*model.names, *more]
-        self.count = len(self.names)
+    def __init__(self, model: TorqueModel, carried: bool) -> None:
+        self._model, self._carried, self.joints, self.count = model, carried, model.joints, model.count + LOAD
 
     def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
-        """Regressor, (S, J, P + 10) or (S, J, P + 1), of states (S, J)."""
-        load = self.arm_model.body.regressor(q, dq, ddq)[..., -LOAD:]
-        if self._known is not None:
-            load = (load @ self._known.to(q))[..., None]
-        return torch.cat([self.arm_model.regressor(q, dq, ddq, sign), load * float(self._carried)], 2)
+        """Regressor, (S, J, P + 10), of states (S, J)."""
+        load = self._model.body.regressor(q, dq, ddq)[..., -LOAD:] * float(self._carried)
+        return torch.cat([self._model.regressor(q, dq, ddq, sign), load], 2)
 
 
-def gathered(
-    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], known: Tensor | None = None
-) -> list[Gathered]:
-    """Sums over runs without and with the load, of one set of parameters.
-
-    Raises:
-        ShapeError: when there are no samples, or they do not fit the model.
-    """
+def gathered(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> list[Gathered]:
+    """Sums over runs without and with the load, of one set of parameters."""
     runs = ((unloaded, False), (loaded, True))
-    return [gather(Loaded(model, carried, known), samples) for samples, carried in runs]  # type: ignore[arg-type]
+    return [gather(Loaded(model, carried), samples) for samples, carried in runs]  # type: ignore[arg-type]

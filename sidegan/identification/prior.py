@@ -24,20 +24,11 @@ def typical(arm: Arm) -> Tensor:
     return mass[:, None] * length[:, None] ** power
 
 
-def information(model: TorqueModel, relative: float) -> Tensor:
-    """Information (P, P) of the belief that link parameters are right within a share of their typical size.
-
-    Terms are not believed anything about, and neither are rotor inertias inside groupings.
-    """
-    rows = model.body.base.mapping * (relative * typical(model.arm).reshape(-1))
-    out = torch.zeros(model.count, model.count, dtype=torch.float64)
-    out[: model.rigid, : model.rigid] = torch.linalg.inv(rows @ rows.T)
-    return out
-
-
 def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:
-    """Information of what is believed before, (P, P): links of typical size, terms of the joint's torque."""
-    out = information(model, share)
-    places = torch.arange(model.rigid, model.count)
-    out[places, places] = 1 / (share * scale[model.extras % model.joints]) ** 2
-    return out
+    """Information (P, P) of a belief: parameters are right within a share of links' typical sizes.
+
+    Terms are within that share of their joint's torque, (J,). Nothing is believed of rotors inside groupings.
+    """
+    rows = model.body.base.mapping * (share * typical(model.arm).reshape(-1))
+    terms = (share * scale[model.extras % model.joints]) ** -2
+    return torch.block_diag(torch.linalg.inv(rows @ rows.T), terms.diag())

@@ -1,12 +1,13 @@
 """Errors of predicted torques."""
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ShapeError
 from sidegan.identification.estimate import estimate
 from sidegan.identification.gather import residual_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
@@ -63,17 +64,13 @@ def score_of_sums(sums: Sums, parameters: Tensor) -> Score:
     return Score(sums.nmse(parameters), (sums.squares(parameters) / sums.weight).sqrt())
 
 
-def folds(method: str, model: TorqueModel, recordings: Sequence[Measurements], **settings: Any) -> Score:
-    """Each of K recordings predicted by what was identified from all others, (K, J), as for ``estimate``.
-
-    Raises:
-        ConfigError: when there are fewer than two recordings; otherwise as ``estimate`` and ``score``.
-    """
-    if len(recordings) < 2:
-        raise ConfigError(f"cross-validation needs at least two recordings, got {len(recordings)}")
+def folds(
+    method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], **settings: Any
+) -> Score:
+    """Each of K recordings predicted by what was identified from all others, (K, J), as for ``estimate``."""
     rows = []
     for k, held_out in enumerate(recordings):
-        others = [x for i, x in enumerate(recordings) if i != k]
+        others = chain(*recordings[:k], *recordings[k + 1 :])
         parameters = estimate(method, model, others, **settings).parameters
         rows.append(score(model, parameters, held_out))
     return Score(*(torch.stack(column) for column in zip(*rows)))

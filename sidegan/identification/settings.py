@@ -17,8 +17,6 @@ class StudySettings:
 
     rate: Hertz  # of sampling [Hz]
     prior: Positive  # P₀ = prior · I
-    forgetting: Part
-    weighted: bool  # also with one weight per joint, beside the paper's unweighted
     noise: Noise  # of the simulated measurements; test torques are free of it
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
@@ -58,12 +56,9 @@ class KnownLoad:
     """A known load of an arm, in the frame of the last link that moves."""
 
     mass: NonNegative  # [kg]
-    centre: list[Number]  # of mass [m]
-    inertia: list[Number] | None  # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
-
-    def __post_init__(self) -> None:
-        if len(self.centre) != 3 or len(self.inertia or [0] * 6) != 6:
-            raise ConfigError("load: expected three numbers as centre, and six as inertia")
+    centre: tuple[Number, Number, Number]  # of mass [m]
+    # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
+    inertia: tuple[Number, Number, Number, Number, Number, Number] | None
 
     @property
     def parameters(self) -> Tensor:
@@ -118,8 +113,5 @@ class GoalSettings:
 class EstimationSettings:
     """Estimation of parameters from recordings."""
 
-    method: Literal["ols", "weighted", "rls"]
-    settings: dict[str, Number] | None  # of the method
+    method: Literal["ols", "weighted"]
     strength: Positive | None  # of the pull towards the description; null: the most probable one
-    margin: Positive
-    total_mass: Positive | None  # [kg]

@@ -16,15 +16,13 @@ import torch
 from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
-from sidegan.errors import ConfigError
-from sidegan.identification.expected import expected_errors
-from sidegan.identification.fit import recursive
+from sidegan.identification.fit import least_residual, least_squares, reweighted
 from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
+from sidegan.identification.measurements import Measurements, Noise, disturbed, measure, pieces
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
-from sidegan.identification.sums import Sums, no_sums
+from sidegan.identification.sums import Sums, no_sums, sums_of
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
@@ -52,28 +50,19 @@ def compare(
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         samples, condition of the stacked YᵀY, duration [s]).
     """
-    judge = _Judge(body, tests, settings, ["set", "repeat"])
-    children, stacked = random.spawn(settings.repeats), {}
-    for done, (name, family) in enumerate(sets.items()):
-        stacked[name] = _stacked_condition(body, family), family[0].period * len(family[1])
+    judge, parts = _Judge(body, tests, settings), list[tuple[pd.DataFrame, pd.DataFrame]]()
+    children = random.spawn(settings.repeats)
+    for name, family in sets.items():
+        facts = {"condition": _stacked_condition(body, family), "duration": family[0].period * len(family[1])}
         exact = list(_measured(body, family, settings.rate))
         for repeat, child in enumerate(children):
             generator = np.random.default_rng(child)
             noisy = (disturbed(one, settings.noise, generator) for one in exact)
-            data = gather(judge.model, noisy, settings.forgetting)
-            judge.identify((name, repeat), data.sums, data.samples)
+            errors, norms = judge(gather(judge.model, noisy).sums, set=name, repeat=repeat)
+            parts.append((errors, norms.assign(**facts)))
             if progress is not None:
-                progress(done * settings.repeats + repeat + 1, len(sets) * settings.repeats)
-    results, facts = judge.frames()
-    columns = pd.DataFrame([stacked[name] for name in facts["set"]], columns=["condition", "duration"])
-    facts[["condition", "duration"]] = columns
-    return results, facts
-
-
-def expected(body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings) -> pd.DataFrame:
-    """NMSE of a set that ``compare`` finds on average over noise draws, as of ``expected_errors``."""
-    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
-    return expected_errors(body, exact, truth, settings)
+                progress(len(parts), len(sets) * settings.repeats)
+    return _joined(parts)
 
 
 def measured_sums(
@@ -83,87 +72,90 @@ def measured_sums(
     random: np.random.SeedSequence,
     progress: Progress | None = None,
 ) -> Sums:
-    """Sums of least squares over all N trajectories of a set, measured once with noise.
-
-    Arguments are as for ``compare``; progress receives (done, N).
-    """
-    generator, count = np.random.default_rng(random), len(family[1])
-    model = TorqueModel(body, RIGID)
-    if not count:
-        return no_sums(model.joints, model.count)
-
-    def data() -> Iterator[Measurements]:
-        parts = _measured(body, family, settings.rate, settings.noise, generator, _TRAJECTORIES_AT_ONCE)
-        for k, part in enumerate(parts, start=1):
-            yield part
-            if progress is not None:
-                progress(min(k * _TRAJECTORIES_AT_ONCE, count), count)
-
-    return gather(model, data()).sums
+    """Sums of least squares over all N trajectories of a set, measured once with noise; progress is of N."""
+    model, generator, count = TorqueModel(body, RIGID), np.random.default_rng(random), len(family[1])
+    sums, done = no_sums(model.joints, model.count), 0
+    for some in family[1].split(_TRAJECTORIES_AT_ONCE) if count else ():
+        motion = family[0].roll_out(some, family[0].times(settings.rate))
+        sums = sums.plus(gather(model, measure(body, motion, settings.noise, generator)).sums)
+        done += len(some)
+        if progress is not None:
+            progress(done, count)
+    return sums
 
 
 def combined(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """NMSE of every set, weighting and joint, and the covariance norm and number of samples of every set.
+    """As ``compare``, of sums that are identified from together: no repeat, condition and duration."""
+    judge = _Judge(body, tests, settings)
+    return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 
-    Arguments are as for ``compare``, but ``sets`` has the sums that are identified from together.
 
-    Returns:
-        Results (columns set, weighted, joint, nmse) and facts (set, covariance_norm, samples).
+def expected_errors(
+    body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings
+) -> pd.DataFrame:
+    """NMSE that ``compare`` finds on average over noise, by weighting and joint, in closed form.
 
-    Raises:
-        ConfigError: when the recursion forgets: sums have no order in time.
+    An estimate is linear in noise on torques. With the information M = Σ wⱼ² Yⱼᵀ Yⱼ + 1/P₀ and
+    S = Σ wⱼ⁴ σ² yᵀ y over equations y with noise of variance σ², the covariance is C = M⁻¹ S M⁻¹. The tests'
+    Yⱼ turns it into errors of expected square tr(Yⱼᵀ Yⱼ C), besides those that the prior makes. The weights
+    of joints follow from the noise alone. No rows where states are noisy.
     """
-    if settings.forgetting < 1:
-        raise ConfigError(f"sums cannot be added with forgetting factor {settings.forgetting}, expected 1")
-    judge = _Judge(body, tests, settings, ["set"])
-    for name, parts in sets.items():
-        sums = reduce(Sums.plus, parts)
-        judge.identify((name,), sums, round(float(sums.weight)))
-    return judge.frames()
+    model, noise, rows = TorqueModel(body, RIGID), settings.noise, list[tuple[object, ...]]()
+    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
+    sums, judged, spread = gather(model, exact).sums, gather(model, truth).sums, _noise(model, exact, noise)
+    for weighted in () if noise.state and noise.level else (False, True):
+        weights = torch.ones_like(sums.energy)
+        if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
+            weights = 1 / torch.maximum((spread.energy / spread.weight).sqrt(), least_residual(sums))
+        fit = least_squares(sums, 1 / settings.prior, weights)
+        covariance = fit.inverse @ spread.weighted(weights.square())[0] @ fit.inverse
+        squares = judged.squares(fit.parameters) + torch.einsum("jpq,qp->j", judged.information, covariance)
+        nmse = squares / judged.weight / judged.variance
+        rows += [(weighted, *row) for row in zip(model.arm.joint_names, nmse.tolist())]
+    return pd.DataFrame(rows, columns=["weighted", "joint", "nmse"])
 
 
-def _measured(
-    body: RigidBody,
-    family: MotionSet,
-    rate: float,
-    noise: Noise | None = None,
-    random: np.random.Generator | None = None,
-    at_once: int = 1,
-) -> Iterator[Measurements]:
-    """Measurements of the trajectories of a set, so many at once; exact ones without noise."""
+def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
+    """Sums over equations that count with the variance of their noise, which the energy has, too."""
+    sums, share = no_sums(model.joints, model.count), noise.level**2 / 3 * noise.torque
+    for part in pieces(exact):
+        variance = share * part.torque.square()
+        one = sums_of(model.regressor(*part.states) * variance.sqrt()[..., None], part.torque)
+        sums = sums.plus(one._replace(energy=variance.sum(0)))
+    return sums
+
+
+def _measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
+    """Measurements without noise along each trajectory of a set."""
     trajectory, coefficients = family
     times = trajectory.times(rate)
-    for c in coefficients.split(at_once):
-        yield measure(body, trajectory.roll_out(c, times), noise, random)
+    return (measure(body, trajectory.roll_out(c, times)) for c in coefficients.split(1))
 
 
 class _Judge:
     """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
 
-    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings, keys: list[str]) -> None:
-        self.model, self._settings, self._keys = TorqueModel(body, RIGID), settings, keys
+    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
+        self.model, self._least = TorqueModel(body, RIGID), 1 / settings.prior
         self._truth = list(_measured(body, tests, settings.rate))
-        self._results, self._facts = list[tuple[object, ...]](), list[tuple[object, ...]]()
 
-    def identify(self, key: tuple[object, ...], sums: Sums, samples: int) -> None:
-        """Rows of identification with equal weights, and where set with one per joint."""
-        settings = self._settings
-        for weighted in (False, True) if settings.weighted else (False,):
-            fit = recursive(sums, samples, settings.prior, settings.forgetting, weighted)
-            errors = score(self.model, fit.parameters, self._truth).nmse.tolist()
-            self._results += [(*key, weighted, *row) for row in zip(self.model.arm.joint_names, errors)]
-            if not weighted:
-                norm = torch.linalg.vector_norm(fit.inverse.diagonal())
-                self._facts.append((*key, float(norm), samples))
+    def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
+        """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""
+        fits, errors = [least_squares(sums, self._least), reweighted(sums, self._least)], []
+        for weighted, fit in enumerate(fits):
+            nmse = score(self.model, fit.parameters, self._truth).nmse.tolist()
+            columns = {"weighted": bool(weighted), "joint": self.model.arm.joint_names, "nmse": nmse}
+            errors.append(pd.DataFrame({**keys, **columns}))
+        norm = float(torch.linalg.vector_norm(fits[0].inverse.diagonal()))
+        facts = pd.DataFrame([{**keys, "covariance_norm": norm, "samples": round(float(sums.weight))}])
+        return pd.concat(errors), facts
 
-    def frames(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """All rows: errors, and norms ‖diag P‖ with equal weights."""
-        return (
-            pd.DataFrame(self._results, columns=[*self._keys, "weighted", "joint", "nmse"]),
-            pd.DataFrame(self._facts, columns=[*self._keys, "covariance_norm", "samples"]),
-        )
+
+def _joined(parts: list[tuple[pd.DataFrame, pd.DataFrame]]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    results, facts = (pd.concat(frames, ignore_index=True) for frames in zip(*parts))
+    return results, facts
 
 
 def _stacked_condition(body: RigidBody, family: MotionSet) -> float:

@@ -62,16 +62,14 @@ def no_sums(joints: int, parameters: int) -> Sums:
 
 def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
     """Sums over samples, oldest first, of a regressor (S, J, P) and torque (S, J)."""
-    age = torch.arange(len(tau) - 1, -1, -1, dtype=torch.float64, device=tau.device)
-    decay = forgetting**age
+    decay = forgetting ** torch.arange(len(tau) - 1, -1, -1, dtype=torch.float64)
     total = decay @ tau
     if forgetting < 1:
         root = decay.sqrt()
         y, tau = y * root[:, None, None], tau * root[:, None]
     rows, torque = y.transpose(0, 1), tau.T[..., None]
     moment = (rows.mT @ torque)[..., 0]
-    parts = rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum()
-    return finite(Sums(*(x.cpu() for x in parts)))
+    return finite(Sums(rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum()))
 
 
 def finite(sums: Sums) -> Sums:
@@ -86,11 +84,10 @@ def finite(sums: Sums) -> Sums:
 def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Tensor]:
     """Solution (P,) and inverse (P, P) of information + least · I, also where the former is singular.
 
-    The columns are scaled to unit information first (kilograms and kilogram square metres differ by
-    orders of magnitude, which is not lack of excitation). Eigenvalues at the rounding of the sums are
-    then taken as no information at all, so that such directions stay at the prior instead of at noise
-    divided by noise. What is left is written as rows R with Rᵀ R = information, and the singular values
-    of R add the prior in the parameters' own units: no inverse of the ill-conditioned matrix is formed.
+    Columns are scaled to unit information first: kilograms and kilogram square metres differ by orders of
+    magnitude, which is not lack of excitation. Eigenvalues at the rounding of the sums are no information,
+    so that such directions stay at the prior. The singular values of what is left, as rows, add the prior in
+    the parameters' own units: no inverse of the ill-conditioned matrix is formed.
     """
     rows, right = rows_of(information, moment)
     u, s, vt = torch.linalg.svd(rows, full_matrices=True)

@@ -3,9 +3,8 @@
 import torch
 from torch import Tensor
 
-from sidegan.errors import ShapeError
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.measurements import Samples
+from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score, score, score_of_sums
 from sidegan.identification.sums import solve
@@ -18,18 +17,14 @@ _EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than th
 def trust(
     model: TorqueModel,
     estimate: Estimate,
-    validation: Samples | None = None,
+    validation: list[Measurements] | None = None,
     folds: Score | None = None,
 ) -> Trust:
     """Quality of an estimate of a model, from which its verdict follows.
 
-    Recordings that were held out are a list, as they are read twice.
-
     Raises:
-        ShapeError: when the estimate is of another model or a joint's validation torque is constant.
+        ShapeError: when a joint's validation torque is constant.
     """
-    if estimate.names != tuple(model.names):
-        raise ShapeError("the estimate has other parameters than the model")
     per_unit, torque_deviation = _effects(model, estimate)
     effect = per_unit * estimate.deviation
     weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > _EFFECT]
@@ -38,17 +33,8 @@ def trust(
     validated = None
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
-    return Trust(
-        arm=model.arm,
-        estimate=estimate,
-        train=train,
-        validation=validated,
-        nominal_score=nominal,
-        folds=folds,
-        effect=effect,
-        torque_deviation=torque_deviation,
-        weak=tuple(estimate.names[i] for i in weak),
-    )
+    names = tuple(estimate.names[i] for i in weak)
+    return Trust(model.arm, estimate, train, validated, nominal, folds, effect, torque_deviation, names)
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
@@ -56,7 +42,7 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
     """
-    y = model.usual_rows(seed=1)
+    y = model.regressor(*model.usual_states())
     usual = (y @ estimate.parameters).square().mean(0).sqrt().clamp_min(torch.finfo(torch.float64).tiny)
     share = y.square().mean(0).sqrt() / usual[:, None]
     variance = torch.einsum("sjp,pq,sjq->j", y, estimate.covariance, y).clamp_min(0) / len(y)
@@ -66,13 +52,8 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
 def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
     """The description's link parameters with everything else fitted, (P,)."""
     r, nominal = model.rigid, model.nominal.clone()
-    information, moment = estimate.information, estimate.moment
+    information, moment = estimate.sums.weighted(estimate.weights)
     rest = moment[r:] - information[r:, :r] @ nominal[:r]
     if len(rest):
         nominal[r:], _ = solve(information[r:, r:], rest, _LEAST)
     return nominal
-
-
-def certainty(estimate: Estimate) -> Tensor:
-    """One over the deviation that a sample's error would have if samples were independent, (J,)."""
-    return 1 / (estimate.residual_rms * estimate.inflation.sqrt())

@@ -1,41 +1,37 @@
 """Uncertainty of a model as a goal of design: trajectories that tell it beside what is known."""
 
 from dataclasses import replace
-from functools import partial
 
 import torch
 from torch import Tensor
 
 from sidegan.design.goal import Goal
-from sidegan.errors import ConfigError, ShapeError
-from sidegan.identification.goals import Parameters, Prediction, Tool, Wanted
+from sidegan.identification.goals import purpose_of, usual_torque
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import belief
 from sidegan.identification.settings import GoalSettings
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant.varied import torque_scale
 
-_FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's counts as at least
 _SAMPLES = 160  # at which the information of a trajectory is taken
 _LEAST = 1e-9  # of what is known of a parameter: keeps factors of singular information finite
 
 
 class Uncertain:
-    """The uncertainty of what is wanted of a model, rotors and friction included.
+    """The uncertainty of a model, rotors and friction included, as far as an objective asks for it.
 
     A ``design.search.SetGoal``: trajectories are designed one after another, each given those before it.
 
     Args:
         model: that was, or is to be, identified.
         covariance: of its parameters' errors, (P, P).
-        certainty: one over the deviation that a sample's torque error would have if samples were
-            independent, (J,).
+        certainty: one over the deviation of an independent sample's torque, (J,).
         rate: of the samples [Hz].
-        wanted: what of it is wanted.
+        objective: of ``GoalSettings``.
+        identified: whether the model was, from recordings without a tool.
 
     Raises:
-        ShapeError: when something does not fit the model.
+        ConfigError: when the objective does not fit the arm.
     """
 
     def __init__(
@@ -44,28 +40,20 @@ class Uncertain:
         covariance: Tensor,
         certainty: Tensor,
         rate: float,
-        wanted: Wanted = Parameters,
+        objective: str | list[str] = "parameters",
+        identified: bool = False,
     ) -> None:
-        if covariance.shape != (model.count, model.count) or certainty.shape != (model.joints,):
-            raise ShapeError(
-                f"covariance {tuple(covariance.shape)} and certainty {tuple(certainty.shape)} are not of a "
-                f"model with {model.count} parameters and {model.joints} joints"
-            )
         self._model, self._certainty, self._rate = model, certainty, rate
         self._scale, self._before = _known(covariance)  # units of the parameters, information in these
         self._motion = torch.zeros_like(self._before)
-        self.purpose = wanted(model, self._scale)
-
-    def information(self, trajectory: Trajectory, c: Tensor) -> Tensor:
-        """Information of a trajectory with coefficients [rad/s], (J, H, 2), alone, (P, P)."""
-        times = trajectory.grid(_SAMPLES)
-        states = [x[0] for x in trajectory.roll_out(c[None], times)[1:]]
-        y = (self._model.regressor(*states) * self._certainty[:, None] * self._scale).flatten(0, 1)
-        return self._rate * trajectory.period / len(times) * (y.mT @ y)
+        self.purpose = purpose_of(objective, model, self._scale, identified)
 
     def take(self, trajectory: Trajectory, c: Tensor) -> None:
         """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
-        self._motion = self._motion + self.information(trajectory, c)
+        times = trajectory.grid(_SAMPLES)
+        states = [x[0] for x in trajectory.roll_out(c[None], times)[1:]]
+        y = (self._model.regressor(*states) * self._certainty[:, None] * self._scale).flatten(0, 1)
+        self._motion = self._motion + self._rate * trajectory.period / len(times) * (y.mT @ y)
 
     def next(self) -> Goal:
         """The goal of the next trajectory."""
@@ -95,15 +83,9 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
     Raises:
         ConfigError: when a setting does not fit the arm.
     """
-    if terms.stribeck:
-        raise ConfigError(
-            "velocities of model.stribeck are found from recordings: design with model.stribeck=false, or "
-            "with known=… for what an identification left uncertain"
-        )
     model, usual = TorqueModel(body, terms), usual_torque(body)
     covariance = torch.linalg.inv(belief(model, usual, goal.believed))
-    wanted = wanted_of(goal, usual, identified=False)
-    return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, wanted)
+    return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, goal.objective)
 
 
 def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
@@ -115,28 +97,3 @@ def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
         (covariance + torch.diag(least - variance)) / unit / unit[:, None], hermitian=True
     )
     return unit, (known + known.T) / 2 + _LEAST * torch.eye(len(unit), dtype=torch.float64)
-
-
-def wanted_of(goal: GoalSettings, usual: Tensor, identified: bool) -> Wanted:
-    """Goal that the settings ask for, of an arm with these usual torques (J,) [N·m or N]."""
-    if isinstance(goal.objective, list):
-        return partial(Parameters, links=goal.objective)
-    if goal.objective == "payload":
-        return partial(Tool, identified=identified)
-    if goal.objective == "prediction":
-        return partial(Prediction, usual=usual)
-    return Parameters
-
-
-def usual_torque(body: RigidBody) -> Tensor:
-    """Root mean square torque of each joint within the limits [N·m or N], (J,).
-
-    Raises:
-        ConfigError: when no link has a mass.
-    """
-    if not body.arm.inertial_parameters.any():
-        raise ConfigError(
-            f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "
-            "goal.objective=condition needs none, and the URDF that +experiment=identify leaves has masses"
-        )
-    return torch.from_numpy(torque_scale(body, _FLOOR))

@@ -1,10 +1,10 @@
 """A verdict on an identified model, in words."""
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from string import ascii_letters
 from typing import NamedTuple
 
 from torch import Tensor
@@ -48,21 +48,13 @@ class Trust:
     estimate: Estimate  # its parameters
     train: Score  # errors on what was identified from
     validation: Score | None  # errors on what was held out; None when nothing was
-    # errors of the description's link parameters with fitted friction, on the same samples as
-    # ``validation``, or else ``train``
-    nominal_score: Score
+    nominal_score: Score  # of the description's links with fitted friction, on the same samples as these
     folds: Score | None  # each recording predicted from the others; None when not asked for
     effect: Tensor  # largest share of a joint's usual torque that one deviation of a parameter makes, (P,)
-    # standard deviation of the predicted torque over the joint's usual torque, anywhere within the
-    # limits, (J,)
-    torque_deviation: Tensor
+    torque_deviation: Tensor  # deviation of predicted torques within the limits, over the usual ones, (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
-    # mass [kg] of the links that some torque depends on, of the consistent model and of the description; None
-    # where it is not known
-    mass: tuple[float, float] | None = None
-    doubts: tuple[str, ...] = ()  # what of the description and the torques cannot both be right
-    other_gravity: str | None = None  # sentence on one that explains the torques better
-    implausible: tuple[Finding, ...] = ()  # of the consistent model's links
+    causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
+    other_gravity: bool = False  # whether another one than the description's explains the torques better
 
     @property
     def verdict(self) -> str:
@@ -77,26 +69,19 @@ class Trust:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
             right = "; the description is right: its own links predict as well" if self.described else ""
             return [f"{error}, and every parameter that matters is certain{right}"]
-        groups: dict[object, list[Finding]] = {}
+        groups, sentences = dict[object, list[Finding]](), list[str]()
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
         gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
-        return [self._sentence(group) for group in [*([one] for one in self.causes), *gravest_first]]
-
-    def _sentence(self, group: list[Finding]) -> str:
-        """Findings about the arm, or all about one joint, in a sentence."""
-        texts, joint = "; ".join(one.text for one in group), group[0].joint
-        return texts if joint is None else f"{self.joint(joint)}: {texts}"
+        for group in [*([one] for one in self.causes), *gravest_first]:
+            texts, joint = "; ".join(one.text for one in group), group[0].joint
+            sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
+        return sentences
 
     @cached_property
     def findings(self) -> list[Finding]:
         """Findings that keep the model from being good."""
         return [*self.causes, *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
-
-    @property
-    def causes(self) -> list[Finding]:
-        """Faults of the torques or the description, which the rest may follow from."""
-        return [*_doubts(self), *_scale(self), *self.implausible]
 
     @property
     def described(self) -> bool:
@@ -127,24 +112,6 @@ class Trust:
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
-def _doubts(trust: Trust) -> Iterator[Finding]:
-    if trust.other_gravity is not None:
-        yield Finding(BAD, trust.other_gravity)
-    yield from (Finding(USABLE, doubt) for doubt in trust.doubts)
-
-
-def _scale(trust: Trust) -> Iterator[Finding]:
-    if trust.mass is None or trust.doubts:
-        return
-    found, described = trust.mass
-    if not described > 0:
-        return
-    if not described / _MASSES <= found <= described * _MASSES:
-        units = "recording.units.torque or recording.units.current, robot.gains"
-        text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
-        yield Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")
-
-
 def _held_out(trust: Trust) -> Iterator[Finding]:
     train, validation, folds = trust.train, trust.held_out, trust.folds
     if validation is None:
@@ -154,9 +121,8 @@ def _held_out(trust: Trust) -> Iterator[Finding]:
         yield Finding(USABLE, ratio if trust.causes else f"{ratio}: give more, or more varied, recordings")
     if trust.described and not trust.causes and trust.nominal_score.nmse_mean > _GOOD_NMSE:
         error = trust.nominal_score.nmse_mean
-        yield Finding(
-            USABLE, f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
-        )
+        text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
+        yield Finding(USABLE, text)
     if folds is not None and float(folds.nmse.mean()) > _GOOD_NMSE:
         worst = int(folds.nmse.mean(1).argmax())
         error = float(folds.nmse[worst].mean())
@@ -208,10 +174,9 @@ def _advice(trust: Trust, j: int) -> str:
     """Advice on exciting a joint better; nothing where something else is to be mended first."""
     if trust.causes:
         return ""
-    arm, reach = trust.arm, trust.estimate.reach
-    limit, fastest = float(arm.velocity_limit[j]), float(reach.fastest[j])
-    span, unit = float(arm.position_upper[j] - arm.position_lower[j]), "m" if arm.prismatic[j] else "rad"
-    moved = float(reach.range[j])
+    arm, unit = trust.arm, "m" if trust.arm.prismatic[j] else "rad"
+    moved, fastest = (float(x[j]) for x in trust.estimate.reach)
+    span, limit = float(arm.position_upper[j] - arm.position_lower[j]), float(arm.velocity_limit[j])
     wishes = []
     if moved < _LITTLE * span:
         wishes.append(f"goes further than {moved:.2g} of {span:.3g} {unit}")
@@ -220,6 +185,15 @@ def _advice(trust: Trust, j: int) -> str:
     if not wishes:
         wishes.append("has several frequencies at once and is not in step with other joints")
     return f"; excite it with a motion that {' and '.join(wishes)}"
+
+
+def implausible_mass(found: float, described: float) -> list[Finding]:
+    """Finding on the mass of an arm's links [kg] that is of another order than the description's."""
+    if not described > 0 or described / _MASSES <= found <= described * _MASSES:
+        return []
+    units = "recording.units.torque or recording.units.current, robot.gains"
+    text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
+    return [Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")]
 
 
 def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
@@ -240,5 +214,4 @@ def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
 
 def joint_of(name: str) -> int:
     """Joint or link, from 0, that a parameter's name ends with."""
-    number = re.search(r"\d+$", name)
-    return int(number.group()) - 1 if number else -1
+    return int(name.lstrip(ascii_letters)) - 1

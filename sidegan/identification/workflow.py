@@ -1,6 +1,6 @@
 """Identification of a real arm: checked recordings to estimates, their errors, and a verdict."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,13 +9,12 @@ from torch import Tensor
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.estimate import estimate
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
-from sidegan.identification.measurements import Measurements, halves_of, joined
+from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
-from sidegan.identification.stribeck import stribeck_velocities
 from sidegan.identification.trust import trust
-from sidegan.identification.verdict import implausible_links
+from sidegan.identification.verdict import BAD, USABLE, Finding, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
@@ -40,8 +39,10 @@ def identify_arm(
         RecordingError: when there are fewer equations than parameters.
     """
     samples, held_out = measurements_of(training), measurements_of(validation)
-    model, methods = model_of(arm, terms, samples), _methods(settings)
-    _require_enough(model, samples)
+    model, methods = TorqueModel(RigidBody(arm), terms), _methods(settings)
+    if (count := sum(map(len, samples))) * model.joints < model.count:
+        few = f"{count} samples of {model.joints} joints are left"
+        raise RecordingError(f"{few}, too few for {model.count} parameters")
     estimates = {method: estimate(method, model, samples, **more) for method, more in methods.items()}
     trained = {method: score(model, one.parameters, samples) for method, one in estimates.items()}
     kind, tests, turns = "in sample: nothing was held out", trained, dict[str, Score]()
@@ -50,35 +51,20 @@ def identify_arm(
         tests = {method: score(model, one.parameters, held_out) for method, one in estimates.items()}
     elif len(training) > 1:
         kind = f"each of {len(training)} recordings, predicted from the others"
-        whole = [joined(measurements_of([recording])) for recording in training]
-        turns = {method: folds(method, model, whole, **more) for method, more in methods.items()}
+        each = [measurements_of([recording]) for recording in training]
+        turns = {method: folds(method, model, each, **more) for method, more in methods.items()}
         tests = {method: one.pooled for method, one in turns.items()}
     unseen, unseen_kind = {method: one.nmse for method, one in tests.items()}, kind
     if tests is trained:
         unseen, unseen_kind = _halves(model, samples, methods), "on halves by each other"
     use = preferred(settings.method, unseen)
-
-    def error_under(gravity: Tensor) -> float:
-        """Mean nMSE of the chosen method if gravity in the arm's world [m/s²], (3,), were another."""
-        other = TorqueModel(RigidBody(replace(arm, gravity=gravity)), terms, model.stribeck)
-        fit = estimate(settings.method, other, samples, **methods[settings.method])
-        return score(other, fit.parameters, held_out or samples).nmse_mean
-
     judged = trust(model, estimates[settings.method], held_out or None, turns.get(use))
     judged = replace(judged, train=trained[use], validation=tests[use] if held_out else None)
     found = IdentifiedArm(
         model, training, validation, kind, estimates, tests, trained, judged, use, unseen, unseen_kind
     )
-    return replace(found, trust=replace(judged, **_causes(found, error_under)))
-
-
-def model_of(arm: Arm, terms: Terms, samples: list[Measurements]) -> TorqueModel:
-    """Model of an arm with terms of friction; velocities of a Stribeck term are found from the samples."""
-    body = RigidBody(arm)
-    if not terms.stribeck:
-        return TorqueModel(body, terms)
-    plain = TorqueModel(body, replace(terms, stribeck=False))
-    return TorqueModel(body, terms, stribeck_velocities(plain, samples))
+    causes, gravity = _causes(found)
+    return replace(found, trust=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
 def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
@@ -95,18 +81,7 @@ def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
 
 def _methods(settings: EstimationSettings) -> Methods:
     """Settings of the chosen method, and of those that it is compared with."""
-    names = ("strength", "margin", "total_mass")
-    methods: Methods = {settings.method: dict(settings.settings or {})}
-    methods.setdefault(EQUAL_WEIGHTS, {})
-    return methods | {CONSISTENT: {name: getattr(settings, name) for name in names}}
-
-
-def _require_enough(model: TorqueModel, samples: list[Measurements]) -> None:
-    count = sum(map(len, samples))
-    if count * model.joints < model.count:
-        raise RecordingError(
-            f"{count} samples of {model.joints} joints are left, too few for {model.count} parameters"
-        )
+    return {settings.method: {}, EQUAL_WEIGHTS: {}, CONSISTENT: {"strength": settings.strength}}
 
 
 def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Tensor]:
@@ -114,31 +89,34 @@ def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -
 
     Empty where a half determines too little.
     """
+    halves = [one[: len(one) // 2] for one in samples], [one[len(one) // 2 :] for one in samples]
+    names = next(iter(methods)), CONSISTENT
     try:
-        halves = halves_of(samples)
-        each = {
-            name: folds(name, model, halves, **methods[name]) for name in (next(iter(methods)), CONSISTENT)
-        }
+        return {name: folds(name, model, halves, **methods[name]).pooled.nmse for name in names}
     except (InfeasibleError, ShapeError):
         return {}
-    return {name: one.pooled.nmse for name, one in each.items()}
 
 
-def _causes(found: IdentifiedArm, error_under: Callable[[Tensor], float]) -> dict[str, Any]:
-    """Fields of ``Trust`` on what speaks against the description, the torques or the links."""
-    model, links = found.model, found.links
-    weighed = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(
-        0
-    )  # links whose mass torques tell
-    segments = [segment for recording in found.training for segment in recording.segments]
-    agreement = agreement_of(model.body, segments)
-    gravity = agreement.gravity(model.arm)
+def _causes(found: IdentifiedArm) -> tuple[list[Finding], bool]:
+    """Findings against the description, the torques or the links; whether gravity is another one."""
+    model, arm, links = found.model, found.model.arm, found.links
+    agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
+    causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
+    torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
+    if not causes:
+        masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
+        causes += implausible_mass(*masses)
     if gravity is not None:
-        error = shown(error_under(agreement.load.gravity))
-        gravity += f"; mean nMSE would be {error} then, it is {shown(found.trust.judged.nmse_mean)}"
-    return {
-        "mass": (float(links[weighed, 0].sum()), float(model.arm.inertial_parameters[weighed, 0].sum())),
-        "doubts": tuple(agreement.doubts(model.arm)),
-        "other_gravity": gravity,
-        "implausible": tuple(one for one in implausible_links(model.arm, links) if weighed[one.joint]),
-    }
+        error, now = _error_under(found, agreement.load.gravity), found.trust.judged.nmse_mean
+        gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
+        causes.insert(0, Finding(BAD, gravity))
+    causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
+    return causes, gravity is not None
+
+
+def _error_under(found: IdentifiedArm, gravity: Tensor) -> float:
+    """Mean nMSE of the chosen method if gravity in the arm's world [m/s²], (3,), were another."""
+    model = TorqueModel(RigidBody(replace(found.model.arm, gravity=gravity)), found.model.terms)
+    samples, held_out = measurements_of(found.training), measurements_of(found.validation)
+    parameters = estimate(found.chosen.method, model, samples).parameters
+    return score(model, parameters, held_out or samples).nmse_mean

@@ -38,10 +38,8 @@ def known_model(folder: Path, arm: Arm) -> Known:
         numbers = read_json(path)
         if numbers["joints"] != list(arm.joint_names):
             raise ConfigError(f"{path} is of an arm with joints {', '.join(numbers['joints'])}")
-        use, stribeck = numbers["use"], numbers["stribeck_velocity"]
-        kinds = {name: name in use["terms"] for name in _TERMS}
-        terms = Terms(**kinds, stribeck=stribeck is not None, sign_width=numbers["sign_width"])
-        model = TorqueModel(RigidBody(arm), terms, stribeck)
+        kinds = {name: name in numbers["use"]["terms"] for name in _TERMS}
+        model = TorqueModel(RigidBody(arm), Terms(**kinds, sign_width=numbers["sign_width"]))
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"])):
             raise ConfigError(f"{path} is of another arm than {arm.name}: its links are placed otherwise")
         covariance, certainty = (

@@ -171,9 +171,7 @@ class Config:
                 yield f"validation has {file}, which is in recordings: it would not be held out"
 
     def _counts(self) -> Iterator[str]:
-        """More is chosen than there is, or sums in no order are to forget."""
-        if self.has("replication", "identification") and self.identification.forgetting < 1:
-            yield "replication adds sums that have no order in time: identification.forgetting must be 1"
+        """More is chosen than there is."""
         if not self.has("seeds"):
             return
         seeds = self.seeds.count

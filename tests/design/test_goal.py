@@ -21,7 +21,7 @@ from .cases import CASES
 
 PENALTY = Penalty(300.0, 0.1, 0.1, 0.8)
 REFINE = 3
-TERMS = Terms(True, True, True, True, stribeck=True, sign_width=0.3)
+TERMS = Terms(True, True, True, True, sign_width=0.3)
 
 
 def point(problem, coordinates, seed, use=1.2):
@@ -39,7 +39,7 @@ def goals(problem):
     """Goals of every kind, by name."""
     body, joints = problem.body, problem.body.joints
     rigid = TorqueModel(body, RIGID)
-    model = TorqueModel(body, TERMS, np.linspace(0.2, 0.5, joints).tolist())
+    model = TorqueModel(body, TERMS)
     noisy = {"certainty": torch.linspace(2.0, 0.5, joints).double(), "rate": 100.0}
     whole = {"prior": information_on(model, states_within(body.arm, 200, seed=4)), "model": model, **noisy}
     prior = information_on(rigid, states_within(body.arm, 200, seed=4))

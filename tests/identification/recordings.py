@@ -6,20 +6,11 @@ from unittest.mock import patch
 import numpy as np
 import torch
 
-from sidegan.identification import (
-    FULL,
-    EstimationSettings,
-    GoalSettings,
-    Measurements,
-    Noise,
-    StudySettings,
-    TorqueModel,
-    estimate,
-)
+from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estimate
+from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.motion.dynamics import RigidBody
-from tests.settings import settings
 
-NOISE = Noise("multiplicative", 0.1, torque=True, state=False)
+NOISE = Noise(0.1, torque=True, state=False)
 GOAL = GoalSettings(1, "parameters", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
@@ -38,17 +29,8 @@ def multisine(joints, samples, seed=0, rate=100.0, sines=4):
 def truth_of(model):
     """Parameters (P,) of the description with friction, another one at every joint."""
     grow = torch.linspace(1.0, 0.4, model.joints, dtype=torch.float64)
-    terms = {name: FRICTION[name] * grow for name in model.kinds if name in FRICTION}
-    return parameters_of(model, terms)
-
-
-def parameters_of(model, terms):
-    """Parameters (P,) of the description's links and of terms, name → (J,)."""
-    standard = torch.zeros(model.mapping.shape[1], dtype=torch.float64)
-    standard[: 10 * model.joints] = model.arm.inertial_parameters.reshape(-1)
-    for name, values in terms.items():
-        standard[model.standard_slice(name)] = values.double()
-    return model.mapping @ standard
+    terms = [FRICTION[name] * grow for name in model.kinds]
+    return model.mapping @ torch.cat([model.arm.inertial_parameters.reshape(-1), *terms])
 
 
 def at_once(samples):
@@ -60,11 +42,10 @@ def white(shape, *seed):
     return torch.from_numpy(np.random.default_rng(seed).normal(size=shape))
 
 
-def measured(model, states, noise=0.0, seed=0, parameters=None):
-    """Measurements of the model at states, by its true parameters unless told, with white noise [N·m]."""
-    torque = model.torque(truth_of(model) if parameters is None else parameters, *states)
-    level = torch.as_tensor(noise, dtype=torch.float64)
-    return Measurements(*states, torque + level * white(torque.shape, seed, 1))
+def measured(model, states, noise=0.0, seed=0):
+    """Measurements of the model at states, by its true parameters, with white noise [N·m]."""
+    torque = model.torque(truth_of(model), *states)
+    return Measurements(*states, torque + noise * white(torque.shape, seed, 1))
 
 
 def recorded(model, samples=1500, noise=0.0, seed=0):
@@ -101,21 +82,12 @@ def noisy_rows(samples):
     return torch.from_numpy(y), torch.from_numpy(tau)
 
 
-def model_of(arm, velocities=None, **terms):
-    return TorqueModel(RigidBody(arm), replace(FULL, stribeck=velocities is not None, **terms), velocities)
-
-
-def fitted(method, model, measurements, **changes):
-    """An estimate; the consistent method has the settings of conf/ but for the changes."""
-    if method == "consistent":
-        group = settings(EstimationSettings, "experiment/identify:identify")
-        names = ("strength", "margin", "total_mass")
-        changes = {name: getattr(group, name) for name in names} | changes
-    return estimate(method, model, measurements, **changes)
+def model_of(arm, **terms):
+    return TorqueModel(RigidBody(arm), replace(FULL, **terms))
 
 
 def study_settings(**changes):
-    values = {"rate": 20.0, "prior": 1e6, "forgetting": 1.0, "weighted": True, "noise": NOISE, "repeats": 2}
+    values = {"rate": 20.0, "prior": 1e6, "noise": NOISE, "repeats": 2}
     return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.identification.verdict import BAD, GOOD, USABLE, implausible_links
+from sidegan.identification.verdict import BAD, GOOD, USABLE, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
@@ -118,6 +118,11 @@ def test_a_joint_that_hardly_moves_tells_no_sign(arm, size, told):
     warnings = "\n".join(checked.warnings)
     assert ("reverse=[joint_6]" in warnings) == told
     assert told or re.search("does not tell whether the sign of the torque of .*joint_6", warnings)
+
+
+@pytest.mark.parametrize(("found", "said"), [(19.9, 0), (20.1, 1), (0.201, 0), (0.199, 1)])
+def test_an_arm_ten_times_as_heavy_as_described_is_named(found, said):
+    assert [one.level for one in implausible_mass(found, 2.0)] == said * [USABLE]
 
 
 def test_links_that_no_arm_has_are_named(arm):

@@ -13,26 +13,19 @@ from sidegan.design.objective import Objective
 from sidegan.design.problem import Problem
 from sidegan.design.search import design_set
 from sidegan.design.settings import SearchSettings
-from sidegan.errors import InfeasibleError
 from sidegan.identification import FULL, estimate
 from sidegan.identification.goals import Parameters, Prediction, Tool
 from sidegan.identification.model import states_within
 from sidegan.identification.payload import Loaded
-from sidegan.identification.trust import certainty
 from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints, Plane, check
+from sidegan.validity import Constraints, check
 from tests.identification.recordings import GOAL, half_still, measured, model_of, multisine
 
 NOISE, RATE = 0.3, 100.0
 SEARCH = SearchSettings(evaluations=240, patience=80, samples=40, reserve=0.03)
 TERMS = replace(FULL, sign_width=0.03)
-OBJECTIVES = {
-    "parameters": "parameters",
-    "links": ["forearm"],
-    "payload": "payload",
-    "prediction": "prediction",
-}
+OBJECTIVES = ["parameters", ["forearm"], "payload", "prediction"]
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +101,7 @@ def drawn(problem):
     return c
 
 
-@pytest.mark.parametrize("objective", OBJECTIVES.values(), ids=OBJECTIVES)
+@pytest.mark.parametrize("objective", OBJECTIVES, ids=str)
 def test_a_goal_of_design_is_about_the_deviations_that_are_promised(problem, objective):
     """Beside a trajectory of the set: it falls as they do, as far as it is their mean."""
     problem = replace(problem, samples=160)
@@ -129,14 +122,11 @@ def test_a_goal_of_design_is_about_the_deviations_that_are_promised(problem, obj
 
 
 def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem):
-    designs = {}
-    for name, objective in OBJECTIVES.items():
-        aim = aim_of(problem, objective)
-        designs[name] = design_set(problem, aim, 1, SEARCH, seed=0)
-        assert aim.left < 1 and len(aim.deviations) == len(aim.purpose.names)
-    every = torch.cat([*designs.values()])
+    aims = [aim_of(problem, objective) for objective in OBJECTIVES]
+    every = torch.cat([design_set(problem, aim, 1, SEARCH, seed=0) for aim in aims])
+    assert all(aim.left < 1 and len(aim.deviations) == len(aim.purpose.names) for aim in aims)
     assert check(problem.constraints, problem.trajectory, every).valid.all()
-    for k, objective in enumerate(OBJECTIVES.values()):
+    for k, objective in enumerate(OBJECTIVES):
         aim = aim_of(problem, objective)
         ours, others = ([value(problem, aim, one) for one in some] for some in (every, drawn(problem)))
         count = 1 if objective == "prediction" else len(aim.deviations)
@@ -146,20 +136,10 @@ def test_what_is_designed_for_a_goal_tells_it_better_than_what_is_not(problem):
 
 def test_a_set_is_designed_one_after_another_and_known_then(problem):
     aim, again, lefts = aim_of(problem, "parameters"), aim_of(problem, "parameters"), []
-    c = design_set(problem, aim, 3, SEARCH, seed=0)
-    assert check(problem.constraints, problem.trajectory, c).valid.all()
-    for one in c:
+    for one in design_set(problem, aim, 3, SEARCH, seed=0):
         again.take(problem.trajectory, one)
         lefts.append(again.left)
     assert lefts[0] > lefts[1] > lefts[2] == pytest.approx(aim.left, rel=1e-9)
-    assert torch.equal(design_set(problem, aim_of(problem, "parameters"), 3, SEARCH, seed=0), c)
-
-
-def test_where_nothing_can_be_proven_that_is_told(planar):
-    behind = Trajectory(2, harmonics=3, period=6.0, home=(-1.5, 0.0))
-    problem = Problem(Constraints(planar, [Plane(normal=(1, 0, 0), offset=-0.3)]), behind)
-    with pytest.raises(InfeasibleError, match=r"home position .* is not feasible: keep_out of"):
-        design_set(problem, aim_of(problem, "parameters"), 1, SEARCH, seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +149,7 @@ def poor(planar):
 
 def rest_of(poor):
     model, found, _ = poor
-    return Uncertain(model, found.covariance, certainty(found), RATE)
+    return Uncertain(model, found.covariance, found.certainty, RATE)
 
 
 def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, problem):
@@ -185,22 +165,3 @@ def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(poor, prob
     torch.testing.assert_close(aim.deviations, after.deviation, rtol=0.3, atol=0)
     share = (after.deviation / before.deviation).log().mean().exp()
     assert float(share) == pytest.approx(aim.left, rel=0.15)
-
-
-def test_what_is_known_is_the_inverse_of_the_covariance_in_whatever_units(poor):
-    model, random = poor[0], torch.Generator().manual_seed(0)
-
-    def known(covariance):
-        aim = Uncertain(model, covariance, torch.ones(model.joints).double(), RATE)
-        return aim.next().prior
-
-    root = torch.randn(model.count, model.count, generator=random, dtype=torch.float64)
-    unit = 10.0 ** torch.linspace(-3, 1, model.count, dtype=torch.float64)
-    units, covariance = torch.outer(unit, unit), root @ root.T + torch.eye(model.count).double()
-    found = known(units * covariance) * units
-    torch.testing.assert_close(found, torch.linalg.inv(covariance), rtol=1e-6, atol=1e-6)
-    variance = torch.ones(model.count, dtype=torch.float64)
-    variance[:2] = torch.tensor([4.0, 0.0])  # what is certain is known much better than what is not
-    found = known(torch.diag(variance))
-    torch.testing.assert_close(found.diagonal()[[0, 2]], torch.tensor([0.25, 1.0], dtype=torch.float64))
-    assert found[1, 1] > 1e6 and (found - torch.diag(found.diagonal())).abs().max() < 1e-6

@@ -3,23 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from sidegan.identification import Measurements, Noise, measure
-from sidegan.identification.measurements import pieces
+from sidegan.identification import Noise, measure
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, Trajectory
-from tests.identification.recordings import NOISE, at_once
+from tests.identification.recordings import NOISE
 
 
 def stack(measurements):
     return torch.stack([*measurements.states, measurements.torque])
-
-
-def recording(count, joints=2, start=0):
-    x = torch.arange(start, start + count, dtype=torch.float64)[:, None].expand(count, joints)
-    return Measurements(x, x + 0.1, x + 0.2, x + 0.3)
 
 
 @pytest.fixture(scope="module")
@@ -43,61 +35,33 @@ def test_without_noise_the_states_and_their_torques_are_measured(body, motion):
         torch.testing.assert_close(measured.torque, body.torque(*measured.states))
 
 
-def test_noise_is_uniform_relative_to_the_signal_or_its_deviation(body, motion):
+def test_noise_is_uniform_relative_to_the_signal(body, motion):
     clean = stack(measure(body, motion))
-    deviation = clean.reshape(4, 2, 150, 2).std(2, correction=0, keepdim=True).expand(4, 2, 150, 2)
-    for kind, scale in (("multiplicative", clean), ("additive", deviation.reshape(clean.shape))):
-        noise = Noise(kind, 0.1, torque=True, state=True)
-        added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
-        share = (added / scale)[scale != 0]  # at rest there is none
-        assert 0.0995 < share.abs().max() <= 0.1 + 1e-9
-        # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 2400 draws, five standard errors.
-        assert abs(share.mean()) < 5 * 0.1 / np.sqrt(3 * 2400)
-        assert share.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
+    noise = Noise(0.1, torque=True, state=True)
+    added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
+    share = (added / clean)[clean != 0]  # at rest there is none
+    assert 0.0995 < share.abs().max() <= 0.1 + 1e-9
+    # U(−0.1, 0.1) has mean 0 and standard deviation 0.1 / √3: 2400 draws, five standard errors.
+    assert abs(share.mean()) < 5 * 0.1 / np.sqrt(3 * 2400)
+    assert share.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
 
 
-@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
-def test_only_what_is_said_to_be_noisy_is(body, motion, kind):
+def test_only_what_is_said_to_be_noisy_is_and_alike_whatever_else_is(body, motion):
     clean = measure(body, motion)
     torque, state, both = (
-        measure(body, motion, Noise(kind, 0.1, *noisy), np.random.default_rng(1))
+        measure(body, motion, Noise(0.1, *noisy), np.random.default_rng(1))
         for noisy in ((True, False), (False, True), (True, True))
     )
     assert all(torch.equal(x, y) for x, y in zip(torque.states, clean.states))
     assert torch.equal(state.torque, clean.torque)  # the torque of the true states
-    # What is noisy in one choice has the same noise in another.
     assert torch.equal(both.torque, torque.torque)
     assert all(torch.equal(x, y) for x, y in zip(both.states, state.states))
     assert not torch.equal(both.position, clean.position)
 
 
-@pytest.mark.parametrize("kind", ["multiplicative", "additive"])
-def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion, kind):
-    noise = Noise(kind, 0.1, torque=True, state=True)
-    whole = stack(measure(body, motion, noise, np.random.default_rng(5)))
-    random = np.random.default_rng(5)
-    assert torch.equal(whole, stack(measure(body, motion, noise, np.random.default_rng(5))))
+def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion):
+    noise = Noise(0.1, torque=True, state=True)
+    whole, random = stack(measure(body, motion, noise, 5)), np.random.default_rng(5)
     alone = (Motion(motion.time, *(x[i : i + 1] for x in motion[1:])) for i in range(2))
     parts = [stack(measure(body, one, noise, random)) for one in alone]
     torch.testing.assert_close(whole, torch.cat(parts, 1), rtol=1e-14, atol=1e-14)
-
-
-@settings(max_examples=40)
-@given(st.lists(st.integers(0, 9), min_size=1, max_size=6), st.integers(1, 12))
-def test_pieces_are_the_same_samples_in_order_and_end_with_their_recording(lengths, samples):
-    starts = np.cumsum([0, *lengths])
-    with at_once(samples):
-        parts = list(pieces(recording(n, start=s) for n, s in zip(lengths, starts)))
-    expected = [min(samples, n - k) for n in lengths for k in range(0, n, samples)]
-    assert [len(x) for x in parts] == expected
-    if parts:
-        joined = torch.cat([stack(x) for x in parts], 1)
-        assert torch.equal(joined, stack(recording(sum(lengths))))
-
-
-def test_the_sign_goes_with_its_samples():
-    one = recording(10)
-    whole = Measurements(*one.states, one.torque, one.velocity.tanh())
-    part = whole[2:5]
-    assert torch.equal(part.sign, whole.sign[2:5]) and part.inputs[3] is part.sign
-    assert len(one.inputs) == 3

@@ -2,36 +2,17 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.identification import (
-    FULL,
-    KnownLoad,
-    Measurements,
-    estimate,
-    folds,
-    measure,
-    score,
-    study,
-    trust,
-)
+from sidegan.errors import ConfigError, ShapeError
+from sidegan.identification import FULL, Measurements, estimate, measure, score
 from sidegan.identification.drive_gains import drive_gains
-from sidegan.identification.uncertain import Uncertain, unmeasured
+from sidegan.identification.uncertain import unmeasured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
-from tests.identification.recordings import (
-    GOAL,
-    Fixed,
-    fitted,
-    model_of,
-    noisy_rows,
-    recorded,
-    study_settings,
-)
+from tests.identification.recordings import GOAL, Fixed, model_of, noisy_rows, recorded
 
 ROWS = noisy_rows(60)
 LINEAR = Fixed(ROWS[0])
@@ -39,7 +20,6 @@ DATA = LINEAR.measurements(ROWS[1])
 PLANAR = load_robot("planar2")
 MODEL = model_of(PLANAR)
 PLANAR_DATA = recorded(MODEL, 200, noise=0.1)
-OLS = estimate("ols", MODEL, PLANAR_DATA)
 STATE = torch.zeros(4, 2).double()
 FAMILY = Trajectory(2)
 NOWHERE = torch.zeros(0, *FAMILY.shape).double()
@@ -60,10 +40,6 @@ def measurements(**changes):
     return Measurements(**fields | changes)
 
 
-def consistent(model, **changes):
-    return fitted("consistent", model, PLANAR_DATA, **changes)
-
-
 def measured_by(family, c):
     return measure(RigidBody(PLANAR), family.roll_out(c, family.times(10.0)))
 
@@ -72,32 +48,13 @@ def gains(load, data=PLANAR_DATA):
     return drive_gains(MODEL, [data], [data], torch.zeros(load).double())
 
 
-def goal(terms=FULL, **changes):
-    return unmeasured(RigidBody(PLANAR), terms, replace(GOAL, **changes))
+def goal(**changes):
+    return unmeasured(RigidBody(PLANAR), FULL, replace(GOAL, **changes))
 
 
-def summed(**changes):
-    settings, family = study_settings(**changes), (FAMILY, torch.zeros(1, *FAMILY.shape).double())
-    sums = study.measured_sums(RigidBody(PLANAR), family, study_settings(), np.random.SeedSequence(0))
-    return study.combined(RigidBody(PLANAR), {"a": [sums]}, family, settings)
-
-
-NOBODY = r"no bodies that can exist meet the conditions \(margin 0.5, 0.1 kg in all\): infeasible"
-LOAD = "expected three numbers as centre, and six as inertia"
-SETTINGS = [
-    *(("ols", "prior", x) for x in (0.0, float("nan"), float("inf"))),
-    *(("rls", "forgetting", x) for x in (0.0, 1.01, float("nan"))),
-]
 REFUSED = [
     (ConfigError, "'lasso', expected one of ols, weighted, rls", lambda: of_rows("lasso")),
-    (ConfigError, "ols has no setting threshold; it has prior", lambda: of_rows("ols", threshold=1.0)),
-    *(
-        (ConfigError, f"{name} is .*, expected", lambda m=m, x={name: x}: of_rows(m, **x))
-        for m, name, x in SETTINGS
-    ),
-    (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [])),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [DATA[:0]])),
-    (ShapeError, "hold a str", lambda: estimate("ols", LINEAR, ["a.csv"])),
     (ShapeError, "3 joints, the model has 2", lambda: estimate("ols", MODEL, DATA)),
     (ShapeError, "all torques are zero", lambda: of_rows("weighted", 0 * ROWS[1])),
     (ShapeError, "not finite or too large to square", lambda: of_rows("ols", spoilt(1e200))),
@@ -111,27 +68,14 @@ REFUSED = [
     (ShapeError, "no samples to test with", lambda: score(LINEAR, torch.zeros(6), [])),
     (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
     (ShapeError, r"of joints \[1, 2\] is constant", lambda: score(MODEL, MODEL.nominal, measurements())),
-    (ConfigError, "at least two recordings, got 1", lambda: folds("ols", MODEL, [PLANAR_DATA])),
-    (ConfigError, "3 Stribeck velocities, expected 2", lambda: model_of(PLANAR, (0.1, 0.1, 0.1))),
     (ShapeError, r"sign \(3, 2\), expected \(S, 2\)", lambda: MODEL.regressor(*[STATE] * 3, STATE[:3])),
     (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
     (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
-    (InfeasibleError, NOBODY, lambda: consistent(MODEL, margin=0.5, total_mass=0.1)),
     (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
     (ShapeError, "expected ten finite parameters", lambda: gains(3)),
-    (ConfigError, LOAD, lambda: KnownLoad(1.0, [0.1, 0.2], None)),
-    *((ConfigError, LOAD, lambda n=n: KnownLoad(1.0, [0.1, 0.2, 0.3], [1.0] * n)) for n in (3, 7)),
-    (ShapeError, "other parameters than the model", lambda: trust(model_of(PLANAR, offset=False), OLS)),
-    (ConfigError, "forgetting factor 0.9, expected 1", lambda: summed(forgetting=0.9)),
-    (ShapeError, "are not of a model with", lambda: Uncertain(MODEL, torch.eye(3), torch.ones(2), 100.0)),
-    (
-        ConfigError,
-        r"names hand, expected some of .*forearm",
-        lambda: goal(objective=["hand"]),
-    ),
+    (ConfigError, r"names hand, expected some of .*forearm", lambda: goal(objective=["hand"])),
     (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),
     (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),
-    (ConfigError, "design with model.stribeck=false", lambda: goal(replace(FULL, stribeck=True))),
 ]
 
 

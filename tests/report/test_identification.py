@@ -39,7 +39,7 @@ def test_everything_is_told(identified, read):
     verdict = f"{identified.trust.verdict}: mean nMSE"
     for words in (
         "Identification of planar2", verdict, *identified.trust.reasons, "Use the consistent model",
-        "What to do next", "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
+        "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
         "forearm", "nMSE, validation", "verdict.json", "method: x", "sidegan.run identify",
     ):  # fmt: skip
         assert words in read.text, words

@@ -14,7 +14,8 @@ from sidegan.design.criteria import criteria_of
 from sidegan.design.information import information_of
 from sidegan.design.search import Condition, design_set
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
-from sidegan.identification.uncertain import Uncertain, unmeasured, usual_torque, wanted_of
+from sidegan.identification.goals import usual_torque
+from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.library import Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Trajectory
@@ -76,12 +77,11 @@ def _aim(task: Task) -> Uncertain | Condition:
         return Condition(task.problem)
     if cfg.known is None:
         return unmeasured(task.body, cfg.model, cfg.goal)
-    known, usual = known_model(Path(cfg.known), task.arm), usual_torque(task.body)
+    known = known_model(Path(cfg.known), task.arm)
     certainty, rate = known.certainty, known.rate
     if cfg.goal.noise is not None:  # what is measured next has another noise than the recordings
-        certainty, rate = 1 / cfg.goal.deviation(usual), cfg.goal.rate
-    wanted = wanted_of(cfg.goal, usual, identified=True)
-    return Uncertain(known.model, known.covariance, certainty, rate, wanted)
+        certainty, rate = 1 / cfg.goal.deviation(usual_torque(task.body)), cfg.goal.rate
+    return Uncertain(known.model, known.covariance, certainty, rate, cfg.goal.objective, identified=True)
 
 
 def _goal(task: Task, aim: Uncertain | Condition, tracker: Tracker) -> str:

@@ -67,7 +67,7 @@ def _identify(task: Task, build: Build, one: ExcitationSet) -> None:
     tests = task.trajectory, test_trajectories(task)
     family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
     frames = study.compare(task.body, {one.name: family}, tests, settings, random, build.report)
-    expected = study.expected(task.body, family, tests, settings).assign(set=one.name)
+    expected = study.expected_errors(task.body, family, tests, settings).assign(set=one.name)
     for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 

@@ -11,8 +11,9 @@ from sidegan.errors import ConfigError
 from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.measurements import Measurements
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import VALUES, Payload, identify_payload
-from sidegan.identification.workflow import model_of
+from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
@@ -45,7 +46,7 @@ def _payload(task: Task, tracker: Tracker) -> None:
     """Identify the load, and leave it in the run's folder."""
     cfg, arm = task.cfg, recorded_arm(task)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
-    found = identify_payload(model_of(arm, cfg.model, unloaded), unloaded, loaded)
+    found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
     write_json(task.store.run_folder / PAYLOAD, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
     caption = (
@@ -84,7 +85,7 @@ def _gains(task: Task, tracker: Tracker) -> None:
     cfg, arm, folder = task.cfg, recorded_arm(task), task.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
-    found = drive_gains(model_of(arm, cfg.model, unloaded), unloaded, loaded, cfg.load.parameters)
+    found = drive_gains(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded, cfg.load.parameters)
     gains, deviation = found.gains.tolist(), found.deviation.tolist()
     joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
     write_json(folder / GAINS, {**joints, "gain": gains, "deviation": deviation})

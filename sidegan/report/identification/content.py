@@ -15,7 +15,6 @@ _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
 _METHODS = {
     "weighted": "least squares in which each joint's torques count by their noise",
     EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
-    "rls": "least squares one sample after another, as while an arm runs",
     CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
     "description": "the description's own links, with friction and rotors fitted to the data",
 }
@@ -23,7 +22,7 @@ _INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
-    **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m", "fs": "N·m"},
+    **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m"},
 }
 
 
@@ -79,12 +78,9 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """Motions to record next, a sentence each; the command designs them."""
     if identified.trust.other_gravity:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
-    same = "more motion of the same kind leaves the bias as it is"
-    asked = [f"record {motion}: {same}" for motion in identified.helpful_motions]
     if not identified.trust.weak:
-        return asked
+        return []
     return [
-        *asked,
         "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
         f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
     ]
@@ -145,7 +141,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "unit": [_UNITS.get(kind, _UNITS.get(kind[:1], "")) for kind in kinds],
             "value": chosen.parameters.tolist(),
             "std": chosen.deviation.tolist(),
-            "relative_std": chosen.relative_deviation.tolist(),
+            "relative_std": (chosen.deviation / chosen.parameters.abs()).tolist(),
             "urdf": nominal,
             "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
             "effect": trust.effect.tolist(),

@@ -15,7 +15,6 @@ from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
-from sidegan.identification.trust import certainty
 from sidegan.report.identification.checks import CHECK, write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
 from sidegan.report.identification.page import report_html
@@ -81,7 +80,7 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "left_over": identified.left_over,
         "torque_bias": _numbers(identified.lacks.error),
         "lacking": [
-            {"joint": arm.joint_names[one.joint], "kind": one.kind.name, "share": _number(one.share)}
+            {"joint": arm.joint_names[one.joint], "kind": one.kind, "share": _number(one.share)}
             for one in identified.lacks.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
@@ -115,12 +114,11 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
-        "certainty": certainty(chosen).tolist(),
+        "certainty": chosen.certainty.tolist(),
         "rate": identified.training[0].grid.rate,
         "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
-        "stribeck_velocity": None if model.stribeck is None else model.stribeck.tolist(),
         "consistent": _standard(model, identified.standard),
         "use": {"method": identified.use, **_standard(model, identified.used_standard)},
     }

@@ -44,7 +44,6 @@ class TorqueModel:
         self.model.armature = self._terms.get("rotor_inertia", np.zeros(len(self.joints)))
         self._pinocchio, self._data = pinocchio, self.model.createData()
         self._sign_width = float(numbers["sign_width"])
-        self._stribeck = np.array(numbers["stribeck_velocity"] or np.inf)
 
     def torque(self, q: Vector, dq: Vector, ddq: Vector) -> Vector:
         """Torque [N·m or N], (J,), at positions [rad or m], velocities and accelerations, (J,) each."""
@@ -54,11 +53,8 @@ class TorqueModel:
     def friction(self, dq: Vector) -> Vector:
         """Friction and offset [N·m or N], (J,), at velocities [rad/s or m/s], (J,)."""
         still = np.zeros(len(self.joints))
-        viscous, coulomb, offset, stribeck = (
-            self._terms.get(name, still) for name in ("viscous", "coulomb", "offset", "stribeck")
-        )
-        dry = coulomb + stribeck * np.exp(-((dq / self._stribeck) ** 2))
-        return viscous * dq + dry * np.tanh(dq / self._sign_width) + offset
+        viscous, coulomb, offset = (self._terms.get(name, still) for name in ("viscous", "coulomb", "offset"))
+        return viscous * dq + coulomb * np.tanh(dq / self._sign_width) + offset
 
     def gravity(self, q: Vector) -> Vector:
         """Torque [N·m or N], (J,), that holds the arm still at positions (J,), without friction."""
