@@ -80,7 +80,6 @@ class Arm:
     link_names: tuple[str, ...] = ()
     setup: Setup = PLAIN  # which part of the description this is
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
-    home: tuple[float, ...] | None = None  # the named pose that the setup asks for [rad or m], (J,)
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
     jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)
     told: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people

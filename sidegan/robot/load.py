@@ -78,7 +78,7 @@ def load_robot(
     limits = {kind: _column(description, names, kind) for kind in _LIMITS}
     numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
     higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
-    shapes = pin_model.collision_shapes(model, description, setup.pieces)
+    shapes = pin_model.collision_shapes(model, description)
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest}) + _stamped(setup, description)
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
@@ -91,7 +91,6 @@ def load_robot(
         capsules=capsules,
         urdf=path,
         setup=setup,
-        home=_pose(description, setup, names),
         told=tuple(description.told),
         parents=description.parents,
         may_touch=description.may_touch,
@@ -103,21 +102,13 @@ def load_robot(
 
 def _stamped(setup: Setup, description: Description) -> list[str]:
     """Pairs that a user lets touch: with them, other trajectories are valid."""
-    said = description.may_touch if setup.may_touch or setup.srdf_pairs else ()
+    said = description.may_touch if setup.may_touch else ()
     return sorted({" ".join(sorted(pair)) for *pair, _ in said})
 
 
 def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
     """One kind of limit of all joints, (J,)."""
     return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
-
-
-def _pose(description: Description, setup: Setup, names: tuple[str, ...]) -> tuple[float, ...] | None:
-    """The named pose that the setup asks for [rad or m], (J,)."""
-    if setup.home is None:
-        return None
-    pose = description.semantics.pose(setup.home, names)
-    return tuple(pose[name] for name in names)
 
 
 def _warn_of_missing(description: Description) -> None:

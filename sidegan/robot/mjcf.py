@@ -27,10 +27,9 @@ _KINDS = {
 def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file.
 
-    Links are named as bodies. Limits on velocity are unknown to MJCF and have to be stated; limits on torque
-    are those of joints, or else of actuators. Equality constraints between joints become mimic joints, and
-    keyframes named poses. Shapes that take part in collisions are kept, but for planes and height fields;
-    those that MuJoCo shows are what pictures show.
+    Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
+    of actuators. Equality constraints between joints become mimic joints. Shapes that take part in collisions
+    are kept, but for planes and height fields; those that MuJoCo shows are what pictures show.
 
     Args:
         path: the file.
@@ -46,7 +45,7 @@ def read_mjcf(path: Path) -> Source:
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     x, y, z = (float(one) for one in model.opt.gravity)
-    return Source(text, ET.fromstring(text), writer.poses(), tuple(writer.told()), (x, y, z))
+    return Source(text, ET.fromstring(text), tuple(writer.told()), (x, y, z))
 
 
 class _Writer:
@@ -73,17 +72,6 @@ class _Writer:
         """Name of something; its number where it has none."""
         code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
         return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
-
-    def poses(self) -> dict[str, dict[str, float]]:
-        """Joint positions [rad or m] of the keyframes."""
-        joints = [j for j in range(self.model.njnt) if _KINDS[int(self.model.jnt_type[j])] != "floating"]
-        return {
-            self.name("key", key): {
-                self.name("joint", j): float(self.model.key_qpos[key, self.model.jnt_qposadr[j]])
-                for j in joints
-            }
-            for key in range(self.model.nkey)
-        }
 
     def told(self) -> list[str]:
         """Notes on what could not be carried over."""

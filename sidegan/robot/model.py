@@ -26,19 +26,11 @@ def build(description: Description) -> pin.Model:
     """Pinocchio's model of a serial chain.
 
     Raises:
-        RobotError: when Pinocchio refuses the description, or the chain branches.
+        RobotError: when Pinocchio refuses the description.
     """
     with _pinocchio_speaks(description):
         model = pin.buildModelFromXML(description.xml)
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
-    for i in range(1, model.njoints):
-        parent = model.parents[i]
-        if parent != i - 1:
-            one, other = model.names[parent + 1], model.names[i]
-            carrier = f"joint {model.names[parent]!r}" if parent else "the base"
-            raise RobotError(
-                f"{description.path}: joints {one!r} and {other!r} both hang on {carrier}, expected one chain"
-            )
     return model
 
 
@@ -63,17 +55,16 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def collision_shapes(model: pin.Model, description: Description, pieces: int) -> list[Shape]:
+def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
     """Capsules around the collision shapes that a description gives the links, and what is inside of them.
 
     Args:
         model: Pinocchio's.
         description: the same arm's.
-        pieces: convex pieces that the mesh of a link is cut into, at most.
     """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
-    shapes = shapes_of(geometry, model, pieces)
+    shapes = shapes_of(geometry, model)
     if not any(shape.digest for shape in shapes):
         return shapes
     from joblib import Memory
@@ -82,7 +73,7 @@ def collision_shapes(model: pin.Model, description: Description, pieces: int) ->
     limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
     known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
     further = hollow(known, (model, geometry, description, shapes))
-    return shapes_of(geometry, model, pieces, further) if further else shapes
+    return shapes_of(geometry, model, further) if further else shapes
 
 
 def _hollow(known: object, scene: tuple[Any, ...]) -> list[str]:

@@ -18,6 +18,7 @@ from sidegan.robot.fitting import Points, around_box, around_cylinder, hull_volu
 
 VERSION = 4  # raise it when the shapes of the same description become others
 
+PIECES = 4  # convex parts that a link's meshes are cut into, at most
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
 _HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
@@ -34,16 +35,13 @@ class Shape(NamedTuple):
     digest: str = ""  # of the meshes it was fitted to, and where they are
 
 
-def shapes_of(
-    geometry: pin.GeometryModel, model: pin.Model, pieces: int, hollow: Sequence[str] = ()
-) -> list[Shape]:
+def shapes_of(geometry: pin.GeometryModel, model: pin.Model, hollow: Sequence[str] = ()) -> list[Shape]:
     """The collision shapes of a description, those made of meshes link by link.
 
     Args:
         geometry: the shapes as Pinocchio read them.
         model: the chain of links.
-        pieces: into how many parts a link's meshes are cut at most.
-        hollow: links that are cut into more.
+        hollow: links whose meshes are cut into more parts than others.
     """
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
@@ -57,7 +55,7 @@ def shapes_of(
             exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
             shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
         else:
-            parts, digest = _fitted(group, pieces, owner in hollow)
+            parts, digest = _fitted(group, owner in hollow)
             shapes += [Shape(link, owner, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
@@ -136,7 +134,7 @@ def _is_mesh(one: pin.GeometryObject) -> bool:
     return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
-def _fitted(group: list[pin.GeometryObject], pieces: int, hollow: bool) -> tuple[list[Part], str]:
+def _fitted(group: list[pin.GeometryObject], hollow: bool) -> tuple[list[Part], str]:
     """Capsules and hulls around the meshes of a link, in the frame of the first, and the meshes' digest."""
     first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
     for one in group:
@@ -151,9 +149,9 @@ def _fitted(group: list[pin.GeometryObject], pieces: int, hollow: bool) -> tuple
             parts.append(_triangles(one.geometry) @ relative.rotation.T + relative.translation)
         return [part for part in parts if len(part)]
 
-    parts = cover_of(state.hexdigest(), pieces, hollow, triangles)
+    parts = cover_of(state.hexdigest(), PIECES, hollow, triangles)
     where = hashlib.sha256(_rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
-    return parts, f"{state.hexdigest()} {pieces} {where} {group[0].parentJoint}"
+    return parts, f"{state.hexdigest()} {PIECES} {where} {group[0].parentJoint}"
 
 
 def _triangles(shape: coal.CollisionGeometry) -> Points:

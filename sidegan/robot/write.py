@@ -111,7 +111,7 @@ def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     from sidegan.robot import model as pin_model
 
-    setup = replace(arm.setup, args=None, home=None, mount=arm.mount)
+    setup = replace(arm.setup, args=None, mount=arm.mount)
     model = pin_model.build(read_description(file, setup, planning=False))
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it

@@ -1,7 +1,7 @@
 """XML read with care: no document types, and no number that is not one."""
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from sidegan.errors import RobotError
@@ -17,7 +17,6 @@ class Source:
 
     text: bytes  # of the URDF
     root: ET.Element
-    poses: dict[str, dict[str, float]] = field(default_factory=dict)  # named joint positions [rad or m]
     told: tuple[str, ...] = ()  # what could not be carried over
     gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
 

@@ -11,7 +11,6 @@ from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, Recordin
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from tests import tiny
-from tests.pipeline.conftest import SRDF
 from tests.recording.files import frame
 from tests.recording.made import moved
 
@@ -42,7 +41,6 @@ SETTINGS = [
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{sphere:{center:[0,0,1],radius:1}}"), "mean workspace.regions[0].sphere.centre?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
-    ("exp1", "robot.srdf=FOLDER/arm.srdf robot.home=ready trajectory.home=[0,0]", "are two homes"),
     ("excite", "goal.count=null", "goal.count is None, expected a whole number"),
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition knows no model"),
     ("excite", "controllers.formats=[]", "one or more, each once"),
@@ -92,7 +90,6 @@ def folder(tmp_path_factory, planar):
     table.to_csv(folder / "a.csv", index=False)
     table[500:700].to_csv(folder / "part.csv", index=False)
     (folder / "broken.stl").write_text("no mesh")
-    (folder / "arm.srdf").write_text(SRDF)
     return folder
 
 

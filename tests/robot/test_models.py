@@ -13,13 +13,12 @@ from hypothesis import strategies as st
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import (
     built_in_robots,
-    capsule_geometry,
     inconsistent_links,
     load_robot,
-    pinocchio_model,
     pseudo_inertia,
 )
 from tests.chains import random_chain, random_states
+from tests.oracle import capsule_geometry
 from tests.recording.conftest import real
 
 CAPSULES = [  # end points and radius [m]; the base's from the world, 0.01 m below its own frame
@@ -41,7 +40,7 @@ def test_the_lwr_is_stacked_along_z_with_axes_that_alternate(arm):
     z, y = [0, 0, 1], [0, 1, 0]
     assert arm.axis.tolist() == [z, [0, -1, 0], z, y, z, [0, -1, 0], z]
     assert not arm.prismatic.any()
-    data = (model := pinocchio_model(arm)).createData()
+    data = (model := pin.buildModelFromUrdf(str(arm.urdf))).createData()
     pin.forwardKinematics(model, data, np.zeros(7))
     np.testing.assert_allclose(data.oMi[7].act(arm.tip.numpy()), [0, 0, 1.188], atol=1e-12)
 
@@ -57,7 +56,7 @@ def test_capsules_of_the_lwr_are_those_of_the_table_and_pinocchio_sees_the_same(
     np.testing.assert_allclose(found, CAPSULES, rtol=0, atol=1e-14)
     assert capsules.link.tolist() == [-1, 0, 1, 2, 3, 4, 5, 6]
     assert capsules.names == ("base", *(f"link_{i}" for i in range(1, 8)))
-    model = pinocchio_model(arm)
+    model = pin.buildModelFromUrdf(str(arm.urdf))
     theirs = pin.buildGeomFromUrdf(model, str(arm.urdf), pin.GeometryType.COLLISION)
     for geometry in (theirs, capsule_geometry(arm)):
         geometry.addAllCollisionPairs()

@@ -15,7 +15,7 @@ from sidegan.robot import Arm, Drives, Limits, Setup, load_robot, write_mjcf, wr
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
 
-from .test_part import PERSON, SRDF
+from .test_part import PERSON
 from .urdf import collision, joint, link, mesh, more, one_joint, robot, two_joints
 
 
@@ -51,20 +51,6 @@ def part(**setup):
 
 def stated(**given):
     return lambda at: at.load(two_joints(), Setup(limits=Limits(**given)))
-
-
-def in_file(content: str):
-    """Limits by joint in a file, or all of the file."""
-    content = f"joint_limits: {{{content}}}" if ":" in content else content
-    return lambda at: at.load(one_joint(), Setup(limits_file=at.write("limits.yaml", content)))
-
-
-def pose(home: str, srdf: str = "small.srdf"):
-    def run(at: At) -> Arm:
-        at.write("small.srdf", SRDF)
-        return at.load(two_joints(), Setup(srdf=str(at.folder / srdf), home=home))
-
-    return run
 
 
 def body(*parameters: float):
@@ -107,8 +93,6 @@ SNAKE = robot(link("0"), *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for
 FIXED = (joint(f"j{k}", str(k - 1), str(k), "fixed", limit="") + link(str(k), "") for k in range(1, 6001))
 LONG = robot(link("0", ""), *FIXED)
 ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
-DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
-RADIANS = "'first': … are these degrees? … position={first: [-1.39626, 1.39626], second: [-1, 1]}'"
 NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 TWO, THREE = torch.zeros(2), torch.zeros(3)
 
@@ -172,20 +156,8 @@ REFUSED = {
         (part(base="tip"), "no joints that move behind 'tip'"),
         (part(locked={"right_elbo": 0.0}), "no joint 'right_elbo' … for example right_elbow"),
         (part(locked={"waist": 7.0}), "at 7, outside its range -1.5 to 2; … 'robot.locked={waist: 2}'"),
-        (stated(position=DEGREES), RADIANS),
         (stated(velocity={"elbow": 1.0}), "no joint 'elbow' of robot.limits.velocity"),
         (stated(position={"first": (1.0, 0.0)}), "limits.position is 1 to 0, expected lower < upper"),
-        (lambda at: at.load(one_joint(), Setup(limits_file="gone")), "there is no file robot.limits_file="),
-        (in_file("[1"), "is no YAML"),
-        (in_file("{}"), "has no joint_limits"),
-        (in_file("elbow: {max_velocity: 1}"), "limits elbow, of which … has none"),
-        (in_file("turn: {max_velocity: 0}"), "joint 'turn': max_velocity is 0, expected one above 0"),
-        (in_file("turn: {max_velocity: fast}"), "max_velocity is 'fast', expected a number"),
-        (in_file("turn: {min_position: 1, max_position: -1}"), "expected lower < upper"),
-        (pose("stow"), "has no pose 'stow'; expected robot.home=ready"),
-        (pose("half"), "pose 'half' leaves out second; expected robot.home=ready"),
-        (pose("ready", "gone.srdf"), "there is no file robot.srdf="),
-        (lambda at: at.load(one_joint(), Setup(home="ready")), "add robot.srdf="),
         (lambda at: room.with_effort(at.planar, 0.0), "expected a share above 0 and up to 1"),
         (lambda at: room.with_effort(at.planar, 1.1), "expected a share above 0 and up to 1"),
         # Links that cannot exist.

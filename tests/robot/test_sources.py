@@ -47,7 +47,6 @@ MJCF = """<mujoco model="toy">
 </worldbody>
 <equality><joint joint1="right_finger" joint2="left_finger" polycoef="0.01 -1 0 0 0"/></equality>
 <actuator><position joint="one" kp="10" forcerange="-87 87"/></actuator>
-<keyframe><key name="ready" qpos="0.1 0.2 0.3 0 0"/></keyframe>
 </mujoco>"""
 
 
@@ -147,13 +146,12 @@ class TestMjcf:
         file = link.find("collision/geometry/mesh").get("filename")
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
-    def test_limits_poses_and_what_is_left_out(self, mjcf):
+    def test_limits_and_what_is_left_out(self, mjcf):
         with pytest.raises(RobotError, match=r"'robot\.limits\.velocity=\{one: 1, two: 1, slide: 0.1\}'"):
             load_robot(mjcf)
-        arm = load_robot(mjcf, Setup(limits=SPEEDS, home="ready"))
-        assert arm.home == (0.1, 0.2, 0.3)
+        arm = load_robot(mjcf, Setup(limits=SPEEDS))
         assert arm.torque_limit.tolist() == [87, np.inf, np.inf]
-        assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, 0.2 + np.pi, 0.5])
+        assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, np.pi, 0.5])
         told = "; ".join(arm.told)
         assert "left_finger at 0.02 m, right_finger at -0.01 m" in told
         assert "floor of world" in told
