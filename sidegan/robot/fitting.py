@@ -71,20 +71,24 @@ def extremes(points: Points) -> Points:
     return points[np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))]
 
 
+def hull_of(points: Points) -> "scipy.spatial.ConvexHull | None":
+    """The points' convex hull; None where they lie in a plane."""
+    try:
+        return scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):
+        return None
+
+
 def corners(points: Points) -> Points:
     """The corners of the points' convex hull; all of them, each once, where they lie in a plane."""
-    try:
-        return points[scipy.spatial.ConvexHull(points).vertices]
-    except (scipy.spatial.QhullError, ValueError):
-        return np.unique(points, axis=0)
+    hull = hull_of(points)
+    return np.unique(points, axis=0) if hull is None else points[hull.vertices]
 
 
 def hull_volume(points: Points) -> float:
     """Volume [m³] of the points' convex hull; 0 where they lie in a plane."""
-    try:
-        return float(scipy.spatial.ConvexHull(points).volume)
-    except (scipy.spatial.QhullError, ValueError):
-        return 0.0
+    hull = hull_of(points)
+    return 0.0 if hull is None else float(hull.volume)
 
 
 def axes(points: Points) -> Points:

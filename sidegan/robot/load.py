@@ -13,7 +13,7 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.named import by_name, close_names
+from sidegan.robot.named import by_name
 from sidegan.robot.setup import PLAIN, Setup
 
 _MODELS = Path(__file__).parent / "models"
@@ -145,8 +145,8 @@ def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
         if (found := by_name(name_or_path)) is not None:
             return found
-        names = ", ".join([*close_names(name_or_path), *built_in_robots()])
         more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' knows many by name"
+        names = ", ".join(built_in_robots())
         raise RobotError(
             f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path{more}"
         )

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.mjcf_shapes import turn_of, words, write_collision, write_visual
+from sidegan.robot.mjcf_shapes import turn_of, write_collision
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.xml import Source
+from sidegan.robot.xml import Source, words
 
 Vector = NDArray[np.float64]
 _KINDS = {
@@ -29,7 +29,7 @@ def read_mjcf(path: Path) -> Source:
 
     Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
     of actuators. Equality constraints between joints become mimic joints. Shapes that take part in collisions
-    are kept, but for planes and height fields; those that MuJoCo shows are what pictures show.
+    are kept, but for planes and height fields; pictures show these, too.
 
     Args:
         path: the file.
@@ -61,7 +61,6 @@ class _Writer:
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
-                write_visual(link, model, geom)
                 if not write_collision(link, model, geom):
                     self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
             if body:
@@ -90,7 +89,7 @@ class _Writer:
         origin = ET.SubElement(inertial, "origin")
         write_placement(origin, turn_of(model.body_iquat[body]), model.body_ipos[body])
         ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
-        xx, yy, zz = (repr(float(x)) for x in model.body_inertia[body])
+        xx, yy, zz = words(model.body_inertia[body]).split()
         ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
 
     def _joints(self, body: int) -> None:

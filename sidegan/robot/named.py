@@ -1,6 +1,5 @@
 """Arms by name, where robot_descriptions is installed."""
 
-import difflib
 import pkgutil
 import re
 from importlib import import_module
@@ -44,13 +43,6 @@ def by_name(name: str) -> tuple[Path, dict[str, str]] | None:
             args = getattr(found, "XACRO_ARGS", {}) if kind == "XACRO_PATH" else {}
             return Path(getattr(found, kind)), dict(args)
     return None
-
-
-def close_names(name: str) -> list[str]:
-    """Names that robot_descriptions knows and that may have been meant."""
-    if find_spec("robot_descriptions") is None:
-        return []
-    return difflib.get_close_matches(name, [one.removesuffix("_description") for one in _known()], 3)
 
 
 def _known() -> list[str]:

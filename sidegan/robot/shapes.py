@@ -14,13 +14,12 @@ import torch
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
-from sidegan.robot.fitting import Points, around_box, around_cylinder, hull_volume, volume
+from sidegan.robot.fitting import Points, around_box, around_cylinder, hull_volume
 
 VERSION = 4  # raise it when the shapes of the same description become others
 
 PIECES = 4  # convex parts that a link's meshes are cut into, at most
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
-_HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
@@ -91,12 +90,9 @@ def _core(shape: Shape) -> float:
     (ends, radius), corners, rounding = shape.part
     if shape.exact:
         return radius
-    size = hull_volume(corners)
-    low, high = 0.0, radius
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if volume((ends, middle)) < size else (low, middle)
-    return max(high, rounding)
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    roots = np.roots([4 / 3 * np.pi, np.pi * length, 0.0, -hull_volume(corners)])
+    return max(min(float(roots.real.max()), radius), rounding)
 
 
 def _placed(part: Part, one: pin.GeometryObject) -> Part:

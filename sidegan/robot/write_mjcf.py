@@ -15,10 +15,10 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.xml import words
 
 _STEP = 1e-3  # [s] of a written model
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
-_SLENDER = 20  # radii in the length of what stands for a link without a shape
 _WORLD = "world"  # MuJoCo's own name for what does not move
 
 
@@ -92,11 +92,6 @@ def chain(
     return root
 
 
-def words(values: Iterable[float | Tensor] | Tensor) -> str:
-    """Numbers as an attribute of MJCF."""
-    return " ".join(repr(float(x)) for x in values)
-
-
 def _inertials(parameters: Tensor) -> Iterable[dict[str, str]]:
     """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
     for row in parameters:
@@ -120,14 +115,11 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
 
 
 def _drawn(arm: Arm) -> list[list[dict[str, str]]]:
-    """Attributes of the shapes of each link, (J); a bar to the next joint where it has none."""
+    """Attributes of the shapes of each link, (J)."""
     shapes: list[list[dict[str, str]]] = [[] for _ in range(arm.joints)]
     each = zip(arm.capsules.link.tolist(), arm.capsules.a, arm.capsules.b, arm.capsules.radius)
-    joints = [*arm.translation[1:], arm.tip]
-    bare = [j for j, ahead in enumerate(joints) if ahead.any() and j not in arm.capsules.link]
-    bars = [(j, torch.zeros(3), joints[j], joints[j].norm() / _SLENDER) for j in bare]
     ghost = {"contype": "0", "conaffinity": "0", "group": "1"}
-    for link, a, b, radius in [*each, *bars]:
+    for link, a, b, radius in each:
         if link < 0:
             continue
         if torch.equal(a, b):

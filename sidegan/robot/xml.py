@@ -1,8 +1,10 @@
 """XML read with care: no document types, and no number that is not one."""
 
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import SupportsFloat
 
 from sidegan.errors import RobotError
 
@@ -103,6 +105,11 @@ def vector(
     if len(values) != size or not all(abs(x) <= _LARGEST for x in values):
         raise RobotError(f"{where}: <{tag} {key}={text!r}>, expected {expected}")
     return values
+
+
+def words(values: Iterable[SupportsFloat]) -> str:
+    """Numbers as an attribute, exactly."""
+    return " ".join(repr(float(x)) for x in values)
 
 
 class _DocumentTypeError(Exception):

@@ -13,7 +13,6 @@ import trimesh
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, write_urdf
-from sidegan.robot.looks import visual_parts
 from sidegan.robot.meshes import find_mesh
 from sidegan.robot.mjcf_shapes import write_collision
 from sidegan.validity.capsules import capsule_axes, place_points
@@ -114,25 +113,6 @@ class TestMjcf:
             assert np.min(seen, axis=0).max() <= 1e-6  # the vertices are single precision
             corners = torch.cat([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
             assert_same_extent(arm, q, corners, int(arm.capsules.link[rows[0]]), model, data, geom)
-
-    def test_pictures_show_what_mujoco_shows(self, mjcf):
-        text = MJCF.replace('type="sphere" size="0.9"', 'type="sphere" size="0.04" rgba="1 0.5 0 1"')
-        text = text.replace('<geom type="ellipsoid"', '<geom group="3" type="ellipsoid"')
-        mjcf.write_text(text)
-        arm = load_robot(mjcf, Setup(limits=SPEEDS))
-        model = mujoco.MjModel.from_xml_path(str(mjcf))
-        data = mujoco.MjData(model)
-        shown = [part for part in visual_parts(arm) if part.link >= 1]
-        assert len(shown) == 2
-        ball, bare = sorted(shown, key=lambda part: not part.colour)
-        assert ball.colour == (1.0, 0.5, 0.0) and not bare.colour
-        radii = np.linalg.norm(ball.vertices - ball.vertices.mean(0), axis=1)
-        np.testing.assert_allclose(radii, 0.04, rtol=1e-2)
-        mujoco.mj_kinematics(model, data)
-        geom = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0][1]
-        points = torch.from_numpy(bare.vertices.copy())
-        assert_same_extent(arm, data.qpos[:3], points, bare.link, model, data, geom)
-        assert max(abs(part.vertices).max() for part in visual_parts(arm)) < 2  # no floor, nothing hidden
 
     def test_a_dent_of_a_mesh_without_a_file_is_no_part_of_its_shapes(self, mjcf):
         """A tetrahedron of 1 l, one face of which has a dent that takes away 0.4 of it."""
@@ -235,7 +215,7 @@ REFUSED = {
     "no argument": (xacro(), r"xacro refuses it: .*'robot\.args=\{reach: …\}'"),
     "no package": (xacro(text=LOST), r"no package no_such_package; put .* on ROS_PACKAGE_PATH"),
     "no xacrodoc": (xacro(), r"pip install 'sidegan\[xacro\]'"),
-    "an unknown name": (lambda _: load_robot("toi"), "named 'toi', expected toy, kuka_lwr4, planar2 or"),
+    "an unknown name": (lambda _: load_robot("toi"), "named 'toi', expected kuka_lwr4, planar2 or"),
     "a far name": (lambda _: load_robot("far"), "cannot fetch far_description: no route to host"),
 }
 
