@@ -9,8 +9,7 @@ Segment = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] aro
 
 _GROWN = 1 + 1e-12  # of a radius, so that rounding leaves no point outside
 _RADII = 12  # tried between the thinnest capsule along an axis and a sphere
-_CYLINDERS = 200  # the same around a cylinder
-_WIDER = 0.6  # how far towards the sphere those around points go
+_WIDER = 0.6  # how far towards the sphere these go
 _MANY = 100  # points, above which the extreme ones stand for all in a guess
 _ROUNDS = ((0.1, 250), (0.03, 250))  # of refinement: first step, as a share of the size, and evaluations
 _ADDED = 40  # rounds of adding corners to a hull
@@ -45,23 +44,6 @@ def volume(segment: Segment) -> float:
 def around(ends: Points, points: Points) -> Segment:
     """The capsule with these ends, (2, 3), that just holds the points (N, 3)."""
     return ends, float(from_segment(ends, points).max()) * _GROWN + 1e-12
-
-
-def around_cylinder(radius: float, half_length: float) -> tuple[float, float]:
-    """Half the length of the axis and the radius [m] of the smallest capsule around a cylinder."""
-    wide = np.linspace(radius, np.hypot(radius, half_length), _CYLINDERS)
-    half = np.maximum(half_length - np.sqrt(np.maximum(wide**2 - radius**2, 0.0)), 0.0)
-    best = int(np.argmin(wide**2 * (4 / 3 * wide + 2 * half)))
-    return float(half[best]), float(wide[best]) * _GROWN
-
-
-def around_box(half_side: Points) -> Segment:
-    """The smallest capsule along an edge of a box around the origin, given half its sides [m], (3,)."""
-    found = []
-    for k, axis in enumerate(np.eye(3)):
-        half, radius = around_cylinder(float(np.linalg.norm(np.delete(half_side, k))), float(half_side[k]))
-        found.append((np.outer([-half, half], axis), radius))
-    return min(found, key=volume)
 
 
 def extremes(points: Points) -> Points:

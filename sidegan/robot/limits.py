@@ -149,37 +149,23 @@ class _Described:
 def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     """Which limits go beyond the description's own, with both numbers."""
     length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
-    own, wider = _own_span(joint), []
-    if own and joint.kind != "continuous":
-        slack = _ROUNDED * (own[1] - own[0])
-        if limits.lower < own[0] - slack or limits.upper > own[1] + slack:
-            span = _to((limits.lower, limits.upper))
-            wider.append(f"position of {joint.name} {span} instead of {_to(own)} {length}")
-    for kind, unit in (("velocity", f"{length}/s"), ("effort", force)):
-        limit, usual = getattr(limits, kind), _own(joint, kind)
-        if usual > 0 and limit > usual * (1 + _ROUNDED):
-            wider.append(f"{kind} of {joint.name} {limit:.4g} instead of {usual:.4g} {unit}")
+    units = {"velocity": f"{length}/s", "effort": force}
+    if joint.kind != "continuous":
+        units |= {"lower": length, "upper": length}
+    limit, wider = joint.element.find("limit"), []
+    for kind, unit in units.items():
+        value, own = getattr(limits, kind), 0.0 if limit is None else _plain(limit.get(kind, ""))
+        if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
+            wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
 
 
-def _to(span: _Span) -> str:
-    return f"{span[0]:.4g} to {span[1]:.4g}"
-
-
-def _own_span(joint: Joint) -> _Span | None:
-    """Lower and upper limit [rad or m] of the description, where these are such."""
-    span = _own(joint, "lower"), _own(joint, "upper")
-    return span if span[0] < span[1] else None
-
-
-def _own(joint: Joint, key: str) -> float:
-    """A limit of the description; zero where it states none that can be read."""
-    limit = joint.element.find("limit")
+def _plain(text: str) -> float:
+    """A limit as a description has it; zero where there is none that can be read."""
     try:
-        value = float("0" if limit is None else limit.get(key, "0"))
+        return float(text) if math.isfinite(float(text)) else 0.0
     except ValueError:
         return 0.0
-    return value if math.isfinite(value) else 0.0
 
 
 def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: dict[str, _Span]) -> list[str]:
@@ -191,7 +177,7 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
         more = override(
             "limits.position", {k: [low - math.pi, up + math.pi] for k, (low, up) in spans.items()}
         )
-        ranges = listed([f"{name} {_to(span)}" for name, span in spans.items()])
+        ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may go half a turn from home: {ranges} rad ({more} for more)")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
     if free and len(free) < len(moving):

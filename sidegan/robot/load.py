@@ -25,7 +25,6 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
-_OPTIONAL = ("acceleration", "jerk")  # part of the digest only where there are any
 _log = logging.getLogger(__name__)
 
 
@@ -75,9 +74,7 @@ def load_robot(
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
-    limits = {kind: _column(description, names, kind) for kind in _LIMITS}
-    numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
-    higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
+    numbers = chain | _limits(description, names)
     shapes = pin_model.collision_shapes(model, description)
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest}) + _stamped(setup, description)
@@ -85,7 +82,7 @@ def load_robot(
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers | higher, capsules, stamped),
+        digest=digest_of(numbers, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -96,7 +93,6 @@ def load_robot(
         may_touch=description.may_touch,
         mount=description.mount,
         **numbers,
-        **higher,
     )
 
 
@@ -106,9 +102,14 @@ def _stamped(setup: Setup, description: Description) -> list[str]:
     return sorted({" ".join(sorted(pair)) for *pair, _ in said})
 
 
-def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
-    """One kind of limit of all joints, (J,)."""
-    return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
+def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Tensor]:
+    """Limits of all joints, (J,), named as in `Arm`; those of acceleration and jerk where there are any."""
+    limits = {}
+    for kind, name in _LIMITS.items():
+        column = torch.tensor([getattr(description.limits[one], kind) for one in names], dtype=torch.float64)
+        if kind not in ("acceleration", "jerk") or column.isfinite().any():
+            limits[name] = column
+    return limits
 
 
 def _warn_of_missing(description: Description) -> None:

@@ -14,9 +14,9 @@ import torch
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
-from sidegan.robot.fitting import Points, around_box, around_cylinder, hull_volume
+from sidegan.robot.fitting import Points, around, guess, hull_volume
 
-VERSION = 4  # raise it when the shapes of the same description become others
+VERSION = 5  # raise it when the shapes of the same description become others
 
 PIECES = 4  # convex parts that a link's meshes are cut into, at most
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
@@ -114,15 +114,13 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
             ends = np.outer([-shape.halfLength, shape.halfLength], [0.0, 0.0, 1.0])
             return Part((ends, shape.radius), ends, shape.radius)
         case coal.Cylinder():
-            half, radius = around_cylinder(shape.radius, shape.halfLength)
             angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
             rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
-            prism = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in (-1, 1)])
-            return Part(
-                (np.outer([-half, half], [0.0, 0.0, 1.0]), radius), prism * [1, 1, shape.halfLength], 0.0
-            )
-    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
-    return Part(around_box(shape.halfSide), corners, 0.0)
+            heights = (-shape.halfLength, shape.halfLength)
+            corners = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in heights])
+        case _:
+            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
+    return Part(around(guess(corners)[0], corners), corners, 0.0)
 
 
 def _is_mesh(one: pin.GeometryObject) -> bool:

@@ -23,15 +23,16 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
     Raises:
         RobotError: when the file cannot be read, or is none of these.
     """
-    if path.suffix == ".xacro":
-        text = _expanded(path, args or {})
-        return Source(text, xml.parse_text(text, path))
-    root = xml.parse(path, ("robot", "mujoco"))
+    try:
+        text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
+    except OSError as error:
+        raise RobotError(f"cannot read {path}: {error.strerror}") from error
+    root = xml.parse(text, path)
     if root.tag == "mujoco":
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
-    return Source(path.read_bytes(), root)
+    return Source(text, root)
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:

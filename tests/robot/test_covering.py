@@ -13,15 +13,15 @@ from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.covering import cover, cut, split
-from sidegan.robot.fitting import around_box, around_cylinder, fit, from_segment, hull_volume, thinned, volume
+from sidegan.robot.fitting import fit, from_segment, hull_volume, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
 
 from .arms import shape_accuracy
 from .judge import Facts, Judge
-from .urdf import INERTIA, corners, joint, link, mesh, one_joint, robot
+from .urdf import INERTIA, joint, link, mesh, one_joint, robot
 
-seeds, sizes = st.integers(0, 10**6), st.floats(1e-3, 10.0)
+seeds = st.integers(0, 10**6)
 
 
 def triangles(seed: int, count: int) -> np.ndarray:
@@ -66,16 +66,6 @@ def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, count, 
         for (ends, radius), hull, rounding in made
     ]
     assert np.min(outside, axis=0).max() <= 1e-8
-
-
-@given(sizes, sizes, sizes)
-def test_capsules_hold_cylinders_and_boxes_and_are_no_larger_than_balls(x, y, z):
-    half, wide = around_cylinder(x, z)
-    ends = np.array([[0, 0, -half], [0, 0, half]])
-    assert from_segment(ends, np.array([[x, 0, z], [0, x, -z]])).max() <= wide <= np.hypot(x, z) * (1 + 1e-9)
-    ends, wide = around_box(np.array([x, y, z]))
-    assert from_segment(ends, corners(2 * x, 2 * y, 2 * z)).max() <= wide * (1 + 1e-12)
-    assert wide <= np.linalg.norm([x, y, z]) * (1 + 1e-9)
 
 
 def test_a_capsule_is_close_to_the_smallest_around_a_rod_askew():

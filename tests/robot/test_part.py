@@ -173,7 +173,7 @@ class TestLimits:
         own = Limits({"first": (-90.0, 90.0)}, velocity={"second": 0.7}, effort={"first": 41.0})
         arm = load(two_joints(), Setup(limits=own))
         assert arm.velocity_limit.tolist() == [2.5, 0.7] and arm.torque_limit.tolist() == [41, 40]
-        assert "position of first -90 to 90 instead of -1.5 to 2 rad" in caplog.text
+        assert "lower of first -90 instead of -1.5 rad; upper of first 90 instead of 2 rad" in caplog.text
         assert "effort of first 41 instead of 40 N·m" in caplog.text and "velocity of" not in caplog.text
 
     def test_higher_limits_are_in_the_digest_where_there_are_any(self, load):
