@@ -235,6 +235,7 @@ OWN, DEEP = "ws/src/arm/meshes/own.stl", "ws/src/vendor/shapes/meshes/deep.stl"
 INSTALLED = "share/made/meshes/installed.stl"
 FOUND = [
     ("package://arm/meshes/own.stl", OWN),
+    ("file://../meshes/own.stl", OWN),
     ("../meshes/own.stl", OWN),
     ("meshes/own.stl", OWN),
     ("package://renamed/meshes/own.stl", OWN),
