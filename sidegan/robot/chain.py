@@ -4,9 +4,9 @@ import re
 from dataclasses import dataclass
 
 from sidegan.errors import RobotError
-from sidegan.robot.setup import Setup, choice
+from sidegan.robot.setup import Setup, choice, override
 from sidegan.robot.standing import check_locked, standing
-from sidegan.robot.tree import MOVABLE, Joint, Tree, refuse_kind
+from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
 _MOST_JOINTS = 32  # time grows with their third power: 60 take minutes before the first trajectory
@@ -32,55 +32,38 @@ def choose(tree: Tree, setup: Setup) -> Chain:
     for name, value in given.items():
         check_locked(tree, name, value)
     path = _path(tree, setup)
+    for joint in path or tree.joints.values():
+        if joint.kind in REFUSED and joint.name not in given:
+            still = override("locked", {joint.name: 0.0}, given)
+            raise RobotError(
+                f"{tree.at(joint)} is {joint.kind}: {REFUSED[joint.kind]}; {still} has it stand at its origin"
+            )
     moving = tuple(joint for joint in path if _moves(joint) and joint.name not in given)
     if not moving:
-        for joint in tree.joints.values():
-            refuse_kind(joint, tree.at(joint))
+        unlocked = " and are not locked" if given else ""
         raise RobotError(
-            f"{tree.where} has no joints that move{_within(setup)}, expected at least one, revolute or "
-            "prismatic"
+            f"{tree.where} has no joints that move{unlocked}, expected at least one, revolute or prismatic"
         )
     if len(moving) > _MOST_JOINTS:
         raise RobotError(
             f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with "
             f"their number the work grows; {choice('tip', moving[_MOST_JOINTS - 1].child)} ends the arm there"
         )
-    for joint in path:
-        if joint.kind not in MOVABLE and joint.name not in given:
-            refuse_kind(joint, tree.at(joint))
     return Chain(moving, standing(tree, moving, given))
 
 
-def _within(setup: Setup) -> str:
-    """Where joints were looked for, for a message."""
-    ends = [f"{word} {link!r}" for word, link in (("behind", setup.base), ("before", setup.tip)) if link]
-    ends += ["that are not locked"] if setup.locked else []
-    return "".join(f" {one}" for one in ends)
-
-
 def _path(tree: Tree, setup: Setup) -> list[Joint]:
-    """The joints from the base to the tip, of whatever kind."""
-    if setup.base:
-        tree.require_link(setup.base, "robot.base=")
-    before = tree.path(setup.base or tree.root)
+    """The joints from the root to the tip, of whatever kind."""
     if setup.tip:
         tree.require_link(setup.tip, "robot.tip=")
-        path = tree.path(setup.tip)
-        if path[: len(before)] != before:
-            raise RobotError(
-                f"{tree.where}: link {setup.tip!r} does not hang on link {setup.base!r}; "
-                f"leave one of them out: robot.base=null"
-            )
-        return path[len(before) :]
+        return tree.path(setup.tip)
     given = setup.locked or {}
-    paths = {}
-    for joint in tree.joints.values():
-        path = tree.path(joint.child)
-        beyond = len(path) > len(before) and path[: len(before)] == before
-        if beyond and _moves(joint) and joint.name not in given:
-            paths[joint.name] = path[len(before) :]
-    paths = _without_grippers(tree, paths)
-    return _only(tree, paths) if paths else []
+    paths = {
+        joint.name: tree.path(joint.child)
+        for joint in tree.joints.values()
+        if _moves(joint) and joint.name not in given
+    }
+    return _only(tree, _without_grippers(tree, paths)) if paths else []
 
 
 def _moves(joint: Joint) -> bool:

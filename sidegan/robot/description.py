@@ -41,13 +41,7 @@ class Description:
 def read_description(
     path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
 ) -> Description:
-    """A checked description of an arm.
-
-    Args:
-        path: a URDF, xacro or MJCF file.
-        setup: which part of it is the arm, and what overrides it.
-        home: home position [rad or m], of the joints that move.
-        planning: whether motions are to be planned, which takes all limits, and meshes.
+    """A checked description of an arm; arguments as of `load_robot`.
 
     Raises:
         RobotError: when the file is no description, or describes no arm that can be excited.

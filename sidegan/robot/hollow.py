@@ -20,14 +20,7 @@ _OUT = 1.5  # corners are moved outwards by so many radii of what hulls are roun
 def hollow_links(
     model: pin.Model, geometry: pin.GeometryModel, description: Description, shapes: Sequence[Shape]
 ) -> list[str]:
-    """Links whose hulls refuse too many random configurations, the same on every call.
-
-    Args:
-        model: of the chain.
-        geometry: its collision shapes, as Pinocchio read them.
-        description: of the same arm.
-        shapes: with few parts for each link.
-    """
+    """Links whose hulls, of few parts each, refuse too many random configurations, the same on every call."""
     hulls, owners = _hulls(shapes)
     _pair(hulls, owners, description)
     if not hulls.collisionPairs:

@@ -36,12 +36,8 @@ def limits_of(
 ) -> tuple[dict[str, JointLimits], list[str]]:
     """Limits of the joints that move, by name, and notes on what was assumed.
 
-    Args:
-        tree: the whole description, where the limits are put in the way that Pinocchio insists on.
-        moving: the joints.
-        given: limits that the user states.
-        home: home position of joints [rad], for the range of those that turn without end.
-        planning: whether motions are to be planned; without, plain limits stand for those that are missing.
+    They are also put into the tree's XML, as Pinocchio insists on. Joints that turn without end may do so by
+    half a turn from home [rad]. Where nothing is planned, plain limits stand for those that are missing.
 
     Raises:
         RobotError: names all limits that are missing or impossible, with the settings that state them.

@@ -40,10 +40,7 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
     """The visual shapes of an arm; the collision shapes of links that have no visual ones.
 
     What cannot be read is left out: pictures are no reason to fail. None where the file is no longer there.
-
-    Args:
-        arm: the arm.
-        base: only of what stands still.
+    With ``base``, those of what stands still alone.
     """
     import pinocchio as pin  # takes a second to import
 

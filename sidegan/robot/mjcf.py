@@ -31,9 +31,6 @@ def read_mjcf(path: Path) -> Source:
     of actuators. Equality constraints between joints become mimic joints. Shapes that take part in collisions
     are kept, but for planes and height fields; pictures show these, too.
 
-    Args:
-        path: the file.
-
     Raises:
         RobotError: when MuJoCo refuses it.
     """

@@ -35,12 +35,7 @@ def build(description: Description) -> pin.Model:
 
 
 def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Tensor]:
-    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`.
-
-    Args:
-        model: Pinocchio's.
-        tip: the link whose frame is the tip, where that lies beyond the last joint.
-    """
+    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`."""
     joints = range(1, model.njoints)
     subspaces = np.array([_motion_subspace(model, i) for i in joints])
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
@@ -56,12 +51,7 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
 
 
 def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
-    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
-
-    Args:
-        model: Pinocchio's.
-        description: the same arm's.
-    """
+    """Capsules around the collision shapes that a description gives the links, and what is inside of them."""
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
     shapes = shapes_of(geometry, model)

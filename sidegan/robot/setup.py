@@ -26,7 +26,6 @@ class Setup:
     """Which part of a description is the arm, where the rest stands, and what overrides its limits."""
 
     args: dict[str, Text] | None = None  # arguments of a xacro file
-    base: str | None = None  # link from which on joints move; null: the first
     tip: str | None = None  # link up to which joints move; null: the end of the only chain
     locked: dict[str, Number] | None = None  # where joints stand that do not move [rad or m]
     # roll, pitch and yaw [rad] of the first link in a world whose z points up; null: upright, or as gravity

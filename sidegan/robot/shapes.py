@@ -18,7 +18,6 @@ from sidegan.robot.fitting import Points, around, guess, hull_volume
 
 VERSION = 5  # raise it when the shapes of the same description become others
 
-PIECES = 4  # convex parts that a link's meshes are cut into, at most
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
@@ -35,13 +34,7 @@ class Shape(NamedTuple):
 
 
 def shapes_of(geometry: pin.GeometryModel, model: pin.Model, hollow: Sequence[str] = ()) -> list[Shape]:
-    """The collision shapes of a description, those made of meshes link by link.
-
-    Args:
-        geometry: the shapes as Pinocchio read them.
-        model: the chain of links.
-        hollow: links whose meshes are cut into more parts than others.
-    """
+    """The collision shapes of a description, those made of meshes link by link; hollow ones in more parts."""
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
         owner = model.frames[one.parentFrame].name
@@ -143,9 +136,9 @@ def _fitted(group: list[pin.GeometryObject], hollow: bool) -> tuple[list[Part], 
             parts.append(_triangles(one.geometry) @ relative.rotation.T + relative.translation)
         return [part for part in parts if len(part)]
 
-    parts = cover_of(state.hexdigest(), PIECES, hollow, triangles)
+    parts = cover_of(state.hexdigest(), hollow, triangles)
     where = hashlib.sha256(_rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
-    return parts, f"{state.hexdigest()} {PIECES} {where} {group[0].parentJoint}"
+    return parts, f"{state.hexdigest()} {where} {group[0].parentJoint}"
 
 
 def _triangles(shape: coal.CollisionGeometry) -> Points:

@@ -14,11 +14,7 @@ _SHALLOW = 4  # parts of a path whose folders are too many to be searched for pa
 
 
 def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
-    """A description from a URDF, xacro or MJCF file.
-
-    Args:
-        path: the file; one that ends in .xacro is expanded first.
-        args: of a xacro file.
+    """A description from a URDF or MJCF file, or from a .xacro file, which is expanded with its arguments.
 
     Raises:
         RobotError: when the file cannot be read, or is none of these.

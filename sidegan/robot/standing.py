@@ -54,12 +54,12 @@ def check_locked(tree: Tree, name: str, value: float) -> None:
     """Raise unless a joint is there, can move, and can stand where it is to stand."""
     joint = tree.joints.get(name)
     if joint is None:
-        movable = [one.name for one in tree.joints.values() if one.kind in MOVABLE]
+        movable = [one.name for one in tree.joints.values() if one.kind != "fixed"]
         raise RobotError(
             f"{tree.where} has no joint {name!r} that robot.locked could lock{meant(name, movable)}"
         )
-    if joint.kind not in MOVABLE:
-        raise RobotError(f"{tree.at(joint)} is {joint.kind}: leave it out of robot.locked")
+    if joint.kind == "fixed":
+        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
     span = _range(tree, joint)
     if span and not span[0] <= value <= span[1]:
         nearest = min(max(value, span[0]), span[1])
@@ -81,14 +81,7 @@ def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
 def tell(
     tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
-    """Notes on what was locked, and whose mass was lumped into which link.
-
-    Args:
-        tree: the whole description.
-        moving: the joints that move.
-        locked: where the others stand [rad or m].
-        masses: of the links [kg].
-    """
+    """Notes on what was locked where [rad or m], and whose mass [kg] was lumped into which link."""
     if not locked:
         return []
     told = ["locked " + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]

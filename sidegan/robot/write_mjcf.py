@@ -60,14 +60,9 @@ def chain(
     step: float,
     names: tuple[Sequence[str], Sequence[str]],
 ) -> ET.Element:
-    """The `<mujoco>` element of an arm without shapes and limits.
+    """The `<mujoco>` element of an arm without shapes and limits; ``names`` are of the links and the joints.
 
-    Args:
-        arm: the arm.
-        parameters: of the links, (J, 10), physically consistent.
-        drives: friction and rotors.
-        step: of the integration [s].
-        names: of the links and of the joints.
+    The links' parameters, (J, 10), are physically consistent; ``step`` is of the integration [s].
     """
     root = ET.Element("mujoco", model=arm.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")

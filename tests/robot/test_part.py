@@ -52,7 +52,7 @@ RIGHT = {"right_shoulder": 0.25, "right_elbow": 0.0}
 PARTS = {  # what is asked for, and where the joints stand that do not move
     "the left arm": (Setup(tip="left_lower"), {"left_thumb": 0.25, "left_index": -0.4, **RIGHT}),
     "the left arm from the torso on": (
-        Setup(base="torso", tip="left_lower", locked={"waist": -1.1, "left_thumb": 1.7, "right_elbow": 2.5}),
+        Setup(tip="left_lower", locked={"waist": -1.1, "left_thumb": 1.7, "right_elbow": 2.5}),
         {"waist": -1.1, "left_thumb": 1.7, "left_index": -3.3, "right_shoulder": 0.25, "right_elbow": 2.5},
     ),
     "the right arm with a stiff shoulder": (
@@ -88,7 +88,7 @@ def test_torque_is_that_of_the_reduced_model(load, setup, locked):
 
 
 def test_what_stands_still_is_told_and_stays_in_the_collision_model(load):
-    arm = load(PERSON, Setup(base="torso", tip="left_lower"))
+    arm = load(PERSON, Setup(tip="left_lower", locked={"waist": 0.25}))
     told = "; ".join(arm.told)
     assert "right_shoulder at 0.25 rad" in told and "left_thumb at 0.25 m" in told
     assert "3 kg of nail, tip lumped into left_lower" in told
@@ -115,7 +115,12 @@ HAND = robot(link("l0", ""), *SIX, *FINGERS)
 ENDS = r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"
 REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
-    "a floating base": (FLOATING, r"robot\.base=lower has it stand still", Setup(base="lower"), "second"),
+    "a floating base": (
+        FLOATING,
+        r"'robot\.locked=\{first: 0\}' has it",
+        Setup(locked={"first": 0.0}),
+        "second",
+    ),
     "a hand": (
         HAND,
         r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$",

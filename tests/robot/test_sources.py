@@ -154,7 +154,7 @@ class TestMjcf:
         assert limit == pytest.approx(min(pushed) if min(pushed) < 1e5 else np.inf)
 
     def test_an_identified_arm_is_written_as_urdf(self, mjcf):
-        arm = load_robot(mjcf, Setup(limits=SPEEDS, base="a/one", tip="b", locked={"slide": 0.1}))
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, tip="b", locked={"one": 0.2, "slide": 0.1}))
         assert arm.joint_names == ("two",)
         path, heavier = mjcf.parent / "identified.urdf", 1.5 * arm.inertial_parameters
         write_urdf(arm, heavier, path)
