@@ -18,9 +18,16 @@ _OUT = 1.5  # corners are moved outwards by so many radii of what hulls are roun
 
 
 def hollow_links(
-    model: pin.Model, geometry: pin.GeometryModel, description: Description, shapes: Sequence[Shape]
+    known: object,
+    model: pin.Model,
+    geometry: pin.GeometryModel,
+    description: Description,
+    shapes: Sequence[Shape],
 ) -> list[str]:
-    """Links whose hulls, of few parts each, refuse too many random configurations, the same on every call."""
+    """Links whose hulls, of few parts each, refuse too many random configurations, the same on every call.
+
+    For a cache, ``known`` tells scenes apart.
+    """
     hulls, owners = _hulls(shapes)
     _pair(hulls, owners, description)
     if not hulls.collisionPairs:

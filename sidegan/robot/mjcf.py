@@ -50,7 +50,7 @@ class _Writer:
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model = model
-        self.root = ET.Element("robot", name=_model_name(model) or path.stem)
+        self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
         self.dropped: list[str] = []
         self._efforts = _efforts(model)
         for body in range(model.nbody):
@@ -169,7 +169,3 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
         ranges[joint] = np.array([max(lower, least), min(upper, most)])
     largest = {joint: float(np.abs(force).min()) for joint, force in ranges.items()}
     return {joint: force for joint, force in largest.items() if np.isfinite(force)}
-
-
-def _model_name(model: mujoco.MjModel) -> str:
-    return model.names.split(b"\0", 1)[0].decode()

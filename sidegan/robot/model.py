@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 import pinocchio as pin
@@ -59,16 +59,12 @@ def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
         return shapes
     from joblib import Memory
 
-    hollow = Memory(cache_folder(), verbose=0).cache(_hollow, ignore=["scene"])
+    scene = {"model": model, "geometry": geometry, "description": description, "shapes": shapes}
     limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
     known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
-    further = hollow(known, (model, geometry, description, shapes))
+    hollow = Memory(cache_folder(), verbose=0).cache(hollow_links, ignore=list(scene))
+    further = hollow(known=known, **scene)
     return shapes_of(geometry, model, further) if further else shapes
-
-
-def _hollow(known: object, scene: tuple[Any, ...]) -> list[str]:
-    """Links to be cut further; ``known`` tells scenes apart."""
-    return hollow_links(*scene)
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:

@@ -32,25 +32,14 @@ MORE = 0.02  # share of free configurations by which more may be refused than wh
 SET = "goal.count=3", "search.evaluations=130", "controllers.formats=[csv]", "controllers.rate=1000"
 
 
-def limited(joints, **most):
-    """Settings of limits, a number for each joint."""
-    pairs = {
-        kind: ", ".join(f"{joint}: {x}" for joint, x in zip(joints, values)) for kind, values in most.items()
-    }
-    return [f"robot.limits.{kind}={{{text}}}" for kind, text in pairs.items()]
-
-
-# Accelerations and jerks are Franka's published ones, and as MoveIt's joint_limits.yaml may have them.
-PANDA = limited(
-    [f"panda_joint{k}" for k in range(1, 8)],
-    acceleration=(15, 7.5, 10, 12.5, 15, 20, 20),
-    jerk=(7500, 3750, 5000, 6250, 7500, 10000, 10000),
-)
-UR10 = limited(
-    [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")],
-    acceleration=(3, 3, 5, 5, 5, 5),
-    jerk=[50] * 6,
-)
+# Franka's published accelerations and jerks.
+PANDA = [
+    f"robot.limits.{kind}={{{', '.join(f'panda_joint{k}: {x}' for k, x in enumerate(values, 1))}}}"
+    for kind, values in {
+        "acceleration": (15, 7.5, 10, 12.5, 15, 20, 20),
+        "jerk": (7500, 3750, 5000, 6250, 7500, 10000, 10000),
+    }.items()
+]
 # Arm: its file, share of free configurations that was refused, what a user says, what refusals ask for.
 ARMS = {
     "kuka_lwr4": (None, 0.0, [], ""),
@@ -60,7 +49,6 @@ ARMS = {
     "ur5": ("ur_description/urdf/ur5_robot.urdf", 0.0047, [], ""),
     "ur5_gripper": ("ur_description/urdf/ur5_gripper.urdf", 0.0035, [], ""),
     "ur10": ("ur_description/urdf/ur10_robot.urdf", 0.0018, [], ""),
-    "ur10_limited": ("ur_description/urdf/ur10_robot.urdf", 0.0018, UR10, ""),
     "jaco": ("kinova_description/robots/kinova.urdf", 0.0011, [], ""),
     "z1": ("z1_description/urdf/z1.urdf", 0.0, [], ""),
     "xarm7": ("xarm_description/urdf/xarm7.urdf", 0.0005, [], ""),

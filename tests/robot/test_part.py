@@ -112,7 +112,6 @@ MIMIC = two_joints(extra='<mimic joint="first"/>')
 SIX = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
 FINGERS = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
 HAND = robot(link("l0", ""), *SIX, *FINGERS)
-ENDS = r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"
 REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
     "a floating base": (
