@@ -81,7 +81,7 @@ def axes(points: Points) -> Points:
 def guess(points: Points) -> Segment:
     """A small capsule around points (N, 3), or the outermost of many, along one of their axes."""
     some = extremes(points)
-    return min((around(_along(some, axis), some) for axis in axes(some)), key=volume)
+    return min((around(ends_along(some, axis), some) for axis in axes(some)), key=volume)
 
 
 def fit(points: Points) -> Segment:
@@ -105,17 +105,17 @@ def fit(points: Points) -> Segment:
     return around(best.reshape(2, 3), outer)
 
 
-def _along(points: Points, axis: Points) -> Points:
+def ends_along(points: Points, axis: Points) -> Points:
     """End points, (2, 3), of a small capsule along an axis, (3,)."""
     across = points - np.outer(points @ axis, axis)
     foot = (across.max(0) + across.min(0)) / 2
     foot = foot - (foot @ axis) * axis
-    along, beside = points @ axis, np.linalg.norm(across - foot, axis=1)
-    middle = (along.max() + along.min()) / 2
-    thin, wide = beside.max(), np.hypot(beside, along - middle).max()
+    height, beside = points @ axis, np.linalg.norm(across - foot, axis=1)
+    middle = (height.max() + height.min()) / 2
+    thin, wide = beside.max(), np.hypot(beside, height - middle).max()
     radius = thin + (wide - thin) * _WIDER * np.arange(_RADII) / _RADII
     cap = np.sqrt(np.maximum(radius[:, None] ** 2 - beside**2, 0.0))  # how far round ends reach over a point
-    low, high = (along + cap).min(1), (along - cap).max(1)
+    low, high = (height + cap).min(1), (height - cap).max(1)
     length = np.maximum(high - low, 0.0)
     volumes = [*(radius**2 * (4 / 3 * radius + length)), 4 / 3 * wide**3]
     best = int(np.argmin(volumes))

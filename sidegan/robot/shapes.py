@@ -14,7 +14,7 @@ import torch
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
-from sidegan.robot.fitting import Points, around, guess, hull_volume
+from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
 VERSION = 5  # raise it when the shapes of the same description become others
 
@@ -98,7 +98,8 @@ def _placed(part: Part, one: pin.GeometryObject) -> Part:
 def _primitive(shape: coal.CollisionGeometry) -> Part:
     """A shape that the description gives by its sizes, in its own frame.
 
-    The hull is the shape itself but for a cylinder's facets; of a capsule or a ball it is the axis.
+    The hull is the shape itself but for a cylinder's facets; of a capsule or a ball it is the axis. Capsules
+    around cylinders and boxes have an axis that no rounding chooses: digests are the same on every machine.
     """
     match shape:
         case coal.Sphere():
@@ -107,13 +108,14 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
             ends = np.outer([-shape.halfLength, shape.halfLength], [0.0, 0.0, 1.0])
             return Part((ends, shape.radius), ends, shape.radius)
         case coal.Cylinder():
-            angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+            axis, angle = 2, 2 * np.pi * np.arange(_SIDES) / _SIDES
             rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
             heights = (-shape.halfLength, shape.halfLength)
             corners = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in heights])
         case _:
+            axis = int(np.argmax(shape.halfSide))
             corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
-    return Part(around(guess(corners)[0], corners), corners, 0.0)
+    return Part(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
 def _is_mesh(one: pin.GeometryObject) -> bool:
