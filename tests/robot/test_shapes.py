@@ -5,8 +5,6 @@ import pytest
 import torch
 import trimesh
 
-from sidegan.robot.meshes import read_mesh
-
 from .urdf import ball, collision, corners, joint, link, mesh, one_joint, outside, robot
 
 ROD = '<cylinder radius="0.1" length="0.6"/>'
@@ -89,12 +87,3 @@ class TestMeshes:
         assert load(self.text("package://gone/box.stl")).capsules.names == ()
         assert "mesh files are missing" in caplog.text
         assert "arm" in caplog.text and "package://gone/box.stl" in caplog.text
-
-    def test_of_an_obstacle_has_its_corners_and_volume(self, tmp_path):
-        trimesh.creation.box((0.2, 0.3, 0.5)).export(tmp_path / "box.stl")
-        points, volume = read_mesh(tmp_path / "box.stl")
-        np.testing.assert_allclose(np.abs(points).max(0), [0.1, 0.15, 0.25], atol=1e-7)
-        assert volume == pytest.approx(0.03, rel=1e-6)
-        faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]  # the fewest that close a surface
-        trimesh.Trimesh([[0, 0, 0], *np.eye(3)], faces, process=False).export(tmp_path / "four.stl")
-        assert read_mesh(tmp_path / "four.stl")[1] == pytest.approx(1 / 6, rel=1e-6)
