@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from sidegan.robot.oracle import capsule_geometry, pinocchio_model
 from sidegan.validity import Constraints
+from tests.oracle import capsule_geometry, chain_model
 
 Array = np.ndarray
 State = Sequence[Array]  # position, velocity and acceleration, (J,) each
@@ -18,7 +18,7 @@ class Pinocchio:
     """Regressors, estimates and checks of an arm by Pinocchio, NumPy and coal."""
 
     def __init__(self, constraints: Constraints) -> None:
-        self.model = pinocchio_model(constraints.arm)
+        self.model = chain_model(constraints.arm)
         self.data = self.model.createData()
         self.columns = constraints.body.base.columns.numpy()
         self.geometry = capsule_geometry(constraints.arm)

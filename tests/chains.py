@@ -13,10 +13,11 @@ from hypothesis import reject
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.robot import Arm, Capsules, chain_model
+from sidegan.robot import Arm, Capsules
 from sidegan.validity import Constraints
 from sidegan.validity.pairs import pairs_of
 from sidegan.validity.regions import Region
+from tests.oracle import chain_model
 
 
 def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:

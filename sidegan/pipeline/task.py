@@ -55,18 +55,13 @@ class Task:
     def effort(self) -> float:
         """Share of the velocity and torque limits that may be used."""
         arm, stated = self.whole_arm, self.cfg.robot.effort
-        return usual_effort(arm, self._stated_home or arm.home) if stated is None else stated
+        return usual_effort(arm, self._stated_home) if stated is None else stated
 
     @cached_property
     def whole_arm(self) -> Arm:
         """The arm with all of its limits."""
         robot = self.cfg.robot
-        home = self._stated_home
-        if home is not None and robot.home is not None:
-            raise ConfigError(
-                f"trajectory.home and robot.home={robot.home} are two homes; set one of them to null"
-            )
-        return load_robot(robot.name, robot.setup, home, self.planning)
+        return load_robot(robot.name, robot.setup, self._stated_home, self.planning)
 
     @property
     def planning(self) -> bool:
@@ -82,8 +77,6 @@ class Task:
         """Home position [rad or m], (J,): as configured, or where the arm can rest; None for zeros."""
         if self.cfg.trajectory.home is not None:
             return self.cfg.trajectory.home
-        if self.arm.home is not None:
-            return list(self.arm.home)
         key = (self.arm.digest, repr(self.cfg.workspace))
         if key not in _homes:
             _homes[key] = default_home(self._workspace)
@@ -99,7 +92,7 @@ class Task:
     @cached_property
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
-        return self.cfg.workspace.around(self.arm, self.cfg.trajectory.home or self.arm.home)
+        return self.cfg.workspace.around(self.arm, self.cfg.trajectory.home)
 
     @cached_property
     def constraints(self) -> Constraints:
@@ -138,7 +131,7 @@ class Task:
         """What was decided for the user, and what trajectories are checked for."""
         arm, cfg, home, constraints = self.arm, self.cfg, self.home, self.constraints
         yield cfg.workspace.notes(arm)
-        if home is not None and cfg.trajectory.home is None and arm.home is None:
+        if home is not None and cfg.trajectory.home is None:
             place = ", ".join(f"{x:g}" for x in home)
             yield f"zeros are no feasible home; home is {place}, or where trajectory.home=… says"
         if cfg.robot.effort is None:

@@ -10,7 +10,8 @@ from sidegan.plant.settings import IDEAL, PlantSettings
 from sidegan.robot import Arm, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.write_mjcf import chain, words
+from sidegan.robot.write_mjcf import chain
+from sidegan.robot.xml import words
 
 if TYPE_CHECKING:
     import mujoco

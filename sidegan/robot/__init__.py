@@ -12,7 +12,6 @@ from sidegan.robot.consistency import (
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.oracle import capsule_geometry, chain_model, pinocchio_model
 from sidegan.robot.setup import Limits, Setup, words
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
@@ -26,13 +25,10 @@ __all__ = [
     "Setup",
     "about_the_centre",
     "built_in_robots",
-    "capsule_geometry",
-    "chain_model",
     "doubtful_links",
     "inconsistent_links",
     "is_built_in",
     "load_robot",
-    "pinocchio_model",
     "possible_links",
     "pseudo_inertia",
     "require_consistent",

@@ -8,7 +8,6 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from sidegan.errors import RobotError
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
 HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
@@ -80,7 +79,6 @@ class Arm:
     link_names: tuple[str, ...] = ()
     setup: Setup = PLAIN  # which part of the description this is
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
-    home: tuple[float, ...] | None = None  # the named pose that the setup asks for [rad or m], (J,)
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
     jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)
     told: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people
@@ -109,15 +107,10 @@ class Arm:
 
 
 def with_effort(arm: Arm, effort: float) -> Arm:
-    """Arm of whose velocity and torque limits only the share ``effort`` may be used.
+    """Arm of whose velocity and torque limits only the share ``effort``, above 0 and up to 1, may be used.
 
     Limits of acceleration and jerk stay: they are what a controller accepts, whatever the effort.
-
-    Raises:
-        RobotError: when the share is not above 0 and up to 1.
     """
-    if not 0 < effort <= 1:
-        raise RobotError(f"effort is {effort}, expected a share above 0 and up to 1")
     if effort == 1:
         return arm
     speed, torque = effort * arm.velocity_limit, effort * arm.torque_limit
@@ -131,12 +124,7 @@ def digest_of(numbers: dict[str, Tensor], capsules: Capsules, more: Sequence[str
 
     The rounding is to a binary fraction: a decimal figure never lies half-way between two of those, where
     an error in its last bit would decide. Capsules that were fitted to meshes do not count, but the digests
-    of the meshes: those are the same wherever they are fitted.
-
-    Args:
-        numbers: the arm's tensors by name.
-        capsules: its shapes.
-        more: what else belongs to it, such as digests of meshes.
+    of the meshes, in ``more``: those are the same wherever they are fitted.
     """
     given = slice(None) if capsules.pieces is None else ~capsules.pieces.fitted
     shapes = {name: getattr(capsules, name)[given] for name in ("a", "b", "link", "radius")}

@@ -122,11 +122,8 @@ def _unit_link(centre: Tensor, spread: Tensor) -> Tensor:
 def inconsistent_links(arm: Arm, parameters: Tensor | None = None) -> list[tuple[str, str]]:
     """Links that cannot exist, each with the reason; an empty list when all are physically consistent.
 
-    A link is what one joint moves, with everything that is fixed to it.
-
-    Args:
-        arm: the arm.
-        parameters: to judge instead of the arm's own, about the joints' frames in Pinocchio's order, (J, 10).
+    A link is what one joint moves, with everything that is fixed to it. Parameters to judge instead of the
+    arm's own are about the joints' frames in Pinocchio's order, (J, 10).
 
     Raises:
         ShapeError: when the parameters do not fit the arm.

@@ -23,6 +23,7 @@ from sidegan.robot.fitting import (
 )
 from sidegan.robot.meshes import cache_folder
 
+_PIECES = 4  # parts of one mesh at most
 _SAMPLE = 600  # triangles that cuts are chosen by
 _CUTS = np.linspace(0.14, 0.86, 7)  # where an axis is cut, as a share of the extent along it
 _WORTH = 0.01  # share of all volumes that each part must save
@@ -50,22 +51,15 @@ class _Cut(NamedTuple):
     planes: tuple[Plane, ...]
 
 
-def cover_of(digest: str, pieces: int, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
-    """Parts that cover the meshes of a link, from the cache where they are there.
-
-    Args:
-        digest: of the meshes.
-        pieces: parts of one mesh at most.
-        hollow: whether these are cut further, where that leaves out what only hulls hold.
-        meshes: gives the corners of the triangles of each [m], (N, 3, 3).
-    """
+def cover_of(digest: str, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
+    """Parts of the meshes with this digest, which are read where the cache does not have them."""
     from joblib import Memory
 
-    return Memory(cache_folder(), verbose=0).cache(_made, ignore=["meshes"])(digest, pieces, hollow, meshes)
+    return Memory(cache_folder(), verbose=0).cache(_made, ignore=["meshes"])(digest, hollow, meshes)
 
 
-def _made(digest: str, pieces: int, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
-    return cover(meshes(), pieces, hollow)
+def _made(digest: str, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
+    return cover(meshes(), _PIECES, hollow)
 
 
 def cover(meshes: Sequence[Points], most: int, hollow: bool = False) -> list[Part]:
@@ -92,11 +86,7 @@ def cut(parts: Sequence[Points], most: int, worth: float, weight: float) -> list
 
     Triangles that a plane passes through are divided there, so that no part reaches beyond its planes.
 
-    Args:
-        parts: what is cut.
-        most: parts there may be.
-        worth: share of all volumes that each more must save.
-        weight: of the capsules' volumes beside the hulls'.
+    Each more must save the share ``worth`` of all volumes; those of capsules have a weight beside the hulls'.
     """
     found = [part for part in parts if len(part)]
     cuts = [_best(part, weight) for part in found]

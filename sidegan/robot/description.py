@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from sidegan.robot.chain import Chain, choose
+from sidegan.robot import xml
+from sidegan.robot.chain import choose
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass, strip_meshes
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of
-from sidegan.robot.semantics import Semantics, read_semantics, touching_in, touching_of
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
@@ -31,7 +31,6 @@ class Description:
     limits: dict[str, JointLimits]  # of each joint that moves
     moved: dict[str, str]  # the link that each of these joints leads to
     missing: dict[str, list[str]]  # mesh files that are not there, by the link that lacks them
-    semantics: Semantics  # named poses of all joints, and pairs of links that may touch
     told: list[str]  # what was decided for the user
     parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
     may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
@@ -42,13 +41,7 @@ class Description:
 def read_description(
     path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
 ) -> Description:
-    """A checked description of an arm.
-
-    Args:
-        path: a URDF, xacro or MJCF file.
-        setup: which part of it is the arm, and what overrides it.
-        home: home position [rad or m], of the joints that move; a pose of the setup goes before it.
-        planning: whether motions are to be planned, which takes all limits, and meshes.
+    """A checked description of an arm; arguments as of `load_robot`.
 
     Raises:
         RobotError: when the file is no description, or describes no arm that can be excited.
@@ -57,7 +50,7 @@ def read_description(
     root, where = source.root, str(path)
     name = root.get("name") or path.stem
     root.set("name", name)
-    own = touching_in(root, where)
+    may_touch = _touching(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     tree = read_tree(root, where)
@@ -68,9 +61,13 @@ def read_description(
     told = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
     for joint, value in ((tree.joints[name], value) for name, value in chain.locked.items()):
         lock(joint, value, tree.at(joint))
-    semantics = read_semantics(setup, tree, source.poses)
-    limits, more = limits_of(tree, chain.moving, setup, _centre(setup, chain, semantics, home), planning)
-    may_touch = own + touching_of(setup, tree, semantics)
+    moved = {joint.name: joint.child for joint in chain.moving}
+    middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
+    limits, more = limits_of(tree, chain.moving, setup.limits, middle, planning)
+    for pair in setup.may_touch or ():
+        for link in pair:
+            tree.require_link(link)
+        may_touch += ((*pair, "robot.may_touch"),)
     if not planning:
         strip_meshes(root)
     absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at))
@@ -79,7 +76,6 @@ def read_description(
     if any(mount):
         hang(root, tree.root, mount)
         told.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
-    moved = {joint.name: joint.child for joint in chain.moving}
     shaped = {link.get("name", "") for link in root.findall("link") if link.find("collision") is not None}
     return Description(
         name=name,
@@ -88,7 +84,6 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        semantics=semantics,
         told=[*source.told, *told, *more, *(f"no inertia: {why}" for _, why in read.values() if why)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
@@ -103,11 +98,10 @@ def _of_links(root: ET.Element, where: str, read: Callable[[ET.Element, str], T]
     return {name: read(link, f"{where}: link {name!r}") for name, link in names.items()}
 
 
-def _centre(
-    setup: Setup, chain: Chain, semantics: Semantics, home: Sequence[float] | None
-) -> dict[str, float]:
-    """Home position of the joints, as far as it is known."""
-    names = [joint.name for joint in chain.moving]
-    if setup.home:
-        return semantics.pose(setup.home, names)
-    return dict(zip(names, home)) if home is not None and len(home) == len(names) else {}
+def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
+    """Pairs of links that a description itself lets touch: `<disable_collisions>` as in an SRDF, and why."""
+    found = []
+    for pair in root.findall("disable_collisions"):
+        one, other = (xml.attribute(pair, key, where) for key in ("link1", "link2"))
+        found.append((one, other, pair.get("reason") or "the description"))
+    return tuple(found)

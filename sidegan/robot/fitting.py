@@ -9,8 +9,7 @@ Segment = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] aro
 
 _GROWN = 1 + 1e-12  # of a radius, so that rounding leaves no point outside
 _RADII = 12  # tried between the thinnest capsule along an axis and a sphere
-_CYLINDERS = 200  # the same around a cylinder
-_WIDER = 0.6  # how far towards the sphere those around points go
+_WIDER = 0.6  # how far towards the sphere these go
 _MANY = 100  # points, above which the extreme ones stand for all in a guess
 _ROUNDS = ((0.1, 250), (0.03, 250))  # of refinement: first step, as a share of the size, and evaluations
 _ADDED = 40  # rounds of adding corners to a hull
@@ -47,23 +46,6 @@ def around(ends: Points, points: Points) -> Segment:
     return ends, float(from_segment(ends, points).max()) * _GROWN + 1e-12
 
 
-def around_cylinder(radius: float, half_length: float) -> tuple[float, float]:
-    """Half the length of the axis and the radius [m] of the smallest capsule around a cylinder."""
-    wide = np.linspace(radius, np.hypot(radius, half_length), _CYLINDERS)
-    half = np.maximum(half_length - np.sqrt(np.maximum(wide**2 - radius**2, 0.0)), 0.0)
-    best = int(np.argmin(wide**2 * (4 / 3 * wide + 2 * half)))
-    return float(half[best]), float(wide[best]) * _GROWN
-
-
-def around_box(half_side: Points) -> Segment:
-    """The smallest capsule along an edge of a box around the origin, given half its sides [m], (3,)."""
-    found = []
-    for k, axis in enumerate(np.eye(3)):
-        half, radius = around_cylinder(float(np.linalg.norm(np.delete(half_side, k))), float(half_side[k]))
-        found.append((np.outer([-half, half], axis), radius))
-    return min(found, key=volume)
-
-
 def extremes(points: Points) -> Points:
     """The outermost points in many directions; all of them where there are few."""
     if len(points) <= _MANY:
@@ -71,20 +53,24 @@ def extremes(points: Points) -> Points:
     return points[np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))]
 
 
+def hull_of(points: Points) -> "scipy.spatial.ConvexHull | None":
+    """The points' convex hull; None where they lie in a plane."""
+    try:
+        return scipy.spatial.ConvexHull(points)
+    except (scipy.spatial.QhullError, ValueError):
+        return None
+
+
 def corners(points: Points) -> Points:
     """The corners of the points' convex hull; all of them, each once, where they lie in a plane."""
-    try:
-        return points[scipy.spatial.ConvexHull(points).vertices]
-    except (scipy.spatial.QhullError, ValueError):
-        return np.unique(points, axis=0)
+    hull = hull_of(points)
+    return np.unique(points, axis=0) if hull is None else points[hull.vertices]
 
 
 def hull_volume(points: Points) -> float:
     """Volume [m³] of the points' convex hull; 0 where they lie in a plane."""
-    try:
-        return float(scipy.spatial.ConvexHull(points).volume)
-    except (scipy.spatial.QhullError, ValueError):
-        return 0.0
+    hull = hull_of(points)
+    return 0.0 if hull is None else float(hull.volume)
 
 
 def axes(points: Points) -> Points:
@@ -95,7 +81,7 @@ def axes(points: Points) -> Points:
 def guess(points: Points) -> Segment:
     """A small capsule around points (N, 3), or the outermost of many, along one of their axes."""
     some = extremes(points)
-    return min((around(_along(some, axis), some) for axis in axes(some)), key=volume)
+    return min((around(ends_along(some, axis), some) for axis in axes(some)), key=volume)
 
 
 def fit(points: Points) -> Segment:
@@ -119,17 +105,17 @@ def fit(points: Points) -> Segment:
     return around(best.reshape(2, 3), outer)
 
 
-def _along(points: Points, axis: Points) -> Points:
+def ends_along(points: Points, axis: Points) -> Points:
     """End points, (2, 3), of a small capsule along an axis, (3,)."""
     across = points - np.outer(points @ axis, axis)
     foot = (across.max(0) + across.min(0)) / 2
     foot = foot - (foot @ axis) * axis
-    along, beside = points @ axis, np.linalg.norm(across - foot, axis=1)
-    middle = (along.max() + along.min()) / 2
-    thin, wide = beside.max(), np.hypot(beside, along - middle).max()
+    height, beside = points @ axis, np.linalg.norm(across - foot, axis=1)
+    middle = (height.max() + height.min()) / 2
+    thin, wide = beside.max(), np.hypot(beside, height - middle).max()
     radius = thin + (wide - thin) * _WIDER * np.arange(_RADII) / _RADII
     cap = np.sqrt(np.maximum(radius[:, None] ** 2 - beside**2, 0.0))  # how far round ends reach over a point
-    low, high = (along + cap).min(1), (along - cap).max(1)
+    low, high = (height + cap).min(1), (height - cap).max(1)
     length = np.maximum(high - low, 0.0)
     volumes = [*(radius**2 * (4 / 3 * radius + length)), 4 / 3 * wide**3]
     best = int(np.argmin(volumes))

@@ -13,7 +13,7 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.named import by_name, close_names
+from sidegan.robot.named import by_name
 from sidegan.robot.setup import PLAIN, Setup
 
 _MODELS = Path(__file__).parent / "models"
@@ -25,7 +25,6 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
-_OPTIONAL = ("acceleration", "jerk")  # part of the digest only where there are any
 _log = logging.getLogger(__name__)
 
 
@@ -75,49 +74,42 @@ def load_robot(
     model = pin_model.build(description)
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
-    limits = {kind: _column(description, names, kind) for kind in _LIMITS}
-    numbers = {**chain, **{_LIMITS[kind]: x for kind, x in limits.items() if kind not in _OPTIONAL}}
-    higher = {_LIMITS[kind]: limits[kind] for kind in _OPTIONAL if limits[kind].isfinite().any()}
-    shapes = pin_model.collision_shapes(model, description, setup.pieces)
+    numbers = chain | _limits(description, names)
+    shapes = pin_model.collision_shapes(model, description)
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest}) + _stamped(setup, description)
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers | higher, capsules, stamped),
+        digest=digest_of(numbers, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
         urdf=path,
         setup=setup,
-        home=_pose(description, setup, names),
         told=tuple(description.told),
         parents=description.parents,
         may_touch=description.may_touch,
         mount=description.mount,
         **numbers,
-        **higher,
     )
 
 
 def _stamped(setup: Setup, description: Description) -> list[str]:
     """Pairs that a user lets touch: with them, other trajectories are valid."""
-    said = description.may_touch if setup.may_touch or setup.srdf_pairs else ()
+    said = description.may_touch if setup.may_touch else ()
     return sorted({" ".join(sorted(pair)) for *pair, _ in said})
 
 
-def _column(description: Description, names: tuple[str, ...], kind: str) -> Tensor:
-    """One kind of limit of all joints, (J,)."""
-    return torch.tensor([getattr(description.limits[name], kind) for name in names], dtype=torch.float64)
-
-
-def _pose(description: Description, setup: Setup, names: tuple[str, ...]) -> tuple[float, ...] | None:
-    """The named pose that the setup asks for [rad or m], (J,)."""
-    if setup.home is None:
-        return None
-    pose = description.semantics.pose(setup.home, names)
-    return tuple(pose[name] for name in names)
+def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Tensor]:
+    """Limits of all joints, (J,), named as in `Arm`; those of acceleration and jerk where there are any."""
+    limits = {}
+    for kind, name in _LIMITS.items():
+        column = torch.tensor([getattr(description.limits[one], kind) for one in names], dtype=torch.float64)
+        if kind not in ("acceleration", "jerk") or column.isfinite().any():
+            limits[name] = column
+    return limits
 
 
 def _warn_of_missing(description: Description) -> None:
@@ -154,8 +146,8 @@ def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
         if (found := by_name(name_or_path)) is not None:
             return found
-        names = ", ".join([*close_names(name_or_path), *built_in_robots()])
         more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' knows many by name"
+        names = ", ".join(built_in_robots())
         raise RobotError(
             f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path{more}"
         )

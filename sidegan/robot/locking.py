@@ -52,8 +52,8 @@ def lock(joint: Joint, value: float, at: str) -> None:
 
 def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
     """Write a rotation (3, 3) and a place [m], (3,), as URDF has them."""
-    origin.set("xyz", " ".join(repr(float(x)) for x in place))
-    origin.set("rpy", " ".join(repr(x) for x in to_rpy(turn)))
+    origin.set("xyz", xml.words(place))
+    origin.set("rpy", xml.words(to_rpy(turn)))
 
 
 def rotation(axis: Matrix, angle: float) -> Matrix:

@@ -40,10 +40,7 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
     """The visual shapes of an arm; the collision shapes of links that have no visual ones.
 
     What cannot be read is left out: pictures are no reason to fail. None where the file is no longer there.
-
-    Args:
-        arm: the arm.
-        base: only of what stands still.
+    With ``base``, those of what stands still alone.
     """
     import pinocchio as pin  # takes a second to import
 
@@ -55,7 +52,7 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
     except RobotError as error:
         _log.warning("%s is shown as its collision shapes alone: %s", arm.name, error)
         return []
-    colours, parts, unread = _colours(root), [], dict[str, str]()
+    parts, unread = [], dict[str, str]()
     for link in root.findall("link"):
         name = link.get("name", "")
         index = model.getFrameId(name, pin.FrameType.BODY)
@@ -63,7 +60,7 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
             continue
         for visual in link.findall("visual") or link.findall("collision"):
             try:
-                parts += _shape_parts(arm.urdf, visual, model.frames[index], _own_colour(visual, colours))
+                parts += _shape_parts(arm.urdf, visual, model.frames[index], _stated_colour(visual, root))
             except Exception as error:  # readers of meshes raise whatever they like
                 unread[name] = str(error)
     if unread:
@@ -127,30 +124,16 @@ def capsule_surface(
     return np.asarray(made.vertices) + (a + b) / 2, np.asarray(made.faces)
 
 
-def _colours(root: ET.Element) -> dict[str, Colour]:
-    """Colours that a description names, wherever it does."""
-    return {
-        material.get("name", ""): colour
-        for material in root.iter("material")
-        if (colour := _colour(material.find("color"))) is not None
-    }
-
-
-def _own_colour(visual: ET.Element, colours: dict[str, Colour]) -> Colour | None:
-    """The colour that a description gives a shape."""
-    material = visual.find("material")
-    if material is None:
+def _stated_colour(visual: ET.Element, root: ET.Element) -> Colour | None:
+    """Colour that a description gives a shape: its material's own, or that of another one with its name."""
+    own = visual.find("material")
+    if own is None:
         return None
-    return _colour(material.find("color")) or colours.get(material.get("name", ""))
-
-
-def _colour(element: ET.Element | None) -> Colour | None:
-    if element is None:
+    same = [own, *(one for one in root.iter("material") if one.get("name") == own.get("name"))]
+    colour = next((one.find("color") for one in same if one.find("color") is not None), None)
+    if colour is None:
         return None
-    try:
-        red, green, blue, *_ = (min(max(float(x), 0.0), 1.0) for x in element.get("rgba", "").split())
-    except ValueError:
-        return None
+    red, green, blue, _ = (min(max(x, 0.0), 1.0) for x in xml.vector(colour, "rgba", "a colour", size=4))
     return red, green, blue
 
 

@@ -26,10 +26,6 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     that name above the description or in one of those folders, on ROS_PACKAGE_PATH, or in the share folder of
     an entry of AMENT_PREFIX_PATH; failing that, the path within the package is looked for as a relative one,
     for descriptions that were copied without their package.
-
-    Args:
-        name: as the description has it.
-        urdf: the description.
     """
     scheme, _, rest = name.rpartition("://")
     candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)

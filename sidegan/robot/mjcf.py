@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.mjcf_shapes import turn_of, words, write_collision, write_visual
+from sidegan.robot.mjcf_shapes import turn_of, write_collision
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.xml import Source
+from sidegan.robot.xml import Source, words
 
 Vector = NDArray[np.float64]
 _KINDS = {
@@ -27,13 +27,9 @@ _KINDS = {
 def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file.
 
-    Links are named as bodies. Limits on velocity are unknown to MJCF and have to be stated; limits on torque
-    are those of joints, or else of actuators. Equality constraints between joints become mimic joints, and
-    keyframes named poses. Shapes that take part in collisions are kept, but for planes and height fields;
-    those that MuJoCo shows are what pictures show.
-
-    Args:
-        path: the file.
+    Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
+    of actuators. Equality constraints between joints become mimic joints. Shapes that take part in collisions
+    are kept, but for planes and height fields; pictures show these, too.
 
     Raises:
         RobotError: when MuJoCo refuses it.
@@ -46,7 +42,7 @@ def read_mjcf(path: Path) -> Source:
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     x, y, z = (float(one) for one in model.opt.gravity)
-    return Source(text, ET.fromstring(text), writer.poses(), tuple(writer.told()), (x, y, z))
+    return Source(text, ET.fromstring(text), tuple(writer.told()), (x, y, z))
 
 
 class _Writer:
@@ -54,7 +50,7 @@ class _Writer:
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model = model
-        self.root = ET.Element("robot", name=_model_name(model) or path.stem)
+        self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
         self.dropped: list[str] = []
         self._efforts = _efforts(model)
         for body in range(model.nbody):
@@ -62,7 +58,6 @@ class _Writer:
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
-                write_visual(link, model, geom)
                 if not write_collision(link, model, geom):
                     self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
             if body:
@@ -73,17 +68,6 @@ class _Writer:
         """Name of something; its number where it has none."""
         code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
         return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
-
-    def poses(self) -> dict[str, dict[str, float]]:
-        """Joint positions [rad or m] of the keyframes."""
-        joints = [j for j in range(self.model.njnt) if _KINDS[int(self.model.jnt_type[j])] != "floating"]
-        return {
-            self.name("key", key): {
-                self.name("joint", j): float(self.model.key_qpos[key, self.model.jnt_qposadr[j]])
-                for j in joints
-            }
-            for key in range(self.model.nkey)
-        }
 
     def told(self) -> list[str]:
         """Notes on what could not be carried over."""
@@ -102,7 +86,7 @@ class _Writer:
         origin = ET.SubElement(inertial, "origin")
         write_placement(origin, turn_of(model.body_iquat[body]), model.body_ipos[body])
         ET.SubElement(inertial, "mass", value=repr(float(model.body_mass[body])))
-        xx, yy, zz = (repr(float(x)) for x in model.body_inertia[body])
+        xx, yy, zz = words(model.body_inertia[body]).split()
         ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
 
     def _joints(self, body: int) -> None:
@@ -185,7 +169,3 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
         ranges[joint] = np.array([max(lower, least), min(upper, most)])
     largest = {joint: float(np.abs(force).min()) for joint, force in ranges.items()}
     return {joint: force for joint, force in largest.items() if np.isfinite(force)}
-
-
-def _model_name(model: mujoco.MjModel) -> str:
-    return model.names.split(b"\0", 1)[0].decode()

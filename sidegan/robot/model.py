@@ -5,7 +5,7 @@ import os
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 import pinocchio as pin
@@ -26,29 +26,16 @@ def build(description: Description) -> pin.Model:
     """Pinocchio's model of a serial chain.
 
     Raises:
-        RobotError: when Pinocchio refuses the description, or the chain branches.
+        RobotError: when Pinocchio refuses the description.
     """
     with _pinocchio_speaks(description):
         model = pin.buildModelFromXML(description.xml)
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
-    for i in range(1, model.njoints):
-        parent = model.parents[i]
-        if parent != i - 1:
-            one, other = model.names[parent + 1], model.names[i]
-            carrier = f"joint {model.names[parent]!r}" if parent else "the base"
-            raise RobotError(
-                f"{description.path}: joints {one!r} and {other!r} both hang on {carrier}, expected one chain"
-            )
     return model
 
 
 def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Tensor]:
-    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`.
-
-    Args:
-        model: Pinocchio's.
-        tip: the link whose frame is the tip, where that lies beyond the last joint.
-    """
+    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`."""
     joints = range(1, model.njoints)
     subspaces = np.array([_motion_subspace(model, i) for i in joints])
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
@@ -63,31 +50,21 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def collision_shapes(model: pin.Model, description: Description, pieces: int) -> list[Shape]:
-    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
-
-    Args:
-        model: Pinocchio's.
-        description: the same arm's.
-        pieces: convex pieces that the mesh of a link is cut into, at most.
-    """
+def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
+    """Capsules around the collision shapes that a description gives the links, and what is inside of them."""
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
-    shapes = shapes_of(geometry, model, pieces)
+    shapes = shapes_of(geometry, model)
     if not any(shape.digest for shape in shapes):
         return shapes
     from joblib import Memory
 
-    hollow = Memory(cache_folder(), verbose=0).cache(_hollow, ignore=["scene"])
+    scene = {"model": model, "geometry": geometry, "description": description, "shapes": shapes}
     limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
     known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
-    further = hollow(known, (model, geometry, description, shapes))
-    return shapes_of(geometry, model, pieces, further) if further else shapes
-
-
-def _hollow(known: object, scene: tuple[Any, ...]) -> list[str]:
-    """Links to be cut further; ``known`` tells scenes apart."""
-    return hollow_links(*scene)
+    hollow = Memory(cache_folder(), verbose=0).cache(hollow_links, ignore=list(scene))
+    further = hollow(known=known, **scene)
+    return shapes_of(geometry, model, further) if further else shapes
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:

@@ -10,6 +10,7 @@ from torch import Tensor
 from sidegan.robot.arm import Arm
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.setup import Mount
+from sidegan.robot.xml import words
 
 GRAVITY = 9.81  # [m/s²]
 _WORLD = "sidegan_world"
@@ -36,7 +37,7 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
     joint = ET.SubElement(root, "joint", name=f"{_WORLD}_joint", type="fixed")
     ET.SubElement(joint, "parent", link=_WORLD)
     ET.SubElement(joint, "child", link=base)
-    ET.SubElement(joint, "origin", xyz="0 0 0", rpy=" ".join(map(repr, mount)))
+    ET.SubElement(joint, "origin", xyz="0 0 0", rpy=words(mount))
 
 
 def stands(arm: Arm) -> bool:

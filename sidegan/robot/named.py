@@ -1,7 +1,5 @@
 """Arms by name, where robot_descriptions is installed."""
 
-import difflib
-import pkgutil
 import re
 from importlib import import_module
 from importlib.util import find_spec
@@ -10,50 +8,33 @@ from pathlib import Path
 from sidegan.errors import RobotError
 
 _NAME = re.compile(r"[a-z][a-z0-9_]*")
-_ENDINGS = ("_description", "_mj_description", "")
 
 
 def by_name(name: str) -> tuple[Path, dict[str, str]] | None:
     """File of a description that robot_descriptions knows, and its arguments if it is a xacro file.
 
-    The first use of a name fetches it from the network.
-
-    Args:
-        name: such as "panda" or "panda_description"; "panda_mj_description" for the MJCF.
-
-    Returns:
-        None where robot_descriptions is not installed, or knows no such name.
+    The name is one such as "panda" or "panda_description"; "panda_mj_description" is the MJCF. Its first use
+    fetches it from the network. None where robot_descriptions is not installed, or knows no such name.
 
     Raises:
         RobotError: when the description cannot be fetched.
     """
     if not _NAME.fullmatch(name) or find_spec("robot_descriptions") is None:
         return None
-    module = next((name + end for end in _ENDINGS if name + end in _known()), None)
+    stem = "robot_descriptions." + name.removesuffix("_description")
+    module = next((stem + end for end in ("_description", "_mj_description") if find_spec(stem + end)), None)
     if module is None:
         return None
     try:
-        found = import_module(f"robot_descriptions.{module}")
+        found = import_module(module)
     except Exception as error:  # git, the network, the disk
         words = " ".join(str(error).split())
         raise RobotError(
-            f"robot_descriptions cannot fetch {module}: {words}; with a file of your own: robot.name=arm.urdf"
+            f"robot_descriptions cannot fetch {module.partition('.')[2]}: {words}; with a file of your own: "
+            "robot.name=arm.urdf"
         ) from error
     for kind in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):
         if hasattr(found, kind):
             args = getattr(found, "XACRO_ARGS", {}) if kind == "XACRO_PATH" else {}
             return Path(getattr(found, kind)), dict(args)
     return None
-
-
-def close_names(name: str) -> list[str]:
-    """Names that robot_descriptions knows and that may have been meant."""
-    if find_spec("robot_descriptions") is None:
-        return []
-    return difflib.get_close_matches(name, [one.removesuffix("_description") for one in _known()], 3)
-
-
-def _known() -> list[str]:
-    """Names of all descriptions."""
-    package = import_module("robot_descriptions")
-    return [one.name for one in pkgutil.iter_modules(package.__path__) if one.name.endswith("_description")]

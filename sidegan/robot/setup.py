@@ -4,14 +4,10 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from shlex import quote
-from typing import Annotated
-
-from pydantic import Field
 
 from sidegan.base.typed import Number, Positive, Text
 
 Mount = tuple[Number, Number, Number]
-Pieces = Annotated[int, Field(ge=1, le=64)]
 
 
 @dataclass(frozen=True)
@@ -30,19 +26,13 @@ class Setup:
     """Which part of a description is the arm, where the rest stands, and what overrides its limits."""
 
     args: dict[str, Text] | None = None  # arguments of a xacro file
-    base: str | None = None  # link from which on joints move; null: the first
     tip: str | None = None  # link up to which joints move; null: the end of the only chain
     locked: dict[str, Number] | None = None  # where joints stand that do not move [rad or m]
     # roll, pitch and yaw [rad] of the first link in a world whose z points up; null: upright, or as gravity
     # acts in an MJCF
     mount: Mount | None = None
     limits: Limits = Limits()
-    limits_file: str | None = None  # path of a MoveIt joint_limits.yaml
-    srdf: str | None = None  # path of a semantic description: named poses, pairs that may touch
-    home: str | None = None  # a named pose of the SRDF, or a keyframe of the MJCF; null: trajectory.home
-    pieces: Pieces = 4  # convex pieces that the mesh of a link is cut into, at most
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
-    srdf_pairs: bool = False  # whether pairs that the SRDF disables are not kept apart either
 
 
 PLAIN = Setup()
@@ -87,7 +77,7 @@ def _word(name: str, value: object) -> str:
         return override(name, value)
     if isinstance(value, list | tuple):
         return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
-    return choice(name, value) if isinstance(value, str) else f"robot.{name}={str(value).lower()}"
+    return choice(name, str(value))
 
 
 def _plain(value: object) -> str:

@@ -14,12 +14,11 @@ import torch
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
-from sidegan.robot.fitting import Points, around_box, around_cylinder, hull_volume, volume
+from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
-VERSION = 4  # raise it when the shapes of the same description become others
+VERSION = 5  # raise it when the shapes of the same description become others
 
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
-_HALVINGS = 40  # of an interval that a radius is in
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
@@ -34,17 +33,8 @@ class Shape(NamedTuple):
     digest: str = ""  # of the meshes it was fitted to, and where they are
 
 
-def shapes_of(
-    geometry: pin.GeometryModel, model: pin.Model, pieces: int, hollow: Sequence[str] = ()
-) -> list[Shape]:
-    """The collision shapes of a description, those made of meshes link by link.
-
-    Args:
-        geometry: the shapes as Pinocchio read them.
-        model: the chain of links.
-        pieces: into how many parts a link's meshes are cut at most.
-        hollow: links that are cut into more.
-    """
+def shapes_of(geometry: pin.GeometryModel, model: pin.Model, hollow: Sequence[str] = ()) -> list[Shape]:
+    """The collision shapes of a description, those made of meshes link by link; hollow ones in more parts."""
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
         owner = model.frames[one.parentFrame].name
@@ -57,7 +47,7 @@ def shapes_of(
             exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
             shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
         else:
-            parts, digest = _fitted(group, pieces, owner in hollow)
+            parts, digest = _fitted(group, owner in hollow)
             shapes += [Shape(link, owner, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
@@ -93,12 +83,9 @@ def _core(shape: Shape) -> float:
     (ends, radius), corners, rounding = shape.part
     if shape.exact:
         return radius
-    size = hull_volume(corners)
-    low, high = 0.0, radius
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if volume((ends, middle)) < size else (low, middle)
-    return max(high, rounding)
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    roots = np.roots([4 / 3 * np.pi, np.pi * length, 0.0, -hull_volume(corners)])
+    return max(min(float(roots.real.max()), radius), rounding)
 
 
 def _placed(part: Part, one: pin.GeometryObject) -> Part:
@@ -111,7 +98,8 @@ def _placed(part: Part, one: pin.GeometryObject) -> Part:
 def _primitive(shape: coal.CollisionGeometry) -> Part:
     """A shape that the description gives by its sizes, in its own frame.
 
-    The hull is the shape itself but for a cylinder's facets; of a capsule or a ball it is the axis.
+    The hull is the shape itself but for a cylinder's facets; of a capsule or a ball it is the axis. Capsules
+    around cylinders and boxes have an axis that no rounding chooses: digests are the same on every machine.
     """
     match shape:
         case coal.Sphere():
@@ -120,15 +108,14 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
             ends = np.outer([-shape.halfLength, shape.halfLength], [0.0, 0.0, 1.0])
             return Part((ends, shape.radius), ends, shape.radius)
         case coal.Cylinder():
-            half, radius = around_cylinder(shape.radius, shape.halfLength)
-            angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+            axis, angle = 2, 2 * np.pi * np.arange(_SIDES) / _SIDES
             rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
-            prism = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in (-1, 1)])
-            return Part(
-                (np.outer([-half, half], [0.0, 0.0, 1.0]), radius), prism * [1, 1, shape.halfLength], 0.0
-            )
-    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
-    return Part(around_box(shape.halfSide), corners, 0.0)
+            heights = (-shape.halfLength, shape.halfLength)
+            corners = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in heights])
+        case _:
+            axis = int(np.argmax(shape.halfSide))
+            corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * shape.halfSide
+    return Part(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
 def _is_mesh(one: pin.GeometryObject) -> bool:
@@ -136,7 +123,7 @@ def _is_mesh(one: pin.GeometryObject) -> bool:
     return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
-def _fitted(group: list[pin.GeometryObject], pieces: int, hollow: bool) -> tuple[list[Part], str]:
+def _fitted(group: list[pin.GeometryObject], hollow: bool) -> tuple[list[Part], str]:
     """Capsules and hulls around the meshes of a link, in the frame of the first, and the meshes' digest."""
     first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
     for one in group:
@@ -151,9 +138,9 @@ def _fitted(group: list[pin.GeometryObject], pieces: int, hollow: bool) -> tuple
             parts.append(_triangles(one.geometry) @ relative.rotation.T + relative.translation)
         return [part for part in parts if len(part)]
 
-    parts = cover_of(state.hexdigest(), pieces, hollow, triangles)
+    parts = cover_of(state.hexdigest(), hollow, triangles)
     where = hashlib.sha256(_rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
-    return parts, f"{state.hexdigest()} {pieces} {where} {group[0].parentJoint}"
+    return parts, f"{state.hexdigest()} {where} {group[0].parentJoint}"
 
 
 def _triangles(shape: coal.CollisionGeometry) -> Points:

@@ -14,24 +14,21 @@ _SHALLOW = 4  # parts of a path whose folders are too many to be searched for pa
 
 
 def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
-    """A description from a URDF, xacro or MJCF file.
-
-    Args:
-        path: the file; one that ends in .xacro is expanded first.
-        args: of a xacro file.
+    """A description from a URDF or MJCF file, or from a .xacro file, which is expanded with its arguments.
 
     Raises:
         RobotError: when the file cannot be read, or is none of these.
     """
-    if path.suffix == ".xacro":
-        text = _expanded(path, args or {})
-        return Source(text, xml.parse_text(text, path))
-    root = xml.parse(path, ("robot", "mujoco"))
+    try:
+        text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
+    except OSError as error:
+        raise RobotError(f"cannot read {path}: {error.strerror}") from error
+    root = xml.parse(text, path)
     if root.tag == "mujoco":
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
-    return Source(path.read_bytes(), root)
+    return Source(text, root)
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:

@@ -9,12 +9,11 @@ from functools import cached_property
 
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.setup import choice
 
 _MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
 TURNING = ("revolute", "continuous")
 MOVABLE = (*TURNING, "prismatic")
-_REFUSED = {
+REFUSED = {  # kinds of joints that no arm has, and why
     "floating": "the arm's base must be fixed",
     "planar": "a joint must have one degree of freedom",
 }
@@ -107,22 +106,6 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     return tree
 
 
-def check_kind(joint: Joint, at: str) -> None:
-    """Raise unless a joint's kind is one of URDF's and its origin is made of numbers."""
-    if joint.kind not in (*MOVABLE, *_REFUSED, "fixed"):
-        expected = "expected revolute, prismatic, continuous or fixed"
-        raise RobotError(f"{at} is of type {joint.kind!r}, {expected}")
-    for key in ("xyz", "rpy"):
-        xml.vector(joint.element.find("origin"), key, at, "0 0 0")
-
-
-def refuse_kind(joint: Joint, at: str) -> None:
-    """Raise where a joint of the arm has other than one degree of freedom."""
-    if joint.kind in _REFUSED:
-        why = _REFUSED[joint.kind]
-        raise RobotError(f"{at} is {joint.kind}: {why}; {choice('base', joint.child)} has it stand still")
-
-
 def _joints(root: ET.Element, where: str) -> list[Joint]:
     """The joints of a description, with names of their own and links that are there."""
     if (count := len(root.findall("link"))) > _MOST_LINKS:
@@ -144,6 +127,10 @@ def _joints(root: ET.Element, where: str) -> list[Joint]:
         if child in taken:
             raise RobotError(f"{at} leads to link {child!r}, as another joint does; expected no loops")
         taken.add(child)
-        joints.append(Joint(name, element.get("type", ""), parent, child, element))
-        check_kind(joints[-1], at)
+        kind = element.get("type", "")
+        if kind not in (*MOVABLE, *REFUSED, "fixed"):
+            raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
+        for key in ("xyz", "rpy"):
+            xml.vector(element.find("origin"), key, at, "0 0 0")
+        joints.append(Joint(name, kind, parent, child, element))
     return joints

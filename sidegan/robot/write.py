@@ -13,9 +13,9 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
-from sidegan.robot.setup import PLAIN
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
+from sidegan.robot.xml import words
 
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
 
@@ -70,9 +70,7 @@ def _carriers(arm: Arm) -> dict[str, str | None]:
         raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
     tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
     moved = {joint.child: name for name, joint in tree.joints.items() if name in arm.joint_names}
-    free = {name for name, joint in tree.joints.items() if joint.kind != "fixed"}
-    locked = arm.setup != PLAIN or bool(arm.told)
-    if moved != dict(zip(arm.link_names, arm.joint_names)) or not (locked or free == set(moved.values())):
+    if moved != dict(zip(arm.link_names, arm.joint_names)):
         raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
     paths = {link: [joint.child for joint in tree.path(link) if joint.child in moved] for link in tree.links}
     return {link: path[-1] if path else None for link, path in paths.items()}
@@ -97,7 +95,7 @@ def _inertial(parameters: Tensor) -> ET.Element:
     moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
     element = ET.Element("inertial")
     ET.SubElement(element, "mass", value=repr(float(parameters[0])))
-    ET.SubElement(element, "origin", xyz=" ".join(map(repr, centre.tolist())), rpy="0 0 0")
+    ET.SubElement(element, "origin", xyz=words(centre), rpy="0 0 0")
     ET.SubElement(element, "inertia", {name: repr(x) for name, x in moments.items()})
     return element
 
@@ -111,7 +109,7 @@ def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     from sidegan.robot import model as pin_model
 
-    setup = replace(arm.setup, args=None, home=None, mount=arm.mount)
+    setup = replace(arm.setup, args=None, mount=arm.mount)
     model = pin_model.build(read_description(file, setup, planning=False))
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it

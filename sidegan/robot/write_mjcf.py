@@ -15,10 +15,10 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.xml import words
 
 _STEP = 1e-3  # [s] of a written model
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
-_SLENDER = 20  # radii in the length of what stands for a link without a shape
 _WORLD = "world"  # MuJoCo's own name for what does not move
 
 
@@ -60,14 +60,9 @@ def chain(
     step: float,
     names: tuple[Sequence[str], Sequence[str]],
 ) -> ET.Element:
-    """The `<mujoco>` element of an arm without shapes and limits.
+    """The `<mujoco>` element of an arm without shapes and limits; ``names`` are of the links and the joints.
 
-    Args:
-        arm: the arm.
-        parameters: of the links, (J, 10), physically consistent.
-        drives: friction and rotors.
-        step: of the integration [s].
-        names: of the links and of the joints.
+    The links' parameters, (J, 10), are physically consistent; ``step`` is of the integration [s].
     """
     root = ET.Element("mujoco", model=arm.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -90,11 +85,6 @@ def chain(
         }
         ET.SubElement(body, "joint", {"name": joint} | kind | friction)
     return root
-
-
-def words(values: Iterable[float | Tensor] | Tensor) -> str:
-    """Numbers as an attribute of MJCF."""
-    return " ".join(repr(float(x)) for x in values)
 
 
 def _inertials(parameters: Tensor) -> Iterable[dict[str, str]]:
@@ -120,14 +110,11 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
 
 
 def _drawn(arm: Arm) -> list[list[dict[str, str]]]:
-    """Attributes of the shapes of each link, (J); a bar to the next joint where it has none."""
+    """Attributes of the shapes of each link, (J)."""
     shapes: list[list[dict[str, str]]] = [[] for _ in range(arm.joints)]
     each = zip(arm.capsules.link.tolist(), arm.capsules.a, arm.capsules.b, arm.capsules.radius)
-    joints = [*arm.translation[1:], arm.tip]
-    bare = [j for j, ahead in enumerate(joints) if ahead.any() and j not in arm.capsules.link]
-    bars = [(j, torch.zeros(3), joints[j], joints[j].norm() / _SLENDER) for j in bare]
     ghost = {"contype": "0", "conaffinity": "0", "group": "1"}
-    for link, a, b, radius in [*each, *bars]:
+    for link, a, b, radius in each:
         if link < 0:
             continue
         if torch.equal(a, b):

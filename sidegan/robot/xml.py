@@ -1,8 +1,10 @@
 """XML read with care: no document types, and no number that is not one."""
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import SupportsFloat
 
 from sidegan.errors import RobotError
 
@@ -17,31 +19,18 @@ class Source:
 
     text: bytes  # of the URDF
     root: ET.Element
-    poses: dict[str, dict[str, float]] = field(default_factory=dict)  # named joint positions [rad or m]
     told: tuple[str, ...] = ()  # what could not be carried over
     gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
 
 
-def parse(path: Path, tags: tuple[str, ...] = ("robot",)) -> ET.Element:
-    """The `<robot>` element of a URDF file.
-
-    Args:
-        path: the file.
-        tags: what the root element may be.
+def parse(text: bytes, path: Path) -> ET.Element:
+    """The root element of a description's text.
 
     Raises:
-        RobotError: when the file cannot be read, is not XML, or has another root element.
+        RobotError: when that is not XML, or has another root element than a URDF's or an MJCF's.
     """
-    try:
-        if path.stat().st_size > _LARGEST_FILE:
-            raise RobotError(f"{path} is larger than {_LARGEST_FILE / 1e6:.0f} MB, which no description is")
-        return parse_text(path.read_bytes(), path, tags)
-    except OSError as error:
-        raise RobotError(f"cannot read {path}: {error.strerror}") from error
-
-
-def parse_text(text: bytes, path: Path, tags: tuple[str, ...] = ("robot",)) -> ET.Element:
-    """The root element of a file's text; arguments and errors as of ``parse``."""
+    if len(text) > _LARGEST_FILE:
+        raise RobotError(f"{path} is larger than {_LARGEST_FILE / 1e6:.0f} MB, which no description is")
     try:
         root = ET.fromstring(text, parser=ET.XMLParser(target=_PlainTree()))
     except _DocumentTypeError as error:
@@ -50,10 +39,10 @@ def parse_text(text: bytes, path: Path, tags: tuple[str, ...] = ("robot",)) -> E
         raise RobotError(f"{path} nests elements more than {_DEEPEST} deep, expected a URDF") from None
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
         raise RobotError(f"{path} is not well-formed XML: {error}") from error
-    if root.tag not in tags:
-        expected = " or ".join(f"<{tag}>" for tag in tags)
+    if root.tag not in ("robot", "mujoco"):
         raise RobotError(
-            f"{path} is no robot's description: its root element is <{root.tag}>, expected {expected}"
+            f"{path} is no robot's description: its root element is <{root.tag}>, "
+            "expected <robot> or <mujoco>"
         )
     return root
 
@@ -104,6 +93,11 @@ def vector(
     if len(values) != size or not all(abs(x) <= _LARGEST for x in values):
         raise RobotError(f"{where}: <{tag} {key}={text!r}>, expected {expected}")
     return values
+
+
+def words(values: Iterable[SupportsFloat]) -> str:
+    """Numbers as an attribute, exactly."""
+    return " ".join(repr(float(x)) for x in values)
 
 
 class _DocumentTypeError(Exception):

@@ -47,7 +47,7 @@ class Pairs:
     checked: Tensor  # (P, 2)
     links: int  # pairs of links that are kept apart
     neighbours: tuple[Exemption, ...]  # a link and the nearest one with a shape towards the base
-    named: tuple[Exemption, ...]  # that the user, the description or the SRDF names
+    named: tuple[Exemption, ...]  # that the user or the description names
     never: tuple[Exemption, ...]  # that provably cannot touch
 
 

@@ -21,8 +21,8 @@ from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER as ORDERS
-from sidegan.robot.oracle import capsule_geometry, pinocchio_model
 from sidegan.validity import Box, Constraints, Plane, Sphere, check
+from tests.oracle import capsule_geometry, chain_model
 from tests.validity.critical import limited
 
 from .cases import CASES, slow
@@ -82,7 +82,7 @@ def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
         states = trajectory.derivative(c, trajectory.times(1000.0), ORDERS[name])
         used.append(float((states.abs() / limit).max()))
     assert not used or 0.3 < max(used) <= 1  # they are what holds it back
-    model, geometry = pinocchio_model(arm), capsule_geometry(arm)
+    model, geometry = chain_model(arm), capsule_geometry(arm)
     data = model.createData()
     for first, second in constraints.pairs.tolist():
         geometry.addCollisionPair(pin.CollisionPair(first, second))

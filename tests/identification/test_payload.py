@@ -9,8 +9,9 @@ import torch
 
 from sidegan.identification import Measurements
 from sidegan.identification.payload import VALUES, identify_payload, values_of
-from sidegan.robot import chain_model, pseudo_inertia
+from sidegan.robot import pseudo_inertia
 from tests.identification.recordings import model_of, multisine, truth_of, white
+from tests.oracle import chain_model
 
 MASS, CENTRE = 1.7, np.array([0.02, -0.03, 0.09])
 INERTIA = np.diag([0.006, 0.005, 0.003])  # about the centre

@@ -11,7 +11,6 @@ import torch
 from sidegan.motion.base_parameters import BaseParameters
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import pinocchio_model
 from tests.chains import random_chain, random_states
 from tests.motion.conftest import CHAINS, close, normal
 from tests.threads import several_threads
@@ -28,7 +27,7 @@ def agree_with_pinocchio(arm, model, states):
 
 
 def test_arm_agrees_with_pinocchio_on_1000_states(arm):
-    agree_with_pinocchio(arm, pinocchio_model(arm), random_states(arm, 1000))
+    agree_with_pinocchio(arm, pin.buildModelFromUrdf(str(arm.urdf)), random_states(arm, 1000))
 
 
 @pytest.mark.parametrize("chain", CHAINS)

@@ -12,8 +12,6 @@ from sidegan.run import main
 from tests.tiny import tiny
 
 NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
-POSE = '<joint name="shoulder" value="0.1"/><joint name="elbow" value="-0.2"/>'
-SRDF = f'<robot name="planar2"><group_state name="ready" group="arm">{POSE}</group_state></robot>'
 
 
 @pytest.fixture

@@ -11,7 +11,6 @@ from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, Recordin
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from tests import tiny
-from tests.pipeline.conftest import SRDF
 from tests.recording.files import frame
 from tests.recording.made import moved
 
@@ -41,7 +40,6 @@ SETTINGS = [
     ("exp1", REGIONS("{}"), "workspace.regions[0]: a region is one of plane, box, sphere, cylinder and mesh"),
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
-    ("exp1", "robot.srdf=FOLDER/arm.srdf robot.home=ready trajectory.home=[0,0]", "are two homes"),
     ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': there is no such module"),
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition knows no model"),
     ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 joints; planar2 has 2"),
@@ -84,7 +82,6 @@ def folder(tmp_path_factory, planar):
     table.to_csv(folder / "a.csv", index=False)
     table[500:700].to_csv(folder / "part.csv", index=False)
     (folder / "broken.stl").write_text("no mesh")
-    (folder / "arm.srdf").write_text(SRDF)
     return folder
 
 

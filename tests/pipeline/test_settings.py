@@ -75,10 +75,9 @@ def test_a_condition_is_a_recipe_on_a_seed_set_and_the_command_overrides_it():
 
 SETUPS = [
     Setup(),
-    Setup(base="torso_link", tip="left/hand", locked={"finger_joint": 0.02, "torso": -1.5}),
+    Setup(tip="left/hand", locked={"finger_joint": 0.02, "torso": -1.5}),
     Setup(args={"ur_type": "ur5e", "prefix": "a b"}),
-    Setup(limits_file="/path/to my/limits.yaml", srdf="arm.srdf", home="ready"),
-    Setup(pieces=3, srdf_pairs=True, may_touch=[("link_5", "link_7"), ("a", "b")]),
+    Setup(mount=(0.5, -1.25, 0.0), may_touch=[("link_5", "link_7"), ("a", "b")]),
     Setup(limits=Limits(velocity={"j": 1.5}, position={"j": (-1.0, 2.0)}, effort={"k": 3.0})),
     *(
         Setup(args={name: "0.5"}, tip=name, locked={name: -0.5}, limits=Limits(jerk={name: 1e3}))

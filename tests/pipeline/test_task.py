@@ -13,7 +13,6 @@ from sidegan.pipeline.stages.selection import excitation_sets, pools, selection
 from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
-from tests.pipeline.conftest import SRDF
 from tests.tiny import OTHERS, tiny
 
 
@@ -128,7 +127,7 @@ def test_random_numbers_differ_by_purpose_and_seed(task):
 PART = "robot.limits.position={shoulder: [0.5, 1.5]}"
 
 
-def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(task, tmp_path):
+def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(task):
     given = task("trajectory.home=[0.1, 0.2]")
     assert given.trajectory.shape == (2, 3, 2) and given.trajectory.home == (0.1, 0.2)
     long = long_family(given, 12)
@@ -137,8 +136,6 @@ def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(task, 
     assert found.trajectory.home == pytest.approx((1, 0), abs=1e-3) and task().home is None
     same = task(PART, f"trajectory.home={list(found.home)}")
     assert seed_set(found).digest == seed_set(same).digest != seed_set(task()).digest
-    (tmp_path / "arm.srdf").write_text(SRDF)
-    assert task(f"robot.srdf={tmp_path}/arm.srdf", "robot.home=ready").trajectory.home == (0.1, -0.2)
 
 
 def test_a_clearance_is_part_of_the_stamp_where_there_is_one(task):

@@ -10,8 +10,9 @@ import torch
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.plant import IDEAL, mujoco_model
-from sidegan.robot import built_in_robots, load_robot, pinocchio_model
+from sidegan.robot import built_in_robots, load_robot
 from tests.chains import random_states
+from tests.oracle import chain_model
 
 
 def inverse_dynamics(model, q, dq, ddq):
@@ -30,7 +31,7 @@ def test_inverse_dynamics_are_pinocchios(name):
     arm = load_robot(name)
     states = random_states(arm, 200)
     torques = inverse_dynamics(mujoco_model(arm), *states)
-    model = pinocchio_model(arm)
+    model = chain_model(arm)
     data = model.createData()
     for torque, *state in zip(torques, *(x.numpy() for x in states)):
         np.testing.assert_allclose(torque, pin.rnea(model, data, *state), rtol=0, atol=1e-9)  # N·m

@@ -12,8 +12,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.report import motion
 from sidegan.report.canvas import save
 from sidegan.report.motion import Bundle, arm_surface, bounds, tip_paths
-from sidegan.robot import pinocchio_model
 from sidegan.robot.looks import capsule_surface
+from tests.oracle import chain_model
 from tests.report.builders import some
 
 FAMILY, LONG = Trajectory(2, harmonics=3, period=4.0), Trajectory(2, harmonics=5, period=12.0)
@@ -25,7 +25,7 @@ def test_a_path_is_where_pinocchio_has_the_end_effector(arm):
     coefficients, times = some(SEVEN, 2), SEVEN.times(25.0)
     traces = tip_paths(arm, SEVEN, coefficients)
     assert traces.shape == (2, len(times), 3)
-    model = pinocchio_model(arm)
+    model = chain_model(arm)
     data = model.createData()
     positions = SEVEN.derivative(coefficients, times, 0)
     for k, step in ((0, 0), (0, 123), (1, 300)):

@@ -4,16 +4,15 @@ Nothing of sidegan takes part. Every sample is checked: position, velocity and e
 where limits are given, self-collision and the floor. What the description does not say are facts.
 """
 
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 
 import coal
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull, QhullError
 
-_ROUNDING = 1e-6  # share of a limit by which written numbers may exceed it
+_ROUNDING = 1e-6  # share of a limit by which written numbers may exceed it, and depth in the floor [m]
+_GROUND = 20.0  # width and depth of the floor [m]
 _CONSISTENT = 1e-3  # largest difference between a rate and its integral's, as a share of the largest rate
 
 
@@ -55,6 +54,17 @@ class Judge:
             near = between == 1 and facts.exempt is None
             if between and not near and frozenset((self.owners[i], self.owners[k])) not in spared:
                 self.geometry.addCollisionPair(pin.CollisionPair(i, k))
+        if np.isfinite(facts.floor):
+            self._add_floor(facts.floor)
+
+    def _add_floor(self, height):
+        """A block of ground that no moving link may touch but those that stand on it."""
+        place = pin.SE3(np.eye(3), np.array([0, 0, height - _ROUNDING - _GROUND / 2]))
+        block = pin.GeometryObject("floor", 0, place, coal.Box(_GROUND, _GROUND, _GROUND))
+        floor = self.geometry.addGeometryObject(block)
+        for k, owner in enumerate(self.owners):
+            if self.geometry.geometryObjects[k].parentJoint and owner not in self.facts.standing:
+                self.geometry.addCollisionPair(pin.CollisionPair(k, floor))
 
     def configurations(self, q):
         """Pinocchio's configurations of positions (T, J)."""
@@ -93,7 +103,7 @@ class Judge:
         return found
 
     def colliding(self, configurations):
-        """Whether links collide, (T,)."""
+        """Whether links collide, with each other or with the floor, (T,)."""
         data = self.geometry.createData()
         for request in data.collisionRequests:
             request.enable_contact = True  # else coal 3.0 misses some contacts of two cylinders
@@ -101,24 +111,8 @@ class Judge:
         found = (pin.computeCollisions(self.model, self.data, manager, q, True) for q in configurations)
         return np.fromiter(found, bool, len(configurations))
 
-    def height(self, configurations):
-        """Smallest height above the floor [m] of any moving link that is to be above it."""
-        size = len(configurations), self.model.njoints
-        up, heights = np.empty((*size, 3)), np.empty(size)
-        for t, q in enumerate(configurations):
-            pin.forwardKinematics(self.model, self.data, q)
-            for joint, frame in enumerate(self.data.oMi):
-                up[t, joint], heights[t, joint] = frame.rotation[2], frame.translation[2]
-        least = np.inf
-        for shape, owner in zip(self.geometry.geometryObjects, self.owners):
-            if shape.parentJoint and owner not in self.facts.standing:
-                z, place = up[:, shape.parentJoint], shape.placement
-                low = heights[:, shape.parentJoint] + z @ place.translation
-                least = min(least, (low + _support(shape.geometry, z @ place.rotation)).min())
-        return least - self.facts.floor
-
     def __call__(self, time, q, dq, ddq):
-        """Largest shares of limits, collisions and height of a trajectory, and whether all is well."""
+        """Largest shares of limits and collisions of a trajectory, and whether all is well."""
         step, configurations, limits = np.diff(time)[:, None], self.configurations(q), self.limits()
         middle, half = limits["position"].mean(1), np.ptp(limits["position"], axis=1) / 2
         free = ~np.isfinite(half)
@@ -133,9 +127,8 @@ class Judge:
         kept = max(found.values()) <= 1 + _ROUNDING
         found["consistent"] = max(_apart(q, dq, step), _apart(dq, ddq, step))
         found["colliding"] = int(self.colliding(configurations).sum())
-        found["height"] = self.height(configurations) if np.isfinite(self.facts.floor) else np.inf
-        well = found["consistent"] <= _CONSISTENT and found["height"] >= -_ROUNDING
-        return {**found, "valid": kept and well and not found["colliding"]}
+        well = kept and found["consistent"] <= _CONSISTENT and not found["colliding"]
+        return {**found, "valid": well}
 
 
 def _place(model, name, values, configurations):
@@ -146,23 +139,6 @@ def _place(model, name, values, configurations):
         configurations[:, at], configurations[:, at + 1] = np.cos(values), np.sin(values)
     else:
         configurations[:, at] = values
-
-
-def _support(shape, z):
-    """How far a shape reaches along directions from its origin at least [m], (T,), in its frame, (T, 3)."""
-    match shape:
-        case coal.Sphere():
-            return np.full(len(z), -shape.radius)
-        case coal.Capsule():
-            return -np.abs(z[:, 2]) * shape.halfLength - shape.radius
-        case coal.Cylinder():
-            return -np.abs(z[:, 2]) * shape.halfLength - np.hypot(z[:, 0], z[:, 1]) * shape.radius
-        case coal.Box():
-            return -np.abs(z) @ shape.halfSide
-    points = np.array(shape.points() if isinstance(shape, coal.ConvexBase) else shape.vertices())
-    with suppress(QhullError, ValueError):  # else the points lie in a plane, and all of them count
-        points = points[ConvexHull(points).vertices]
-    return (points @ z.T).min(0)
 
 
 def _apart(x, rate, step):

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
-from sidegan.robot.covering import cover, cut, split
-from sidegan.robot.fitting import around_box, around_cylinder, fit, from_segment, hull_volume, thinned, volume
+from sidegan.robot.covering import cover, cut
+from sidegan.robot.fitting import fit, from_segment, hull_volume, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
 
 from .arms import shape_accuracy
 from .judge import Facts, Judge
-from .urdf import INERTIA, corners, joint, link, mesh, one_joint, robot
+from .urdf import INERTIA, joint, link, mesh, one_joint, robot
 
-seeds, sizes = st.integers(0, 10**6), st.floats(1e-3, 10.0)
+seeds = st.integers(0, 10**6)
 
 
 def triangles(seed: int, count: int) -> np.ndarray:
@@ -68,16 +68,6 @@ def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, count, 
     assert np.min(outside, axis=0).max() <= 1e-8
 
 
-@given(sizes, sizes, sizes)
-def test_capsules_hold_cylinders_and_boxes_and_are_no_larger_than_balls(x, y, z):
-    half, wide = around_cylinder(x, z)
-    ends = np.array([[0, 0, -half], [0, 0, half]])
-    assert from_segment(ends, np.array([[x, 0, z], [0, x, -z]])).max() <= wide <= np.hypot(x, z) * (1 + 1e-9)
-    ends, wide = around_box(np.array([x, y, z]))
-    assert from_segment(ends, corners(2 * x, 2 * y, 2 * z)).max() <= wide * (1 + 1e-12)
-    assert wide <= np.linalg.norm([x, y, z]) * (1 + 1e-9)
-
-
 def test_a_capsule_is_close_to_the_smallest_around_a_rod_askew():
     random = np.random.default_rng(0)
     axis = np.array([1.0, 2.0, 2.0]) / 3
@@ -118,16 +108,6 @@ def test_of_a_tube_what_is_empty_is_left_out_and_of_a_box_nothing():
     assert len(cut([box(1, 2, 3)], 16, 1e-3, 0.0)) == 1
 
 
-def test_a_plane_divides_triangles_and_leaves_nothing_out():
-    random = np.random.default_rng(0)
-    whole, normal = random.normal(size=(200, 3, 3)), np.array([1.0, 2.0, 2.0]) / 3
-    whole[:20] -= ((whole[:20] @ normal - 0.1)[:, :1, None]) * normal  # a corner in the plane
-    below, above = split(whole, normal, 0.1)
-    assert (below @ normal).max() <= 0.1 + 1e-12 and (above @ normal).min() >= 0.1 - 1e-12
-    areas = [trimesh.triangles.area(some).sum() for some in (below, above, whole)]
-    assert areas[0] + areas[1] == pytest.approx(areas[2], rel=1e-12)
-
-
 @settings(max_examples=20)
 @given(seeds, st.integers(5, 400), st.sampled_from([1e-5, 1e-3, 1e-2]))
 def test_a_thinned_hull_tells_how_far_the_rest_sticks_out(seed, count, tolerance):
@@ -136,15 +116,6 @@ def test_a_thinned_hull_tells_how_far_the_rest_sticks_out(seed, count, tolerance
     assert len(kept) <= count
     assert from_hull(points, kept).max() <= rounding + 1e-8
     assert rounding < 2 * tolerance + 1e-9 or len(kept) < 8
-
-
-def test_a_thinned_hull_does_not_depend_on_where_the_body_is_or_what_is_inside():
-    points, place = on_sphere(300), np.array([3.0, -2.0, 5.0])
-    here, rounding = thinned(points, 1e-2)
-    assert rounding > 1e-3
-    there, same = thinned(np.concatenate([points, 0.5 * points]) + place, 1e-2)
-    np.testing.assert_allclose(there - place, here, rtol=0, atol=1e-12)
-    assert same == pytest.approx(rounding, rel=1e-9)
 
 
 @pytest.fixture
@@ -177,14 +148,14 @@ def test_shapes_come_from_the_cache_and_are_made_again_where_it_is_broken(arm_fi
     assert_same_shapes(load_robot(arm_file), made)
 
 
-def test_the_digest_knows_meshes_places_and_pieces_but_no_fitted_numbers(arm_file):
+def test_the_digest_knows_meshes_and_places_but_no_fitted_numbers(arm_file):
     arm = load_robot(arm_file)
-    digests = [arm.digest, load_robot(arm_file, Setup(pieces=1)).digest]
+    digests = [arm.digest]
     trimesh.creation.box((0.1, 0.2, 0.8)).export(arm_file.with_name("box.stl"))
     digests.append(load_robot(arm_file).digest)
     arm_file.write_text(arm_file.read_text().replace('xyz="0.1 0 0"', 'xyz="0.2 0 0"'))
     digests.append(load_robot(arm_file).digest)
-    assert len({*digests}) == 4
+    assert len({*digests}) == 3
     some, numbers = arm.capsules, {"axis": arm.axis}
     shaken = replace(some, a=some.a + 0.01, radius=2 * some.radius)
     assert digest_of(numbers, some) == digest_of(numbers, shaken)
@@ -193,15 +164,15 @@ def test_the_digest_knows_meshes_places_and_pieces_but_no_fitted_numbers(arm_fil
 def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
     trimesh.creation.annulus(0.10, 0.12, 0.1, sections=24).export(tmp_path / "ring.stl")
-    trimesh.creation.box((0.03, 0.03, 0.4)).export(tmp_path / "rod.stl")  # far from the ring's wall
+    trimesh.creation.box((0.05, 0.05, 0.4)).export(tmp_path / "rod.stl")  # passes by the ring's wall
     first = joint("first", "base", "lower", origin='xyz="0 0 0"') + link("lower")
-    second = joint("second", "lower", "upper", origin='xyz="0.02 0 0"')
+    second = joint("second", "lower", "upper", origin='xyz="0.05 0 0"')
     ring, rod = link("base", mesh("ring.stl")), link("upper", INERTIA + mesh("rod.stl"))
     (tmp_path / "robot.urdf").write_text(robot(ring, first, second, rod))
-    coarse = load_robot(tmp_path / "robot.urdf", Setup(pieces=2, may_touch=[("base", "upper")]))
-    assert coarse.capsules.owners.count("base") <= 2
-    fine = load_robot(tmp_path / "robot.urdf", Setup(pieces=2))
-    assert fine.capsules.owners.count("base") > 2 and fine.capsules.owners.count("upper") == 1
+    coarse = load_robot(tmp_path / "robot.urdf", Setup(may_touch=[("base", "upper")]))
+    assert coarse.capsules.owners.count("base") <= 4
+    fine = load_robot(tmp_path / "robot.urdf")
+    assert fine.capsules.owners.count("base") > 4 and fine.capsules.owners.count("upper") == 1
     constraints = Constraints(fine, torque=False)
     exempt = [list(one.links) for one in constraints.exempt if one.why != "never touch"]
     judge = Judge(fine.urdf, fine.joint_names, Facts(exempt=exempt))

@@ -1,4 +1,4 @@
-"""What an arm looks like is where Pinocchio has its visual shapes."""
+"""Looks of an arm: its visual shapes, where the description has them."""
 
 import numpy as np
 import pinocchio as pin
@@ -8,7 +8,6 @@ import trimesh
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.looks import visual_parts
 
-from .arms import ROBOTS
 from .urdf import INERTIA, ball, joint, link, robot
 
 
@@ -68,18 +67,3 @@ def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
     arm = load_robot(file)
     file.unlink()
     assert visual_parts(arm) == [] and "is shown as its collision shapes alone" in caplog.text
-
-
-@pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
-@pytest.mark.parametrize("file", ["panda_description/urdf/panda.urdf", "ur_description/urdf/ur10_robot.urdf"])
-def test_meshes_of_stock_arms_are_where_pinocchio_has_them(file):
-    arm = load_robot(ROBOTS / file)
-    whole = pin.buildModelFromUrdf(str(arm.urdf))
-    folders = [str(folder) for folder in arm.urdf.parents]
-    shapes = pin.buildGeomFromUrdf(whole, str(arm.urdf), pin.GeometryType.VISUAL, None, folders)
-    for k, name in enumerate(arm.joint_names[:-1]):  # fingers of a hand are locked elsewhere
-        own = [shape for shape in shapes.geometryObjects if shape.parentJoint == whole.getJointId(name)]
-        theirs = np.array([one.placement.act(x) for one in own for x in one.geometry.vertices()])
-        ours = np.vstack([part.vertices for part in visual_parts(arm) if part.link == k])
-        for end in (np.min, np.max):
-            np.testing.assert_allclose(end(ours, axis=0), end(theirs, axis=0), atol=1e-6)

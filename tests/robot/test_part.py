@@ -11,7 +11,7 @@ import torch
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Limits, Setup, load_robot, pinocchio_model, with_effort, words, write_urdf
+from sidegan.robot import Limits, Setup, load_robot, with_effort, words, write_urdf
 from sidegan.robot.looks import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, more, one_joint, robot, two_joints
@@ -52,7 +52,7 @@ RIGHT = {"right_shoulder": 0.25, "right_elbow": 0.0}
 PARTS = {  # what is asked for, and where the joints stand that do not move
     "the left arm": (Setup(tip="left_lower"), {"left_thumb": 0.25, "left_index": -0.4, **RIGHT}),
     "the left arm from the torso on": (
-        Setup(base="torso", tip="left_lower", locked={"waist": -1.1, "left_thumb": 1.7, "right_elbow": 2.5}),
+        Setup(tip="left_lower", locked={"waist": -1.1, "left_thumb": 1.7, "right_elbow": 2.5}),
         {"waist": -1.1, "left_thumb": 1.7, "left_index": -3.3, "right_shoulder": 0.25, "right_elbow": 2.5},
     ),
     "the right arm with a stiff shoulder": (
@@ -88,7 +88,7 @@ def test_torque_is_that_of_the_reduced_model(load, setup, locked):
 
 
 def test_what_stands_still_is_told_and_stays_in_the_collision_model(load):
-    arm = load(PERSON, Setup(base="torso", tip="left_lower"))
+    arm = load(PERSON, Setup(tip="left_lower", locked={"waist": 0.25}))
     told = "; ".join(arm.told)
     assert "right_shoulder at 0.25 rad" in told and "left_thumb at 0.25 m" in told
     assert "3 kg of nail, tip lumped into left_lower" in told
@@ -104,7 +104,7 @@ def test_an_arm_with_other_inertias_is_written_for_the_same_part(load, tmp_path)
     write_urdf(arm, parameters, tmp_path / "heavier.urdf")
     again = load_robot(tmp_path / "heavier.urdf", arm.setup)
     np.testing.assert_allclose(again.inertial_parameters, parameters, rtol=0, atol=1e-11)
-    assert pinocchio_model(again).nv == 3
+    assert again.joints == 3
 
 
 FLOATING = two_joints().replace('name="first" type="revolute"', 'name="first" type="floating"')
@@ -112,10 +112,14 @@ MIMIC = two_joints(extra='<mimic joint="first"/>')
 SIX = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
 FINGERS = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
 HAND = robot(link("l0", ""), *SIX, *FINGERS)
-ENDS = r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$"
 REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
-    "a floating base": (FLOATING, r"robot\.base=lower has it stand still", Setup(base="lower"), "second"),
+    "a floating base": (
+        FLOATING,
+        r"'robot\.locked=\{first: 0\}' has it",
+        Setup(locked={"first": 0.0}),
+        "second",
+    ),
     "a hand": (
         HAND,
         r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$",
@@ -168,28 +172,13 @@ class TestLimits:
         limits = Limits(velocity={"first": 1.0, "second": 1.0}, position={"second": (-1.0, 1.0)})
         assert load(text, Setup(limits=limits)).velocity_limit.tolist() == [1, 1]
 
-    def test_the_user_overrides_the_file_and_the_file_the_description(self, load, tmp_path, caplog):
-        file = tmp_path / "joint_limits.yaml"
-        file.write_text(
-            "joint_limits:\n"
-            "  first: {has_velocity_limits: true, max_velocity: 1.1, has_acceleration_limits: true,\n"
-            "          max_acceleration: 3.5, has_jerk_limits: false, max_jerk: 0}\n"
-            "  second: {max_velocity: 1.2, max_effort: 7, min_position: !degrees -90, max_position: 1}\n"
-            "  finger: {max_velocity: 0.1}\n"
-        )
-        own = Limits(velocity={"second": 0.7}, effort={"first": 41.0}, jerk={"first": 50.0})
-        arm = load(two_joints(), Setup(limits_file=str(file), limits=own))
-        assert arm.velocity_limit.tolist() == [1.1, 0.7]
-        assert arm.torque_limit.tolist() == [41, 7]
-        assert arm.position_lower.tolist() == [-1.5, -math.pi / 2]
-        assert arm.acceleration_limit.tolist() == [3.5, math.inf]
-        assert arm.jerk_limit.tolist() == [50, math.inf]
-        assert "joint_limits.yaml limits finger, which is not there" in arm.told
-        assert "position of second -1.571 to 1 instead of -1.5 to 2 rad" in caplog.text
+    def test_the_user_overrides_the_description(self, load, caplog):
+        """And is warned where the description's limits are narrower, as they are where degrees are meant."""
+        own = Limits({"first": (-90.0, 90.0)}, velocity={"second": 0.7}, effort={"first": 41.0})
+        arm = load(two_joints(), Setup(limits=own))
+        assert arm.velocity_limit.tolist() == [2.5, 0.7] and arm.torque_limit.tolist() == [41, 40]
+        assert "lower of first -90 instead of -1.5 rad; upper of first 90 instead of 2 rad" in caplog.text
         assert "effort of first 41 instead of 40 N·m" in caplog.text and "velocity of" not in caplog.text
-        file.write_text("joint_limits: {secnd: {max_velocity: 1}, first: {max_velocity: 1}, hand: {}}")
-        told = load(two_joints(), Setup(limits_file=str(file))).told[-1]
-        assert "limits secnd, hand, which are not there; did you mean second?" in told
 
     def test_higher_limits_are_in_the_digest_where_there_are_any(self, load):
         three, four = {"first": 3.0}, {"first": 3.5}
@@ -210,21 +199,6 @@ class TestLimits:
         assert with_effort(planar, 1.0) is planar
         digests = {with_effort(planar, effort).digest for effort in (0.3, 0.5, 1.0)}
         assert len(digests) == 3 and with_effort(planar, 0.5).digest == gentle.digest
-
-
-SRDF = """<robot name="small">
-  <group_state name="ready" group="arm"><joint name="second" value="0.4"/><joint name="first" value="-0.3"/>
-  </group_state>
-  <group_state name="half" group="arm"><joint name="first" value="-0.3"/></group_state>
-  <disable_collisions link1="base" link2="upper" reason="Never"/>
-</robot>"""
-
-
-def test_a_pose_of_a_semantic_description_is_home(load, tmp_path):
-    (tmp_path / "small.srdf").write_text(SRDF)
-    srdf = str(tmp_path / "small.srdf")
-    assert load(two_joints(), Setup(srdf=srdf, home="ready")).home == (-0.3, 0.4)
-    assert load(two_joints(), Setup(srdf=srdf)).home is None
 
 
 def test_a_mounted_arm_is_the_same_one_turned(tmp_path):

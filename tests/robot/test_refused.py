@@ -15,7 +15,7 @@ from sidegan.robot import Arm, Drives, Limits, Setup, load_robot, write_mjcf, wr
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
 
-from .test_part import PERSON, SRDF
+from .test_part import PERSON
 from .urdf import collision, joint, link, mesh, more, one_joint, robot, two_joints
 
 
@@ -25,8 +25,8 @@ class At:
     folder: Path
     planar: Arm
 
-    def write(self, name: str, content: str | bytes) -> str:
-        (self.folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    def write(self, name: str, content: str) -> str:
+        (self.folder / name).write_text(content, encoding="utf-8")
         return str(self.folder / name)
 
 
@@ -51,20 +51,6 @@ def part(**setup):
 
 def stated(**given):
     return lambda at: at.load(two_joints(), Setup(limits=Limits(**given)))
-
-
-def in_file(content: str):
-    """Limits by joint in a file, or all of the file."""
-    content = f"joint_limits: {{{content}}}" if ":" in content else content
-    return lambda at: at.load(one_joint(), Setup(limits_file=at.write("limits.yaml", content)))
-
-
-def pose(home: str, srdf: str = "small.srdf"):
-    def run(at: At) -> Arm:
-        at.write("small.srdf", SRDF)
-        return at.load(two_joints(), Setup(srdf=str(at.folder / srdf), home=home))
-
-    return run
 
 
 def body(*parameters: float):
@@ -107,8 +93,6 @@ SNAKE = robot(link("0"), *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for
 FIXED = (joint(f"j{k}", str(k - 1), str(k), "fixed", limit="") + link(str(k), "") for k in range(1, 6001))
 LONG = robot(link("0", ""), *FIXED)
 ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
-DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
-RADIANS = "'first': … are these degrees? … position={first: [-1.39626, 1.39626], second: [-1, 1]}'"
 NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 TWO, THREE = torch.zeros(2), torch.zeros(3)
 
@@ -117,7 +101,6 @@ REFUSED = {
     RobotError: [
         ("<robot name='cut", "is not well-formed XML: unclosed token"),
         ("<?xml version='1.0' encoding='klingon'?><robot/>", "is not well-formed XML"),
-        (lambda at: load_robot(at.write("a.urdf", b"\x89PNG\r\n\xff\xfe\x00")), "is not well-formed XML"),
         ("<sdf/>", "root element is <sdf>, expected <robot> or <mujoco>"),
         (BOMB, "declares a document type (bomb), expected plain XML"),
         (THIEF, "declares a document type (r)"),
@@ -144,50 +127,30 @@ REFUSED = {
         (SNAKE, "has 33 joints that move, expected at most 32"),
         # Numbers.
         (two_joints(limit=""), "joint 'second' has no position limits"),
-        (limits(lower="", upper=""), "has no position limits"),
         (limits(lower="1"), "position limits 1 to 1, expected lower < upper"),
         (limits(velocity=""), "velocity limit None, expected one above 0"),
-        (limits(velocity="0.0"), "velocity limit 0.0, expected one above 0"),
         (limits(effort="-7"), "effort limit -7, expected one above 0"),
         (limits(upper="inf"), "<limit upper='inf'>, expected a finite number"),
         (limits(upper="${pi}"), "<limit upper='${pi}'>, expected a finite"),
         (one_joint(origin='xyz="0 nan 0"'), "<origin xyz='0 nan 0'>, expected 3 finite numbers"),
         (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
         (axis("0 0 0"), "has the axis 0 0 0, expected a direction"),
-        (axis("0 0 1e-200"), "has the axis 0 0 1e-200, expected a dir"),
         (axis("0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
         (axis("0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
         # Shapes.
         (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
         (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
-        (shape('<box size="1 -1 1"/>'), "<box size='1 -1 1'>, expected more than 0"),
         (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),
         (shape("<mesh/>"), "link 'arm': <mesh> has no 'filename'"),
         (lambda at: at.load(one_joint(collision=mesh(at.write("box.stl", "no mesh")))), "box.stl"),
         # Which part is the arm, and what is said beside the description.
         (part(tip="hand"), "has no link 'hand', expected for example robot.tip="),
-        (part(base="hand"), "has no link 'hand', expected for example robot.base="),
-        (part(base="right_upper", tip="left_lower"), "'left_lower' does not hang on link 'right_upper'"),
-        (part(base="nail", tip="nail"), "no joints that move behind 'nail' before 'nail'"),
-        (part(base="tip"), "no joints that move behind 'tip'"),
+        (part(tip="torso", locked={"waist": 0.0}), "no joints that move and are not locked"),
+        (part(locked={"glue": 0.0}), "no joint 'glue'"),
         (part(locked={"right_elbo": 0.0}), "no joint 'right_elbo' … for example right_elbow"),
         (part(locked={"waist": 7.0}), "at 7, outside its range -1.5 to 2; … 'robot.locked={waist: 2}'"),
-        (stated(position=DEGREES), RADIANS),
         (stated(velocity={"elbow": 1.0}), "no joint 'elbow' of robot.limits.velocity"),
         (stated(position={"first": (1.0, 0.0)}), "limits.position is 1 to 0, expected lower < upper"),
-        (lambda at: at.load(one_joint(), Setup(limits_file="gone")), "there is no file robot.limits_file="),
-        (in_file("[1"), "is no YAML"),
-        (in_file("{}"), "has no joint_limits"),
-        (in_file("elbow: {max_velocity: 1}"), "limits elbow, of which … has none"),
-        (in_file("turn: {max_velocity: 0}"), "joint 'turn': max_velocity is 0, expected one above 0"),
-        (in_file("turn: {max_velocity: fast}"), "max_velocity is 'fast', expected a number"),
-        (in_file("turn: {min_position: 1, max_position: -1}"), "expected lower < upper"),
-        (pose("stow"), "has no pose 'stow'; expected robot.home=ready"),
-        (pose("half"), "pose 'half' leaves out second; expected robot.home=ready"),
-        (pose("ready", "gone.srdf"), "there is no file robot.srdf="),
-        (lambda at: at.load(one_joint(), Setup(home="ready")), "add robot.srdf="),
-        (lambda at: room.with_effort(at.planar, 0.0), "expected a share above 0 and up to 1"),
-        (lambda at: room.with_effort(at.planar, 1.1), "expected a share above 0 and up to 1"),
         # Links that cannot exist.
         (body(0.0, *ROD[1:]), "link 'joint2': its mass is 0 kg"),
         (body(2.0, 0.0, 0.0, 1.0, *ROD[4:]), "joint2 … centre of mass (0, 0, 0.5) m is too far out"),

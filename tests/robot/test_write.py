@@ -80,12 +80,6 @@ def test_a_real_arm_is_written_as_it_is(tmp_path):
     assert_written(load_robot(real("ur10e/reference.urdf")), tmp_path / "out.urdf")
 
 
-@pytest.mark.parametrize("empty", ['<link name="arm"/>', "<link name='arm' />", '<link name="arm"></link>'])
-def test_a_link_without_content_gets_an_inertia(load, tmp_path, empty):
-    text = one_joint(inertial="", name="a>b").replace('<link name="arm"></link>', empty)
-    assert_written(load(text), tmp_path / "out.urdf")
-
-
 def test_comments_extras_and_another_alphabet_stay(load, tmp_path):
     extra = '<!-- <inertial> größer > kleiner --><gazebo reference="arm"><inertial/></gazebo>'
     assert_written(

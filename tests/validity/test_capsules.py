@@ -11,10 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from sidegan.robot import Arm, capsule_geometry, pinocchio_model
+from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.capsules import capsule_axes, clearances
 from tests.chains import lenient, random_chain, random_states
+from tests.oracle import capsule_geometry, chain_model
 
 from .critical import random_segments, segments_as_capsules
 
@@ -90,7 +91,7 @@ def test_points_are_where_pinocchio_puts_them(joints: int) -> None:
 
 def coal_distances(constraints: Constraints, q: Tensor) -> np.ndarray:
     """Distances [m] of the capsules by coal, (N, P); below zero where they overlap."""
-    model, geometry = pinocchio_model(constraints.arm), capsule_geometry(constraints.arm)
+    model, geometry = chain_model(constraints.arm), capsule_geometry(constraints.arm)
     for pair in constraints.pairs.tolist():
         geometry.addCollisionPair(pin.CollisionPair(*pair))
     data, shapes = model.createData(), geometry.createData()

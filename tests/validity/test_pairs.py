@@ -2,7 +2,6 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 import torch
@@ -68,22 +67,16 @@ def test_links_that_always_touch_are_refused_with_a_remedy_that_works(load) -> N
     assert arm.digest != load(text).digest
 
 
-SRDF = '<robot name="small"><disable_collisions link1="two" link2="base" reason="Never"/></robot>'
-
-
-def test_pairs_of_an_srdf_are_exempt_only_where_the_user_says_so(load, tmp_path: Path) -> None:
-    text, srdf = chain(0.22), str(tmp_path / "arm.srdf")
-    Path(srdf).write_text(SRDF)
-    kept = load(text, Setup(srdf=srdf))
-    assert frozenset({"base", "two"}) in names(kept)
-    arm = load(text, Setup(srdf=srdf, srdf_pairs=True))
+def test_pairs_that_a_description_itself_names_are_exempt(load) -> None:
+    text = chain(0.22)
+    assert frozenset({"base", "two"}) in names(load(text))
+    arm = load(more(text, '<disable_collisions link1="two" link2="base" reason="Never"/>'))
     assert frozenset({"base", "two"}) not in names(arm)
-    (one,) = [one for one in Constraints(arm).exempt if one.why == "SRDF: Never"]
+    (one,) = [one for one in Constraints(arm).exempt if one.why == "Never"]
     assert one.share is not None and 0.05 < one.share < 0.9
     pair = torch.tensor([[0, 2]])
     touching = float((capsule_distances(arm, sampled(arm, 1000), pair) <= 0).double().mean())
     assert one.share == pytest.approx(touching)
-    assert arm.digest != kept.digest == load(text).digest
 
 
 def test_what_never_touches_is_dropped_on_proof_and_only_then(load) -> None:

@@ -1,0 +1,32 @@
+"""An arm as Pinocchio has it, with the arm's own numbers, to check our dynamics and distances against."""
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from sidegan.robot import Arm
+
+
+def chain_model(arm: Arm) -> pin.Model:
+    """Pinocchio's model of an arm."""
+    model = pin.Model()
+    model.gravity.linear = arm.gravity.numpy()
+    for i, name in enumerate(arm.joint_names):
+        kind = pin.JointModelPrismaticUnaligned if arm.prismatic[i] else pin.JointModelRevoluteUnaligned
+        placement = pin.SE3(arm.rotation[i].numpy(), arm.translation[i].numpy())
+        model.addJoint(i, kind(arm.axis[i].numpy()), placement, name)
+        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i].numpy())
+        model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
+    return model
+
+
+def capsule_geometry(arm: Arm) -> pin.GeometryModel:
+    """An arm's C capsules as Pinocchio's collision geometry, in order and without collision pairs."""
+    geometry, shapes, z = pin.GeometryModel(), arm.capsules, np.array([0.0, 0.0, 1.0])
+    for name, link, a, b, radius in zip(shapes.names, shapes.link, shapes.a, shapes.b, shapes.radius):
+        along = (b - a).numpy()
+        turn = pin.Quaternion.FromTwoVectors(z, along if along.any() else z).matrix()
+        placement = pin.SE3(turn, ((a + b) / 2).numpy())
+        capsule = coal.Capsule(float(radius), float(np.linalg.norm(along)))
+        geometry.addGeometryObject(pin.GeometryObject(name, int(link) + 1, placement, capsule))
+    return geometry
