@@ -10,6 +10,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.tables import Numbers
 
 _HIGHEST = 0.8  # of half the sampling rate: above it there is nothing to filter
+_ORDER = 4  # of the low-pass, which is run forwards and backwards
 _LEAST = 4  # samples of a run: the interpolation looks at so many
 
 
@@ -56,7 +57,7 @@ def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Nu
     return values
 
 
-def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
+def low_pass(x: Numbers, cutoff: float, step: float) -> Numbers:
     """Signals (S, C) without what is faster than ``cutoff`` [Hz], not shifted in time.
 
     A Butterworth filter forwards and backwards; a cut-off near half the sampling rate filters nothing.
@@ -66,8 +67,8 @@ def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
     """
     if cutoff >= _HIGHEST / (2 * step):
         return x
-    sections = scipy.signal.butter(order, cutoff, fs=1 / step, output="sos")
-    pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * order)
+    sections = scipy.signal.butter(_ORDER, cutoff, fs=1 / step, output="sos")
+    pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * _ORDER)
     if pad < 1:
         raise RecordingError(f"{counted(len(x), 'sample')}: too few to filter")
     return np.ascontiguousarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad))

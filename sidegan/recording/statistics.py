@@ -1,7 +1,6 @@
 """Statistics of a raw recording: its clock, its motion's bandwidth, each signal, torques that stood still."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -13,9 +12,12 @@ from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
+from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.tables import Numbers
 
 SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
+HEADROOM = 12.0  # cut-off of the low-pass over the bandwidth of the motion
+_BRIDGED = 0.25  # of the cut-off's period
 _GAP_STEPS = 5.0  # sampling steps that are still interpolated over
 _LEAST_SAMPLES = 10
 _HEAD = 120.0  # [s] of a recording from which the bandwidth is measured
@@ -85,15 +87,8 @@ class Statistics(Clock):
     rows: Digests  # of some rows, by which another recording with the same samples is found
 
 
-def statistics_of(
-    recording: Recording, gap: float | None = None, bridged: Callable[[float], float] | None = None
-) -> Statistics:
-    """Statistics of a recording.
-
-    Args:
-        recording: as it was read.
-        gap: time between samples that is a gap [s]; None: five sampling steps, or what may be bridged.
-        bridged: time that may be interpolated over [s], of a bandwidth [Hz].
+def statistics_of(recording: Recording, settings: RecordingSettings) -> Statistics:
+    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion.
 
     Raises:
         RecordingError: when there are too few samples, or time runs backwards.
@@ -101,10 +96,10 @@ def statistics_of(
     name, samples = recording.name, len(recording)
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
-    clock = clock_of(name, recording.time.numpy(), gap)
+    clock = clock_of(name, recording.time.numpy(), settings.gap)
     bandwidth = bandwidth_of(recording, clock.step) if clock.step <= SLOWEST else 0.0
-    if gap is None and bridged is not None and bandwidth:
-        limit = max(clock.gap, bridged(bandwidth))
+    if settings.gap is None and bandwidth:
+        limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
         long = tuple(one for one in clock.gaps if one[1] > limit)
         clock = replace(clock, gap=limit, gaps=long, bridged=len(clock.gaps) - len(long))
     return Statistics(

@@ -29,10 +29,8 @@ SETTINGS = [
     (r"units\.angle is 'turn', expected 'rad' or 'deg'", {"units": {"angle": "turn"}}),
     ("position is None, expected text", {"position": None}),
     *(("no braces but", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
-    *((name, {name: -1.0}) for name in ("cutoff", "bandwidth", "still")),
-    *((name, {name: 0}) for name in ("cutoff", "order")),
-    *((name, {name: 1e300}) for name in ("pause", "gap")),
-    *(("oversampling", {"oversampling": 2.0}), ("order", {"order": 1000})),
+    *((name, {name: -1.0}) for name in ("cutoff", "still")),
+    *(("cutoff", {"cutoff": 0}), ("gap", {"gap": 1e300})),
 ]
 
 
@@ -177,8 +175,7 @@ CHECKED = [
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
     ("reverse names wrist", same, {"reverse": ["wrist"]}),
     ("no joint is ever faster than 100 rad/s", same, {"still": 100.0}),
-    ("bandwidth is 80 Hz, expected less than half the rate", same, {"bandwidth": 80.0}),
-    *((LOW, same, {name: 1e-11}) for name in ("cutoff", "headroom", "bandwidth")),
+    (LOW, same, {"cutoff": 1e-11}),
 ]
 
 
