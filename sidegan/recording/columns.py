@@ -78,10 +78,10 @@ def columns_of(
 
 class _Finder:
     def __init__(self, file: str, table: Table, columns: Columns, joints: Joints, only: str | None) -> None:
-        self.file, self.available, self.columns, self.joints = file, table.columns, columns, joints
+        self.file, self.available, self.columns, self.joints = file, [*table.columns], columns, joints
         self.only, self.effort = only, columns.effort
         self.series = series_of(self.available, joints.chain)
-        self.numberings = self._numberings(table.first)
+        self.numberings = self._numberings(table)
         (self.places, self.base), *others = self._likeliest()
         self.ambiguous = bool(others)
 
@@ -164,16 +164,16 @@ class _Finder:
                 ways.setdefault(tuple(columns), one.pattern(base))
         return ways
 
-    def _numberings(self, first: Mapping[str, str]) -> list[tuple[tuple[int, ...], int]]:
+    def _numberings(self, table: Table) -> list[tuple[tuple[int, ...], int]]:
         """Ways to number the arm's joints: their places, and the number of the first joint of the chain.
 
-        Locked joints have numbers, too, or else none. A file that names its joints in columns, of which the
-        first row is given, has numbered them.
+        Locked joints have numbers, too, or else none. A file that names its joints in columns has
+        numbered them.
         """
         names, count = self.joints.names, len(self.joints.places)
         for one in self.series:
             if not one.named and one.words[-1:] in (["name"], ["names"]):
-                numbers = {first.get(column): number for number, column in one.columns.items()}
+                numbers = {table.first(column): number for number, column in one.columns.items()}
                 if {*names} <= {*numbers}:
                     return [(tuple(numbers[name] for name in names), 0)]
         return [(places, base) for places in (self.joints.places, tuple(range(count))) for base in (0, 1)]
