@@ -29,7 +29,7 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     share = agreement.usual / arm.torque_limit if limited else heavier
     if not (share > most).any():
         return
-    j, measured = int(share.argmax()), "torque" if "torque" in statistics.signals else "current"
+    j, measured = int(share.argmax()), statistics.load
     smaller, unit = _THOUSANDTH[measured], "N" if arm.prismatic[j] else "N·m"
     if _HEAVY < float(share[j]) <= 1e3 * most and getattr(units, measured) != smaller:
         suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"

@@ -71,18 +71,13 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     """
     file, signals = statistics.name, statistics.signals
     position = signals["position"]
-    if position.constant.all():
-        raise RecordingError(f"{file}: all positions are constant: there is no motion")
     span = position.upper - position.lower
     if (span < HARDLY).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
             "from motions through a good part of its range: +experiment=excite"
         )
-    name = "torque" if "torque" in signals else "current"
-    if name not in signals:
-        raise RecordingError(f"{file} has neither torque nor current")
-    signal = signals[name]
+    name, signal = statistics.load, signals[statistics.load]
     if not signal.largest.max() > 0:
         raise RecordingError(f"{file}: every {name} is zero")
     if signal.constant.any():
@@ -125,25 +120,24 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     lower, upper, span = arm.position_lower, arm.position_upper, position.upper - position.lower
     outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
     little = span / (upper - lower).clamp_min(_NOTHING) < _LITTLE
+    name, load = statistics.load, signals[statistics.load]
+    coarse = load.quantum > _COARSE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
-    found = [(position.constant, "{} never " + _verb(position.constant, "move"))]
-    found += [(little.all(), f"the arm hardly moves: {hardly}")]
-    found += [(outside, "{} " + _verb(outside, "leave") + " the limits of position")]
-    measured = "torque" if "torque" in signals else "current"
-    for name in ("torque", "current"):
-        if name in signals:
-            signal = signals[name]
-            coarse = signal.quantum > _COARSE * (signal.upper - signal.lower)
-            found += [(signal.clipped > 0, f"the {name} of {{}} looks saturated at an extreme")]
-            found += [(coarse, f"the {name} of {{}} is coarsely quantised")]
+    found = [
+        (position.constant, "{} never " + _verb(position.constant, "move")),
+        (little.all(), f"the arm hardly moves: {hardly}"),
+        (outside, "{} " + _verb(outside, "leave") + " the limits of position"),
+        (load.clipped > 0, f"the {name} of {{}} looks saturated at an extreme"),
+        (coarse, f"the {name} of {{}} is coarsely quantised"),
+    ]
+    if name == "torque":
+        found.append((load.largest > arm.torque_limit, "the torque of {} is beyond the arm's limit"))
     warnings = [text.format(arm.named(which)) if which.ndim else text for which, text in found if which.any()]
     for joint, begin, end in statistics.frozen:
         warnings.append(
-            f"the {measured} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
+            f"the {name} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
             "though it moves: take these rows out of the file"
         )
-    if "torque" in signals and (beyond := signals["torque"].largest > arm.torque_limit).any():
-        warnings.append(f"the torque of {arm.named(beyond)} is beyond the arm's limit")
     return warnings
 
 
@@ -161,11 +155,10 @@ def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment])
     if "velocity" not in statistics.signals:
         return []
     rate, velocity = (torch.cat(x) for x in zip(*map(_rates, segments)))
+    moving = rate.square().mean(0).sqrt() > 10 * SIGN_WIDTH
+    slopes = (rate * velocity).sum(0) / rate.square().sum(0).clamp_min(_NOTHING)
     warnings = []
-    for name, a, b in zip(arm.joint_names, rate.T, velocity.T):
-        if a.square().mean().sqrt() < 10 * SIGN_WIDTH:
-            continue
-        slope = float(a @ b / (a @ a))
+    for name, slope in [(arm.joint_names[j], float(slopes[j])) for j in moving.nonzero()[:, 0].tolist()]:
         ratio = math.log(max(abs(slope), _NOTHING))
         if abs(abs(ratio) - math.log(_DEGREES)) < _NEAR:
             raise RecordingError(

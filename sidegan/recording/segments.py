@@ -57,18 +57,12 @@ def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | 
     """Grid of a recording: cut-off from the bandwidth [Hz] of the motion, or of what was sent; rate from it.
 
     Raises:
-        RecordingError: when the arm does not move, or the bandwidth is not below half the sampling rate.
+        RecordingError: when the arm does not move, or the cut-off is so low that nothing is left.
     """
     bandwidth = sent or statistics.bandwidth
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
-    half = 0.5 / statistics.step
-    if bandwidth >= half:
-        raise RecordingError(
-            f"{statistics.name}: the bandwidth is {bandwidth:g} Hz, expected less than half the rate, "
-            f"{half:.4g} Hz"
-        )
-    cutoff = min(settings.cutoff or HEADROOM * bandwidth, half)
+    cutoff = min(settings.cutoff or HEADROOM * bandwidth, 0.5 / statistics.step)
     slowest = _LEAST_PERIODS / statistics.duration
     if cutoff <= slowest:
         raise RecordingError(
@@ -139,10 +133,8 @@ def _signals(
     """Signals (S, J) that count; torque from current where it has to be."""
     names = recording.joint_names
     signals = {name: x.numpy() for name, x in recording.signals().items()}
-    current = signals.pop("current", None)
-    if "torque" not in signals:
-        if current is None:
-            raise RecordingError(f"{recording.name} has neither torque nor current")
+    load = signals[recording.load]
+    if recording.load == "current":
         if gains is None:
             raise RecordingError(
                 f"{recording.name} has currents and no torque; give the drive gains [N·m/A] as robot.gains"
@@ -152,11 +144,11 @@ def _signals(
                 f"robot.gains has {counted(len(gains), 'drive gain')}, the arm has "
                 f"{counted(len(names), 'joint')}"
             )
-        signals["torque"] = current * np.array(gains)
+        load = load * np.array(gains)
     if unknown := [name for name in reverse if name not in names]:
         raise RecordingError(f"reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}")
-    signals["torque"] = signals["torque"] * [-1.0 if name in reverse else 1.0 for name in names]
-    return signals
+    signals["torque"] = load * [-1.0 if name in reverse else 1.0 for name in names]
+    return {name: x for name, x in signals.items() if name != "current"}
 
 
 def _kept(velocity: Numbers, grid: Grid, still: float) -> Iterator[NDArray[np.int64]]:

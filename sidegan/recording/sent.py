@@ -117,7 +117,6 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
         )
     step, names = float(np.median(np.diff(time))), recording.joint_names
     curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
-    load = "torque" if "torque" in signals else "current"
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
     found, squares, free = [], np.zeros(len(names)), 0
@@ -126,10 +125,10 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
         each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
         means: dict[str, Any] = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
         found.append(Recording(recording.name, names, torch.from_numpy(grid + begins[0]), **means))
-        if len(begins) > 1 and load in each:
+        if len(begins) > 1:
             # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
             left = np.mean([white(grid + start) ** 2 for start in begins])
-            squares += ((each[load] - each[load].mean(0)) ** 2).sum((0, 1)) / left
+            squares += ((each[recording.load] - each[recording.load].mean(0)) ** 2).sum((0, 1)) / left
             free += (len(begins) - 1) * len(grid)
     noise = torch.from_numpy(np.sqrt(squares / free)) if free else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}

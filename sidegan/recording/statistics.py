@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -82,6 +82,7 @@ class Statistics(Clock):
     # frequency below which nearly all of the motion's energy lies [Hz]; 0 where nothing moves, or the samples
     # are further apart than those of any motion
     bandwidth: float
+    load: Literal["torque", "current"]  # what the arm is identified from
     frozen: tuple[Frozen, ...]  # the longest stretch of each joint whose torque or current stays as it is
     signals: dict[str, Signal]  # by name
     rows: Digests  # of some rows, by which another recording with the same samples is found
@@ -108,6 +109,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
         samples=samples,
         corrupt=recording.corrupt,
         bandwidth=bandwidth,
+        load=recording.load,
         frozen=_frozen(recording),
         signals={signal: _signal(x.numpy()) for signal, x in recording.signals().items()},
         rows=digests_of(recording),
@@ -193,11 +195,8 @@ def _longest_run(marked: Any) -> Numbers:
 
 def _frozen(recording: Recording) -> tuple[Frozen, ...]:
     """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
-    load = recording.current if recording.torque is None else recording.torque
-    if load is None:
-        return ()
-    found, time = [], recording.time.numpy()
-    for j, (q, x) in enumerate(zip(recording.position.numpy().T, load.numpy().T)):
+    found, time, load = [], recording.time.numpy(), recording.signals()[recording.load].numpy()
+    for j, (q, x) in enumerate(zip(recording.position.numpy().T, load.T)):
         begins = np.append(0, np.flatnonzero(np.diff(x)) + 1)
         ends = np.append(begins[1:], len(x)) - 1
         travel = np.maximum.reduceat(q, begins) - np.minimum.reduceat(q, begins)

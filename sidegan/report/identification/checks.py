@@ -53,7 +53,7 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
     rows = []
     for recording in recordings:
         signals = recording.statistics.signals
-        load = "torque" if "torque" in signals else "current"
+        load = recording.statistics.load
         position, effort = signals["position"], signals[load]
         noise = None if recording.repeated is None else recording.repeated.noise
         fastest = torch.cat([segment.velocity for segment in recording.segments]).abs().amax(0)
