@@ -13,7 +13,6 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Joints, columns_of
-from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Columns, Files, Recorded, paths_of
@@ -36,8 +35,7 @@ def load_recording(
     """A recording of an arm's joints, from a file or from one for each signal.
 
     Args:
-        files: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3, .mcap), LeRobot dataset
-            (folder), or several of them.
+        files: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3, .mcap), or several.
         columns: where they keep what, and in which units.
         joint_names: of the arm.
         chain: these and the names of joints locked between them, from the base outwards; None: no others.
@@ -71,11 +69,9 @@ def files_of(path: Path) -> list[Path]:
     """The files of a recording: itself, or those of a folder.
 
     Raises:
-        RecordingError: when the folder is neither a bag nor a dataset.
+        RecordingError: when the folder is no bag.
     """
-    if not path.is_dir():
-        return [path]
-    return dataset_files(path) if is_dataset(path) else bag_files(path)
+    return bag_files(path) if path.is_dir() else [path]
 
 
 def _read(path: Path, columns: Columns, joints: Joints, only: str | None = None) -> Part:
@@ -100,21 +96,21 @@ def _read(path: Path, columns: Columns, joints: Joints, only: str | None = None)
 
 def _open(path: Path, columns: Columns, joints: Joints, only: str | None) -> tuple[Table, Where, list[str]]:
     """A file's table, which of its columns is which signal, and remarks on that."""
-    suffix, dataset = path.suffix.lower(), is_dataset(path)
-    if is_bag(path) and not dataset:
+    suffix = path.suffix.lower()
+    if is_bag(path):
         table, where = bag_table(path, columns, joints.names)
         if only and only not in where:
             raise RecordingError(
                 f"{path.name}: its joint states have no {only}, but {', '.join([*where][1:])}"
             )
         return table, {name: where[name] for name in ("time", only)} if only else where, []
-    if not dataset and suffix not in _READERS:
+    if suffix not in _READERS:
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
         if columns.header is not None:
             table = text_table(path, joints.header(columns.header))
         else:
-            table = dataset_table(path) if dataset else _READERS[suffix](path)
+            table = _READERS[suffix](path)
     return table, *columns_of(path.name, table, columns, joints, only)
 
 
