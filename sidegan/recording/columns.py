@@ -48,11 +48,6 @@ class Joints:
         """Names of the arm's joints in the file."""
         return tuple(self.chain[place] for place in self.places)
 
-    def header(self, patterns: Sequence[str]) -> list[str]:
-        """Columns of a text without a first line of names; a pattern stands for those of all joints."""
-        every = range(len(self.chain))
-        return [name for pattern in patterns for name in _filled(pattern, self.chain, every)]
-
 
 def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[str]:
     """Columns of a pattern for joints of these names and places, counted from 0; or the one array of all."""

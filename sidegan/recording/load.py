@@ -21,9 +21,8 @@ from sidegan.recording.tables import Numbers, Table, Where, npz_table, parquet_t
 _MOST_CORRUPT = 0.5  # of the rows of a file
 _LARGEST = 1e12  # of any signal in SI units, and of a time: what is larger is no measurement
 _OF_SECONDS = np.array([1.0, 1e-9])  # seconds, and nanoseconds in a column of their own
-_TEXTS = (".csv", ".tsv", ".txt")
 _READERS = {
-    **dict.fromkeys(_TEXTS, text_table),
+    **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
     ".npz": npz_table,
 }
@@ -44,16 +43,11 @@ def load_recording(
         RecordingError: when a file cannot be read or does not fit the arm.
     """
     name = recording_name(files)
+    joints = Joints.of(name, columns, joint_names, chain)
     if not isinstance(files, Files):
-        part = _read(Path(files), columns, Joints.of(name, columns, joint_names, chain))
+        part = _read(Path(files), columns, joints)
         signals, corrupt, remarks = part.signals, part.corrupt, part.remarks
-    elif columns.header is not None:
-        raise RecordingError(
-            f"{name}: recording.header is of one file with all signals; give each of these a first line "
-            "of column names"
-        )
     else:
-        joints = Joints.of(name, columns, joint_names, chain)
         wanted = [(k, path) for k, path in files.signals(columns.effort).items() if getattr(columns, k)]
         signals, corrupt, remarks = merged([_read(Path(path), columns, joints, k) for k, path in wanted])
     tensors: dict[str, Any] = {key: torch.from_numpy(np.ascontiguousarray(x)) for key, x in signals.items()}
@@ -80,8 +74,6 @@ def _read(path: Path, columns: Columns, joints: Joints, only: str | None = None)
         if not path.exists():
             raise RecordingError(f"there is no recording {path}")
         files_of(path)
-    if columns.header is not None and path.suffix.lower() not in _TEXTS:
-        raise RecordingError(f"{path} is no text without names of its columns: no recording.header")
     table, where, remarks = _open(path, columns, joints, only)
     with reading(path, path.suffix[1:], RecordingError):
         signals = {name: _in_si(path.name, table, name, where[name], columns) for name in where}
@@ -107,10 +99,7 @@ def _open(path: Path, columns: Columns, joints: Joints, only: str | None) -> tup
     if suffix not in _READERS:
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
-        if columns.header is not None:
-            table = text_table(path, joints.header(columns.header))
-        else:
-            table = _READERS[suffix](path)
+        table = _READERS[suffix](path)
     return table, *columns_of(path.name, table, columns, joints, only)
 
 

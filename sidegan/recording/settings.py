@@ -58,8 +58,6 @@ class Columns:
     topic: str | None  # of a bag; null: the only topic of joint states
     effort: Literal["torque", "current"]  # what is meant by efforts
     rate: Hertz | None  # of the rows [Hz] of a file without time stamps
-    # columns, or patterns of all joints' columns, of a text without a first line of them
-    header: list[str] | None
 
     def __post_init__(self) -> None:
         for signal in SIGNALS:

@@ -52,33 +52,28 @@ class Table:
         return np.asarray(values, dtype=np.float64)
 
 
-def text_table(path: Path, header: Sequence[str] | None = None) -> Table:
+def text_table(path: Path) -> Table:
     """A text file whose columns are separated by commas, semicolons, tabs or spaces.
 
     Between semicolons and tabs, numbers may have decimal commas.
 
     Raises:
-        RecordingError: when it is empty, or has both or neither of a first line of column names and a header.
+        RecordingError: when it is empty, has no first line of column names, or one with a name twice.
     """
     with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
     if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty")
     separator, decimal = _format_of(lines)
-    found = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
-    found = [name or f"column {i + 1}" for i, name in enumerate(found)]
-    bare = all(_is_number(name.replace(decimal, ".")) for name in found)
-    if bare != (header is not None):
-        wrong = "begins with numbers, expected a first line of column names"
-        hint = '; say what they are: \'recording.header=[t,"q{index}","tau{index}"]\''
-        named = "has a first line of column names already: leave recording.header out"
-        raise RecordingError(f"{path} {wrong + hint if bare else named}")
-    names = found if header is None else [*header]
-    if len(names) != len(found):
-        raise RecordingError(f"{path} has {counted(len(found), 'column')}, recording.header has {len(names)}")
+    names = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
+    if all(_is_number(name.replace(decimal, ".")) for name in names):
+        raise RecordingError(
+            f"{path} begins with numbers, expected a first line of column names: write one into it, such as "
+            "t,q1,q2,tau1,tau2"
+        )
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
-    return _text_rows(path, names, 0 if bare else 1, separator, decimal)
+    return _text_rows(path, [name or f"column {i + 1}" for i, name in enumerate(names)], separator, decimal)
 
 
 def _format_of(lines: Sequence[str]) -> tuple[str, str]:
@@ -100,10 +95,10 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _text_rows(path: Path, names: list[str], before: int, separator: str, decimal: str) -> Table:
-    """Rows of a text under these names, which begin after some lines."""
+def _text_rows(path: Path, names: list[str], separator: str, decimal: str) -> Table:
+    """Rows of a text below its first line, under these names."""
     options: dict[str, Any] = {"sep": separator, "decimal": decimal, "index_col": False, "header": None}
-    options |= {"names": names, "skiprows": before, "skip_blank_lines": False, "encoding_errors": "replace"}
+    options |= {"names": names, "skiprows": 1, "skip_blank_lines": False, "encoding_errors": "replace"}
     # All columns are read: with a choice of them pandas does not notice a line with too many fields.
     with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
@@ -113,7 +108,7 @@ def _text_rows(path: Path, names: list[str], before: int, separator: str, decima
         frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
     matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
     skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
-    lines = np.arange(len(frame) + len(skipped)) + before + 1  # people count the header as the first
+    lines = np.arange(len(frame) + len(skipped)) + 2  # people count the header as the first
     rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
     return Table({name: frame[name] for name in names}, rows, skipped)
 
