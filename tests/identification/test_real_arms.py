@@ -8,7 +8,8 @@ from sidegan.recording.segments import preprocess
 from sidegan.robot import load_robot
 from tests.identification.recordings import fitted, model_of
 from tests.recording.conftest import load_recording, of_file, real
-from tests.recording.test_check import GAINS
+
+GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)  # [N·m/A] of the UR10e
 
 
 @pytest.fixture(scope="module")

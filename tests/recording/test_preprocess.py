@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import grid_for, preprocess
 from sidegan.recording.statistics import statistics_of
@@ -54,14 +53,6 @@ def test_currents_become_torques(planar, clock):
     torch.testing.assert_close(by_current.torque, by_torque.torque)
     (turned,) = preprocess(currents, of_file(reverse=list(planar.joint_names[1:])), (2.0, 2.0))
     torch.testing.assert_close(turned.torque, by_torque.torque * torch.tensor([1.0, -1.0]))
-
-
-def test_torque_is_not_shifted(planar, clock, recording):
-    clean = replace(recording, torque=RigidBody(planar).torque(*states(clock)))
-    (segment,) = preprocess(clean, of_file())
-    expected = RigidBody(planar).torque(*segment[1:4])
-    error = (segment.torque - expected).square().mean(0) / segment.torque.var(0)
-    assert (error < 1e-4).all()
 
 
 def test_the_cutoff_follows_the_bandwidth_and_is_stated(recording):
