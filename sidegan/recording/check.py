@@ -73,11 +73,10 @@ class CheckedRecording:
     def as_json(self) -> dict[str, Any]:
         """All of it but the samples, as plain values."""
         raw, repeated = self.statistics, self.repeated
-        same = ("name", "samples", "duration", "jitter", "duplicates", "gaps")
+        same = ("name", "samples", "duration", "jitter", "duplicates", "gaps", "frozen")
         return {
             **{key: getattr(raw, key) for key in same},
             "rate": 1 / raw.step,
-            "frozen": [one._asdict() for one in raw.frozen],
             "corrupt": Counter(reason for _, reason in raw.corrupt),
             "signals": {
                 name: {key: x.tolist() for key, x in one._asdict().items()}

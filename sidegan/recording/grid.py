@@ -17,18 +17,12 @@ _LEAST = 4  # samples of a run: the interpolation looks at so many
 def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterator[tuple[Numbers, Numbers]]:
     """Time (K,) and signals (K, C) on a grid, run by run, by monotone cubic interpolation.
 
-    The second of two samples with the same time stamp is left out, and so is a run of fewer than four.
-
-    Args:
-        time: of the samples [s], (S,), ascending.
-        signals: (S, C).
-        step: of the grid [s].
-        gap: time between samples that ends a run [s].
+    Times (S,) of signals (S, C) ascend. The second of two samples with one stamp is left out; a gap [s] ends
+    a run, and one of fewer than four samples is left out.
 
     Source: Fritsch, Butland 1984, A method for constructing local monotone piecewise cubic interpolants.
     """
-    fresh = np.diff(time, prepend=-np.inf) > 0
-    time, signals = time[fresh], signals[fresh]
+    time, signals = _fresh(time, signals)
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
     for t, x in zip(np.split(time, cuts), np.split(signals, cuts)):
         if len(t) >= _LEAST:
@@ -40,21 +34,19 @@ def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterato
 
 
 def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Numbers:
-    """Signals (S, C) at other times, (K, C), as by ``uniform``; NaN outside of them and in gaps.
-
-    Args:
-        at: the other times [s], (K,), ascending.
-        time: of the signals [s], (S,), ascending; the second of two samples with one stamp is left out.
-        signals: (S, C).
-        gap: time between samples that is not interpolated over [s].
-    """
-    fresh = np.diff(time, prepend=-np.inf) > 0
-    time, signals = time[fresh], signals[fresh]
+    """Signals (S, C) at other times (K,) [s], (K, C), as by ``uniform``; NaN outside and in gaps."""
+    time, signals = _fresh(time, signals)
     values = np.asarray(scipy.interpolate.PchipInterpolator(time, signals, extrapolate=False)(at))
     after = np.searchsorted(time, at).clip(1, len(time) - 1)
     inside = (time[after] - time[after - 1] > gap) & (time[after - 1] < at) & (at < time[after])
     values[inside] = np.nan
     return values
+
+
+def _fresh(time: Numbers, signals: Numbers) -> tuple[Numbers, Numbers]:
+    """Samples but for those with the time stamp of the one before."""
+    fresh = np.diff(time, prepend=-np.inf) > 0
+    return time[fresh], signals[fresh]
 
 
 def low_pass(x: Numbers, cutoff: float, step: float) -> Numbers:

@@ -92,13 +92,8 @@ def preprocess(
     Velocity and acceleration that were not recorded are derivatives of the filtered position and velocity.
     Everything else passes the same filter, so no signal is later than another.
 
-    Args:
-        recording: as it was read.
-        settings: of the filter and of what is kept.
-        gains: of the drives, motor current to joint torque [N·m/A], one per joint.
-        sign_width: velocity at which the smooth sign is at 76 % [rad/s or m/s].
-        grid: of the recording; None: found from its statistics.
-        delay: time by which torques are later than states [s], which is taken off.
+    Drives have gains [N·m/A], one per joint. The smooth sign is at 76 % at a width [rad/s or m/s]. A delay
+    [s] by which torques are later than states is taken off. None is the grid of the recording's statistics.
 
     Raises:
         RecordingError: when there is no torque, or no motion.

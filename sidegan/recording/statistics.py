@@ -51,14 +51,6 @@ class Signal(NamedTuple):
         return self.lower == self.upper
 
 
-class Frozen(NamedTuple):
-    """A stretch in which the torque or current of a joint does not change, and the joint moves."""
-
-    joint: int  # counted from 0
-    begin: float  # time of its first sample [s]
-    end: float  # time of its last sample [s]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Clock:
     """Time stamps of a recording."""
@@ -83,7 +75,8 @@ class Statistics(Clock):
     # are further apart than those of any motion
     bandwidth: float
     load: Literal["torque", "current"]  # what the arm is identified from
-    frozen: tuple[Frozen, ...]  # the longest stretch of each joint whose torque or current stays as it is
+    # joints whose torque or current stays as it is while they move, from when to when [s] for the longest
+    frozen: tuple[tuple[int, float, float], ...]
     signals: dict[str, Signal]  # by name
     rows: Digests  # of some rows, by which another recording with the same samples is found
 
@@ -94,11 +87,12 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     Raises:
         RecordingError: when there are too few samples, or time runs backwards.
     """
-    name, samples = recording.name, len(recording)
+    name, samples, time = recording.name, len(recording), recording.time.numpy()
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
-    clock = clock_of(name, recording.time.numpy(), settings.gap)
-    bandwidth = bandwidth_of(recording, clock.step) if clock.step <= SLOWEST else 0.0
+    clock = clock_of(name, time, settings.gap)
+    slow = clock.step > SLOWEST
+    bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position.numpy(), clock.step)
     if settings.gap is None and bandwidth:
         limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
         long = tuple(one for one in clock.gaps if one[1] > limit)
@@ -111,7 +105,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
         bandwidth=bandwidth,
         load=recording.load,
         frozen=_frozen(recording),
-        signals={signal: _signal(x.numpy()) for signal, x in recording.signals().items()},
+        signals={key: _signal(x.numpy()) for key, x in recording.signals().items()},
         rows=digests_of(recording),
     )
 
@@ -147,13 +141,12 @@ def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
     )
 
 
-def bandwidth_of(recording: Recording, step: float) -> float:
+def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> float:
     """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 where nothing moves.
 
-    The time between samples is ``step`` [s]. White noise of the positions, which is seen above half of the
-    highest frequency, is taken off first.
+    Of positions (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White noise of the
+    positions, which is seen above half of the highest frequency, is taken off first.
     """
-    time, position = recording.time.numpy(), recording.position.numpy()
     moved = (np.abs(position - position[0]) > _MOVED).any(1)
     if not moved.any():
         return 0.0
@@ -161,9 +154,7 @@ def bandwidth_of(recording: Recording, step: float) -> float:
     rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
     if len(grid) < _LEAST_HEAD:
-        raise RecordingError(
-            f"{recording.name} moves for {time[-1] - time[start]:.3g} s, too short to identify from"
-        )
+        raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
     velocity = np.stack([np.gradient(np.interp(grid, time[keep], q[keep])) for q in position.T], 1)
     power = (np.abs(np.fft.rfft(velocity * np.hanning(len(grid))[:, None], axis=0)) ** 2).sum(1)
     frequency = np.fft.rfftfreq(len(grid), 1 / rate)
@@ -193,7 +184,7 @@ def _longest_run(marked: Any) -> Numbers:
     return np.array([max(np.diff(edge)[::2], default=0) for edge in edges], dtype=np.float64)
 
 
-def _frozen(recording: Recording) -> tuple[Frozen, ...]:
+def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
     found, time, load = [], recording.time.numpy(), recording.signals()[recording.load].numpy()
     for j, (q, x) in enumerate(zip(recording.position.numpy().T, load.T)):
@@ -203,5 +194,5 @@ def _frozen(recording: Recording) -> tuple[Frozen, ...]:
         travel[ends - begins + 1 < _LEAST_STUCK] = 0.0
         widest = int(travel.argmax())
         if travel[widest] > _STUCK * np.ptp(q):
-            found.append(Frozen(j, float(time[begins[widest]]), float(time[ends[widest]])))
+            found.append((j, float(time[begins[widest]]), float(time[ends[widest]])))
     return tuple(found)
