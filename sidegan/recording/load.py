@@ -12,7 +12,7 @@ from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_table, is_bag
-from sidegan.recording.columns import Joints, columns_of
+from sidegan.recording.columns import Finder, Joints
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Columns, Files, Recorded, paths_of
@@ -100,7 +100,7 @@ def _open(path: Path, columns: Columns, joints: Joints, only: str | None) -> tup
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
         table = _READERS[suffix](path)
-    return table, *columns_of(path.name, table, columns, joints, only)
+    return table, *Finder(path.name, table, columns, joints, only).found()
 
 
 def _in_si(file: str, table: Table, name: str, where: Sequence[str], columns: Columns) -> Numbers:
