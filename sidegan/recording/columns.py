@@ -61,7 +61,7 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
 
 
 class Finder:
-    """Search for the columns of a file that hold time and signals; of a file of one signal, ``only`` is that."""
+    """Search for the columns of a file that hold time and signals, or the only one of interest."""
 
     def __init__(self, file: str, table: Table, columns: Columns, joints: Joints, only: str | None) -> None:
         self.file, self.available, self.columns, self.joints = file, [*table.columns], columns, joints

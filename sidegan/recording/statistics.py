@@ -1,6 +1,5 @@
 """Statistics of a raw recording: its clock, its motion's bandwidth, each signal, torques that stood still."""
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
@@ -26,7 +25,6 @@ _LEAST_HEAD = 16  # points of it
 _MOVED = 0.005  # [rad or m] away from where it stood, the arm moves
 _ENERGY = 0.98  # of the motion's energy lies below its bandwidth
 _CLIPPED = 5  # consecutive samples at the very same extreme
-_SECOND_DIFFERENCE = math.sqrt(6)  # of white noise, over the noise itself
 _STUCK = 0.3  # of its range in the recording, through which a joint moves while its torque does not change
 _LEAST_STUCK = 20  # samples of that; a few that are alike are a coarse quantum
 
@@ -36,7 +34,6 @@ class Signal(NamedTuple):
 
     lower: Tensor  # smallest value
     upper: Tensor  # largest value
-    noise: Tensor  # standard deviation of white noise with the same second differences: the noise floor
     quantum: Tensor  # smallest step between neighbouring samples
     clipped: Tensor  # longest stay at an extreme, in samples
 
@@ -170,11 +167,10 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
 def _signal(x: Numbers) -> Signal:
     """Statistics of a signal (S, J)."""
     lower, upper, steps = x.min(0), x.max(0), np.abs(np.diff(x, axis=0))
-    noise = np.sqrt((np.diff(x, 2, axis=0) ** 2).mean(0)) / _SECOND_DIFFERENCE
     quantum = np.where(steps > 0, steps, np.inf).min(0)
     clipped = np.maximum(_longest_run(x == lower), _longest_run(x == upper))
     clipped = np.where((clipped >= _CLIPPED) & (upper > lower), clipped, 0)
-    each = lower, upper, noise, np.where(np.isfinite(quantum), quantum, 0), clipped
+    each = lower, upper, np.where(np.isfinite(quantum), quantum, 0), clipped
     return Signal(*map(torch.from_numpy, each))
 
 

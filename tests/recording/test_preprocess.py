@@ -65,13 +65,11 @@ def test_the_cutoff_follows_the_bandwidth_and_is_stated(recording):
     assert "at 1 Hz" in given.statement and given.stride == 10
 
 
-def test_noise_floor_quantum_and_saturation_are_measured(recording):
-    generator = torch.Generator().manual_seed(0)
-    noisy = recording.torque + 0.5 * torch.randn(recording.torque.shape, generator=generator).double()
-    noisy[:, 1] = noisy[:, 1].clamp_max(noisy[:, 1].max() * 0.5)
+def test_quantum_and_saturation_are_measured(recording):
+    torque = recording.torque.clone()
+    torque[:, 1] = torque[:, 1].clamp_max(torque[:, 1].max() * 0.5)
     position = (recording.position / 1e-3).round() * 1e-3
-    signals = statistics_of(replace(recording, torque=noisy, position=position), of_file()).signals
-    assert float(signals["torque"].noise[0]) == pytest.approx(0.5, rel=0.1)
+    signals = statistics_of(replace(recording, torque=torque, position=position), of_file()).signals
     assert signals["position"].quantum.tolist() == pytest.approx([1e-3, 1e-3], abs=1e-9)
     assert signals["torque"].clipped[0] == 0 and signals["torque"].clipped[1] > 10
 

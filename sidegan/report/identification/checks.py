@@ -49,7 +49,7 @@ def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
 
 
 def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """A row per recording and joint: ranges, noise floor, saturation and sign."""
+    """A row per recording and joint: ranges, noise, saturation and sign."""
     rows = []
     for recording in recordings:
         signals = recording.statistics.signals
@@ -65,7 +65,6 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "position": f"{position.lower[j]:.3g} … {position.upper[j]:.3g}",
                     "fastest": f"{fastest[j]:.3g}",
                     load: f"{effort.lower[j]:.3g} … {effort.upper[j]:.3g}",
-                    "noise floor": f"{effort.noise[j]:.2g}",
                     "between repetitions": "—" if noise is None else f"{noise[j]:.2g}",
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
