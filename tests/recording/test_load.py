@@ -6,26 +6,16 @@ import numpy as np
 import pytest
 import torch
 
+from tests.recording import files
 from tests.recording.conftest import load_recording, of_file, part_of
-from tests.recording.files import (
-    arrays,
-    frame,
-    write_bag,
-    write_csv,
-    write_lists,
-    write_mcap,
-    write_messages,
-    write_npz,
-    write_parquet,
-    written,
-)
+from tests.recording.files import written
 
 JOINTS = ("1", "2")
 
 
 def alone(made, folder):
     """A loose file of a bag."""
-    return next(write_mcap(made, folder).glob("*.mcap")).rename(folder / "alone.mcap")
+    return next(files.write_mcap(made, folder).glob("*.mcap")).rename(folder / "alone.mcap")
 
 
 def scaled(table):
@@ -34,22 +24,24 @@ def scaled(table):
     return table.assign(t=1e3 * table.t, **table[angles] * 180 / np.pi, **1e3 * table[["tau1", "tau2"]])
 
 
-@pytest.mark.parametrize(
-    ("write", "changes"),
-    [
-        *((write, {}) for write in (write_csv, write_parquet, write_npz, write_bag, write_mcap, alone)),
-        (partial(write_bag, order=[1, 0]), {}),
-        (written(encoding="utf-8-sig"), {}),
-        (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
-        (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
-        *((write, {"position": "q", "velocity": "qd", "torque": "tau"}) for write in (arrays(), write_lists)),
-        (write_csv, {"rate": 3.0}),  # a clock counts more than a rate
-        (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
-        *((written(sep=separator), {}) for separator in (" ", "\t")),
-        # a comma in a name makes no decimal comma
-        *((written(lambda t: t.assign(**{"note 1,5": 1.5}), sep=separator), {}) for separator in (";", "\t")),
-    ],
-)
+WHOLE = [files.write_csv, files.write_parquet, files.write_npz, files.write_bag, files.write_mcap, alone]
+ARRAYS = {"position": "q", "velocity": "qd", "torque": "tau"}
+WRITTEN = [
+    *((write, {}) for write in WHOLE),
+    (partial(files.write_bag, order=[1, 0]), {}),
+    (written(encoding="utf-8-sig"), {}),
+    (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
+    (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
+    *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
+    (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
+    (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
+    (written(sep=" "), {}),
+    # a comma in a name makes no decimal comma
+    *((written(lambda t: t.assign(**{"note 1,5": 1.5}), sep=separator), {}) for separator in (";", "\t")),
+]
+
+
+@pytest.mark.parametrize(("write", "changes"), WRITTEN)
 def test_what_was_written_is_read(made, tmp_path, write, changes):
     path = write(made, tmp_path)
     bag = path.suffix in ("", ".mcap")
@@ -74,7 +66,7 @@ GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, ta
 
 
 def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
-    path = write_csv(made, tmp_path)
+    path = files.write_csv(made, tmp_path)
     lines = path.read_text().splitlines()
     garbled(lines)
     path.write_text("\n".join(lines))
@@ -88,7 +80,7 @@ def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read(made, tmp_path, separator):
     """A line of text among them costs no more than itself."""
-    lines = frame(made).to_csv(index=False, sep=separator, decimal=",").splitlines()
+    lines = files.frame(made).to_csv(index=False, sep=separator, decimal=",").splitlines()
     lines[50] = "stopped"
     (tmp_path / "a.csv").write_text("\n".join(lines))
     found = load_recording(tmp_path / "a.csv", of_file(), JOINTS)
@@ -100,7 +92,7 @@ def test_decimal_commas_are_read(made, tmp_path, separator):
 
 def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):
     """A row that is left out takes its time."""
-    table = frame(made).drop(columns="t")
+    table = files.frame(made).drop(columns="t")
     table.loc[3, "tau1"] = np.nan
     table.to_csv(tmp_path / "a.csv", index=False)
     found = load_recording(tmp_path / "a.csv", of_file(rate=250.0), JOINTS)
@@ -116,7 +108,7 @@ def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
         names = ([a, b], [b, a, "finger"], ["finger"], [a, b])[k % 4] if k < 36 else [a]
         values = np.array([float(k) if n == a else -float(k) for n in names])
         messages.append(((k + 1) * 10**9, k % 4 != 3, names, values, values, values))
-    path = write_messages(tmp_path, messages)
+    path = files.write_messages(tmp_path, messages)
     found, expected = load_recording(path, of_file(), made.joint_names), [k for k in range(36) if k % 4 != 2]
     assert found.position[:, 0].tolist() == expected
     assert (found.position[:, 1] == -found.position[:, 0]).all()

@@ -12,17 +12,8 @@ import torch
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.recording.check import check_recording
 from sidegan.robot import load_robot
+from tests.recording import files
 from tests.recording.conftest import load_recording, of_file
-from tests.recording.files import (
-    arrays,
-    write_bag,
-    write_csv,
-    write_mcap,
-    write_messages,
-    write_npz,
-    write_parquet,
-    written,
-)
 
 PLANAR = load_robot("planar2")
 SETTINGS = [
@@ -46,16 +37,16 @@ def pipe(_, folder):
 
 
 def of_text(_, folder):
-    return write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
+    return files.write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
 
 
 def without(*columns):
-    return written(lambda table: table.drop(columns=[*columns]))
+    return files.written(lambda table: table.drop(columns=[*columns]))
 
 
 def twice(**names):
     """Columns under other names too."""
-    return written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
+    return files.written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
 
 
 ARRAYS = {"position": "q", "torque": "tau"}
@@ -63,22 +54,22 @@ FILES = [
     ("there is no recording", lambda _, folder: folder / "a.csv", {}),
     ("neither a file nor a folder", pipe, {}),
     ("without a bag", lambda _, folder: folder, {}),
-    (r"ends in \.xls, expected \.csv", lambda made, to: write_csv(made, to).rename(to / "a.xls"), {}),
-    ("recording.joints has 1 name, the arm has 2 joints", written(), {"joints": ["a"]}),
-    ("without a number, in column tau2", written(lambda table: table.assign(tau2=np.nan)), {}),
+    (r"ends in \.xls, expected \.csv", lambda made, to: files.write_csv(made, to).rename(to / "a.xls"), {}),
+    ("recording.joints has 1 name, the arm has 2 joints", files.written(), {"joints": ["a"]}),
+    ("without a number, in column tau2", files.written(lambda table: table.assign(tau2=np.nan)), {}),
     ("no position of 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),
     ("position of 5 joints, the arm has 2; if its first ones", twice(q3="q1", q4="q1", q5="q2"), {}),
     ("no torque of 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
     (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
     ("time as 't' and as 'time'; say which is meant: 'recording.time=\"t\"'", twice(time="t"), {}),
     (r"position as 'q\{index\}' and as 'q_\{index\}'; say which", twice(q_1="q1", q_2="q2"), {}),
-    ("begins with numbers.*write one into it", written(header=False), {}),
-    ("named twice", written(lambda table: table.rename(columns={"q2": "q1"})), {}),
-    ("not of the same length: t has 200, q has 3", arrays(q=np.ones((3, 2))), ARRAYS),
-    ("the arm has 2 joints", arrays(q=np.ones((200, 3))), ARRAYS),
-    ("array q holds complex128, expected real numbers", arrays(q=1j * np.ones((200, 2))), ARRAYS),
-    ("has no joint 1, 2; it has x, y", partial(write_bag, names=["x", "y"]), {}),
-    ("has no joint states on /arm, but on /joint_states", write_bag, {"topic": "/arm"}),
+    ("begins with numbers.*write one into it", files.written(header=False), {}),
+    ("named twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
+    ("not of the same length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
+    ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
+    ("array q holds complex128, expected real numbers", files.arrays(q=1j * np.ones((200, 2))), ARRAYS),
+    ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
+    ("has no joint states on /arm, but on /joint_states", files.write_bag, {"topic": "/arm"}),
     (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
 ]
 
@@ -97,7 +88,7 @@ def test_files_of_nothing(tmp_path, name, content):
         load_recording(tmp_path / name, of_file(), ("1", "2"))
 
 
-@pytest.mark.parametrize("write", [write_parquet, write_npz, write_mcap, write_bag])
+@pytest.mark.parametrize("write", [files.write_parquet, files.write_npz, files.write_mcap, files.write_bag])
 def test_files_cut_off(made, tmp_path, write):
     path = write(made, tmp_path)
     file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
