@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from sidegan.base.names import counted, listed
+from sidegan.base.names import listed
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import plausibility
+from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.recording.load import load_recording, recording_name
-from sidegan.recording.overload import refuse_overload
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
 from sidegan.recording.sent import Repeated, averaged, load_sent
@@ -176,11 +175,8 @@ def check_recording(
             zero or constant, positions or torques are in another unit than declared.
     """
     statistics = statistics_of(recording, settings)
-    joints = len(recording.joint_names)
-    if joints != arm.joints:
-        raise RecordingError(f"{statistics.name} has {counted(joints, 'joint')}, {arm.name} has {arm.joints}")
-    plausibility.refuse_wrong_units(statistics, arm, settings.units)
-    plausibility.refuse_idle(statistics, arm)
+    refused.refuse_wrong_units(statistics, arm, settings.units)
+    refused.refuse_idle(statistics, arm)
     parts, repeated = [recording], None
     if settings.sent is not None:
         sent = load_sent(Path(settings.sent), arm.joint_names)
@@ -202,7 +198,7 @@ def check_recording(
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
-    refuse_overload(statistics, arm, agreement, settings.units)
+    refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
         joint_names=arm.joint_names,
         statistics=statistics,

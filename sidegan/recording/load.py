@@ -33,11 +33,8 @@ def load_recording(
 ) -> Recording:
     """A recording of an arm's joints, from a file or from one for each signal.
 
-    Args:
-        files: CSV (first line: column names), Parquet, NPZ, ROS 2 bag (folder, .db3, .mcap), or several.
-        columns: where they keep what, and in which units.
-        joint_names: of the arm.
-        chain: these and the names of joints locked between them, from the base outwards; None: no others.
+    It is CSV (first line: column names), Parquet, NPZ or a ROS 2 bag (folder, .db3, .mcap). The chain are the
+    names of the arm's joints and of those locked between them, from the base outwards; None: no others.
 
     Raises:
         RecordingError: when a file cannot be read or does not fit the arm.

@@ -156,7 +156,6 @@ CHECKED = [
     (DEAD, but("velocity", torch.ones_like), {}),
     ("all samples have the same time stamp", but("time", torch.ones_like), {}),
     ("time runs backwards.* after sample 100", but("time", shuffled), {}),
-    ("has 2 joints, kuka_lwr4 has 7", same, {"arm": load_robot("kuka_lwr4")}),
     ("give the drive gains", currents(), {}),
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
     ("reverse names wrist", same, {"reverse": ["wrist"]}),
