@@ -31,11 +31,6 @@ def test_settings(words, changes):
         of_file(**changes)
 
 
-def pipe(_, folder):
-    os.mkfifo(folder / "a.csv")
-    return folder / "a.csv"
-
-
 def of_text(_, folder):
     return files.write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
 
@@ -52,7 +47,7 @@ def twice(**names):
 ARRAYS = {"position": "q", "torque": "tau"}
 FILES = [
     ("there is no recording", lambda _, folder: folder / "a.csv", {}),
-    ("neither a file nor a folder", pipe, {}),
+    ("neither a file nor a folder", lambda _, folder: os.mkfifo(folder / "a") or folder / "a", {}),
     ("without a bag", lambda _, folder: folder, {}),
     (r"ends in \.xls, expected \.csv", lambda made, to: files.write_csv(made, to).rename(to / "a.xls"), {}),
     ("recording.joints has 1 name, the arm has 2 joints", files.written(), {"joints": ["a"]}),
