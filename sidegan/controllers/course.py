@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import scipy  # its parts are imported when they are used
 import torch
@@ -29,19 +30,9 @@ class Course:
     velocity: Tensor  # [rad/s or m/s], (T, J)
     acceleration: Tensor  # [rad/s² or m/s²], (T, J)
 
-    def __post_init__(self) -> None:
-        wanted = len(self.time), len(self.joint_names)
-        for name in STATES:
-            if getattr(self, name).shape != wanted:
-                raise ShapeError(f"{name} is {tuple(getattr(self, name).shape)}, expected {wanted}")
-        if len(self.time) < 2 or float(self.time[0]) != 0 or not (self.time.diff() > 0).all():
-            raise ShapeError("time stamps must rise from 0 over two points or more")
-
     @classmethod
     def of(cls, joint_names: Sequence[str], motion: Motion) -> "Course":
         """The course of one motion, (1, T, J)."""
-        if len(motion.position) != 1:
-            raise ShapeError(f"a course is of one motion, got {len(motion.position)}")
         return cls(tuple(joint_names), motion.time, *(x[0] for x in motion[1:]))
 
     @property
@@ -67,13 +58,7 @@ class Course:
         return position, velocity, acceleration
 
     def slowed(self, speed: float) -> "Course":
-        """This path at a share of the speed: velocities × speed, accelerations × speed².
-
-        Raises:
-            ShapeError: when the share is not above 0 and up to 1.
-        """
-        if not 0 < speed <= 1:
-            raise ShapeError(f"speed is {speed}, expected a share above 0 and up to 1")
+        """This path at a share of the speed, above 0: velocities × speed, accelerations × speed²."""
         rates = speed * self.velocity, speed**2 * self.acceleration
         return Course(self.joint_names, self.time / speed, self.position, *rates)
 
@@ -109,14 +94,5 @@ def slower(trajectory: Trajectory, c: Tensor, speed: float) -> tuple[Trajectory,
 
 
 def run_of(courses: Sequence[Course], pause: float) -> Course:
-    """All courses one after another, with a pause at rest [s] between them.
-
-    Raises:
-        ShapeError: when there is none, or two do not meet.
-    """
-    if not courses:
-        raise ShapeError("there are no courses to run")
-    whole = courses[0]
-    for one in courses[1:]:
-        whole = whole.then(one, pause)
-    return whole
+    """All courses one after another, with a pause at rest [s] between them."""
+    return reduce(lambda whole, one: whole.then(one, pause), courses)

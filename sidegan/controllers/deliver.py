@@ -26,7 +26,6 @@ def deliver(
     Where it is known where the arm is, ``approach`` is the way to home and ``return`` the way back.
 
     Raises:
-        ShapeError: when there is no trajectory, or URScript is asked for and the joints are not six.
         InfeasibleError: when the straight way from where the arm is to home is not free.
         StorageError: when a file cannot be written.
     """

@@ -11,11 +11,9 @@ import yaml
 
 from sidegan.base.storage import replacing
 from sidegan.controllers.course import STATES, Course
-from sidegan.errors import StorageError
 
 _KEYS = ("positions", "velocities", "accelerations")
 _SECOND = 10**9  # [ns]
-_DIGITS = 9  # significant ones of a number in text
 _TOPIC = "/{}/joint_trajectory"
 
 
@@ -29,7 +27,7 @@ def goal_text(course: Course) -> str:
     states = (getattr(course, name).tolist() for name in STATES)
     for time, *values in zip(course.time.tolist(), *states):  # twenty times as fast as PyYAML
         duration = ", ".join(f"{unit}: {amount}" for unit, amount in _duration(time).items())
-        rows = [f"{key}: [{', '.join(map(_number, row))}]" for key, row in zip(_KEYS, values)]
+        rows = [f"{key}: [{', '.join(f'{x:.9f}' for x in row)}]" for key, row in zip(_KEYS, values)]
         lines.append("  - " + "\n    ".join([*rows, f"time_from_start: {{{duration}}}"]))
     return "\n".join([*lines, ""])
 
@@ -45,18 +43,15 @@ def write_mcap(courses: Mapping[str, Course], path: Path) -> None:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with replacing(path) as draft, tempfile.TemporaryDirectory(dir=draft.parent) as folder:
-        try:
-            bag = Path(folder) / path.stem
-            with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-                for name, course in courses.items():
-                    message = _message(store.types, course)
-                    kind = message.__msgtype__
-                    to = writer.add_connection(_TOPIC.format(name), kind, typestore=store)
-                    writer.write(to, 0, store.serialize_cdr(message, kind))
-            (made,) = bag.glob("*.mcap")
-            shutil.move(made, draft)
-        except OSError as error:
-            raise StorageError(f"cannot write {path}: {error.strerror or error}") from error
+        bag = Path(folder) / path.stem
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            for name, course in courses.items():
+                message = _message(store.types, course)
+                kind = message.__msgtype__
+                to = writer.add_connection(_TOPIC.format(name), kind, typestore=store)
+                writer.write(to, 0, store.serialize_cdr(message, kind))
+        (made,) = bag.glob("*.mcap")
+        shutil.move(made, draft)
 
 
 def _message(types: Mapping[str, Any], course: Course) -> Any:
@@ -75,10 +70,3 @@ def _duration(time: float) -> dict[str, int]:
     """Time [s] as a duration's whole seconds and nanoseconds."""
     seconds, nanoseconds = divmod(round(time * _SECOND), _SECOND)
     return {"sec": seconds, "nanosec": nanoseconds}
-
-
-def _number(value: float) -> str:
-    """A number as YAML takes it for one: with a point, also before an exponent."""
-    text = f"{value:.{_DIGITS}g}"
-    mantissa, *exponent = text.split("e")
-    return "e".join([mantissa if "." in mantissa else f"{mantissa}.0", *exponent])

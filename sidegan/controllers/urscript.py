@@ -5,7 +5,6 @@ import re
 import torch
 
 from sidegan.controllers.course import Course
-from sidegan.errors import ShapeError
 
 SCRIPTED = 6  # of every arm that runs URScript
 _PERIOD = 0.008  # [s] between two points: the slowest of these controllers takes one every 8 ms
@@ -22,12 +21,7 @@ def script_text(course: Course, name: str) -> str:
     Args:
         course: of six joints.
         name: of the program; what is no letter, digit or underscore becomes one.
-
-    Raises:
-        ShapeError: when the course has other than six joints.
     """
-    if len(course.joint_names) != SCRIPTED:
-        raise ShapeError(f"URScript moves {SCRIPTED} joints, the course has {len(course.joint_names)}")
     title = re.sub("[^a-zA-Z0-9]", "_", name)
     points = _resampled(course)
     servo = f"0, 0, {_PERIOD}, {_LOOKAHEAD}, {_GAIN}"

@@ -5,7 +5,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """N trajectories of one robot; tensors are kept as float64 (``valid``: bool) on the CPU."""
+    """N trajectories of one robot; tensors are float64 (``valid``: bool) on the CPU."""
 
     coefficients: Tensor  # [rad/s], (N, J, H, 2)
     valid: Tensor  # whether every constraint holds over the whole period, (N,)
@@ -33,22 +32,6 @@ class Library:
     digest: str  # the arm's
     period: float  # duration of a trajectory [s]
     home: tuple[float, ...]  # joint positions at both ends [rad or m], J of them
-
-    def __post_init__(self) -> None:
-        c, diagonal = self.coefficients, self.diagonal
-        if c.ndim != 4 or c.shape[3] != 2 or diagonal.ndim != 2:
-            both = f"coefficients {tuple(c.shape)} and diagonal {tuple(diagonal.shape)}"
-            raise ShapeError(f"{both}, expected (N, J, H, 2) and (N, p)")
-        if len(self.source) != len(c) or len(self.home) != c.shape[1]:
-            lengths = f"{len(self.source)} sources and {len(self.home)} home positions"
-            raise ShapeError(f"{lengths} for coefficients {tuple(c.shape)}")
-        if not (np.isfinite(self.home).all() and np.isfinite(self.period) and self.period > 0):
-            raise ShapeError(f"home {self.home} and period {self.period} s must be finite, period positive")
-        columns, shapes = self.columns(), self.family().shapes()
-        checked = {name: _column(name, columns[name], (len(diagonal), *shapes[name])) for name in shapes}
-        plain = {"home": tuple(map(float, self.home)), "period": float(self.period)}
-        for name, value in (_fields(checked) | plain).items():
-            object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
         return len(self.coefficients)
@@ -68,13 +51,7 @@ class Library:
 
     def take(self, indices: Tensor | Sequence[int]) -> "Library":
         """The trajectories at ``indices``, (K,) integers in 0 … N − 1, in that order."""
-        index = torch.as_tensor(indices, device="cpu")
-        index = index.long() if index.numel() == 0 else index
-        if index.ndim != 1 or index.is_floating_point() or index.dtype == torch.bool:
-            raise ShapeError(f"indices are {tuple(index.shape)} {index.dtype}, expected integers (K,)")
-        outside = index[(index < 0) | (index >= len(self))]
-        if len(outside):
-            raise ShapeError(f"index {int(outside[0])} is outside a library of {len(self)} trajectories")
+        index = torch.as_tensor(indices, dtype=torch.long, device="cpu")
         columns = {name: x[index] for name, x in self.columns().items()}
         return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 
@@ -106,27 +83,17 @@ class Library:
         if arm is not None and arm.digest != family.digest:
             made_for = f"{family.robot} (digest {family.digest})"
             raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
-        shared = {name: getattr(family, name) for name in ("robot", "digest", "period", "home")}
-        try:
-            return cls(**_fields(columns), **shared, source=source)
-        except ShapeError as error:
-            raise ArtifactError(f"{path} contradicts itself: {error}") from error
+        return cls(
+            **_fields(columns),
+            source=source,
+            robot=family.robot,
+            digest=family.digest,
+            period=family.period,
+            home=tuple(family.home),
+        )
 
 
 def _fields(columns: dict[str, Tensor]) -> dict[str, Any]:
     """Constructor's arguments for the columns of a file."""
     margins = {name.removeprefix(MARGIN): x for name, x in columns.items() if name.startswith(MARGIN)}
     return {name: x for name, x in columns.items() if not name.startswith(MARGIN)} | {"margins": margins}
-
-
-def _column(name: str, x: Tensor, shape: tuple[int, ...]) -> Tensor:
-    """The column as it is kept, after a look at its shape, type and values."""
-    if x.shape != shape:
-        raise ShapeError(f"{name} is {tuple(x.shape)}, expected {shape}")
-    if (x.dtype == torch.bool) != (name == "valid"):
-        raise ShapeError(f"{name} is {x.dtype}, expected {'bool' if name == 'valid' else 'numbers'}")
-    # A margin or a fitness may be infinite: no limit stated, or a direction that is not excited.
-    bad = x.isnan() if x.ndim == 1 else ~x.isfinite().flatten(1).all(1)
-    if bad.any():
-        raise ShapeError(f"{name} of trajectory {int(bad.nonzero()[0])} is not finite")
-    return x.detach().to("cpu", torch.bool if name == "valid" else torch.float64)

@@ -75,9 +75,7 @@ def random_valid(problem: Problem, count: int, generator: torch.Generator, reach
         count,
         _TRIES * count,
     )
-    if draws.valid < count:
-        raise InfeasibleError("random trajectories are almost never valid in this workspace")
-    return draws
+    return draws.require(count, "drawn at random in this workspace")
 
 
 def draw_valid(

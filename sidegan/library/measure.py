@@ -1,5 +1,6 @@
 """Measurement of trajectories: a library with margins and excitation, and its summary."""
 
+import torch
 from torch import Tensor
 
 from sidegan.design.excitation import Excitation, diversity, excite
@@ -14,7 +15,7 @@ _AT_ONCE = 250  # trajectories
 def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
     """A library of coefficients (N, J, H, 2) with everything measured about them."""
     parts = []
-    for batch in c.split(_AT_ONCE):
+    for batch in c.detach().to("cpu", torch.float64).split(_AT_ONCE):
         validity = check(constraints, trajectory, batch)
         excitation = excite(constraints.body, trajectory, batch, round(RATE * trajectory.period))
         part = Library(

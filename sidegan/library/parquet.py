@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Number, build
+from sidegan.base.typed import Number, Positive, build
 from sidegan.errors import ArtifactError, ConfigError
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
@@ -31,7 +31,7 @@ class Family:
     digest: str
     joints: int
     harmonics: int
-    period: Number
+    period: Positive
     home: list[Number]
     parameters: int
     margins: list[str]
@@ -49,32 +49,55 @@ class Family:
         }
 
 
-def table_of(family: Family, columns: dict[str, Tensor], source: list[str]) -> "pa.Table":
-    """Table of a library's columns, (N, …) each; what is not (N,) becomes a list per row."""
+def _schema(family: Family) -> "pa.Schema":
+    """Columns of the file and their types; what is not a number is a list per row."""
     import pyarrow as pa
 
-    arrays = {name: _array(x) for name, x in columns.items()}
-    table = pa.table({**arrays, "source": pa.array(source, pa.string())})
+    types = {
+        name: pa.list_(pa.float64(), math.prod(x)) if x else pa.float64()
+        for name, x in family.shapes().items()
+    }
+    return pa.schema({**types, "valid": pa.bool_(), "source": pa.string()})
+
+
+def table_of(family: Family, columns: dict[str, Tensor], source: list[str]) -> "pa.Table":
+    """Table of a library's columns, (N, …) each."""
+    import pyarrow as pa
+
+    schema, arrays = _schema(family), {"source": pa.array(source, pa.string())}
+    for name, x in columns.items():
+        flat = pa.array(x.contiguous().numpy().reshape(-1))
+        arrays[name] = (
+            flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=schema.field(name).type)
+        )
     metadata = json.dumps({"format": FORMAT, **asdict(family)}).encode()
-    return table.replace_schema_metadata({METADATA_KEY: metadata})
+    return pa.table(arrays, schema=schema).replace_schema_metadata({METADATA_KEY: metadata})
 
 
 def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Tensor], list[str]]:
     """Family, columns and sources of a library's table that was read from ``path``.
 
     Raises:
-        ArtifactError: when it is of an unknown format, or lacks a column.
+        ArtifactError: when it is of an unknown format, or a column is missing, of another type or not finite.
     """
     family = _family(path, table)
-    shapes = family.shapes()
-    missing = [name for name in (*shapes, "source") if table.column_names.count(name) != 1]
-    if missing:
-        raise ArtifactError(f"{path} has no single column {', '.join(missing)}")
-    columns = {name: _tensor(path, table, name, shape) for name, shape in shapes.items()}
-    source = table["source"].to_pylist()
-    if not all(isinstance(x, str) for x in source):
-        raise ArtifactError(f"{path}: column source must hold text in every row")
-    return family, columns, source
+    shapes, columns = family.shapes(), {}
+    for field in _schema(family):
+        if table.column_names.count(field.name) != 1:
+            raise ArtifactError(f"{path} has no single column {field.name}")
+        column = table[field.name].combine_chunks()
+        if column.type != field.type:
+            raise ArtifactError(f"{path}: column {field.name} is {column.type}, expected {field.type}")
+        cells = column.flatten() if shapes.get(field.name) else column
+        if column.null_count or cells.null_count:
+            raise ArtifactError(f"{path}: column {field.name} has empty cells")
+        if field.name in shapes:
+            values = torch.from_numpy(np.array(cells.to_numpy(zero_copy_only=False)))
+            columns[field.name] = values.reshape(len(table), *shapes[field.name])
+            # A margin or a fitness may be infinite: no limit stated, or a direction that is not excited.
+            if values.isnan().any() or (shapes[field.name] and values.isinf().any()):
+                raise ArtifactError(f"{path}: column {field.name} is not finite")
+    return family, columns, table["source"].to_pylist()
 
 
 def _family(path: Path, table: "pa.Table") -> Family:
@@ -89,29 +112,9 @@ def _family(path: Path, table: "pa.Table") -> Family:
     if number != FORMAT or not isinstance(values, dict):
         raise ArtifactError(f"{path} has library format {number}, this version reads format {FORMAT}")
     try:
-        return build(Family, values)
+        family = build(Family, values)
     except ConfigError as error:
         raise ArtifactError(f"{path}: the library's metadata is wrong: {error}") from error
-
-
-def _array(x: Tensor) -> "pa.Array":
-    import pyarrow as pa
-
-    rows = x.reshape(len(x), math.prod(x.shape[1:])).contiguous().numpy()
-    flat = pa.array(rows.reshape(-1))
-    return flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, rows.shape[1])
-
-
-def _tensor(path: Path, table: "pa.Table", name: str, shape: tuple[int, ...]) -> Tensor:
-    """Column as a tensor, (N, *shape)."""
-    import pyarrow as pa
-
-    column, width = table[name].combine_chunks(), math.prod(shape)
-    kind = pa.bool_() if name == "valid" else pa.float64()
-    if shape and not (pa.types.is_fixed_size_list(column.type) and column.type.list_size == width):
-        raise ArtifactError(f"{path}: column {name} is {column.type}, expected lists of {width} numbers")
-    cells = column.flatten() if shape else column
-    if cells.type != kind or column.null_count or cells.null_count:
-        raise ArtifactError(f"{path}: column {name} holds {cells.type} or empty cells, expected {kind}")
-    values = np.array(cells.to_numpy(zero_copy_only=False))
-    return torch.from_numpy(values).reshape(len(table), *shape)
+    if len(family.home) != family.joints:
+        raise ArtifactError(f"{path}: home has {len(family.home)} of {family.joints} joints")
+    return family

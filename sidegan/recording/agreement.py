@@ -137,18 +137,12 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
 
 
 def _dissipated(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
-    """Share of the power that friction dissipates, (J,), see ``Agreement``.
-
-    The description's torque, velocity, acceleration and measured torque are (S, J) each.
-    """
-    shares = []
-    for j in range(model.shape[1]):
-        others = other_columns(v[:, j], a[:, j])
-        weights = torch.linalg.lstsq(torch.cat([model[:, j : j + 1], others], 1), torque[:, j]).solution
-        friction = others[:, :2] @ weights[1:3]
-        power = (torque[:, j].square().mean() * v[:, j].square().mean()).sqrt().clamp_min(_TINY)
-        shares.append((friction * v[:, j]).mean() / power)
-    return torch.stack(shares)
+    """Share of the power that friction dissipates, (J,), of (S, J) each; see ``Agreement``."""
+    columns = torch.cat([other_columns(v, a), model[..., None]], 2).transpose(0, 1)  # (J, S, 5)
+    weights = torch.linalg.lstsq(columns, torque.T[..., None]).solution
+    friction = (columns[..., :2] @ weights[:, :2])[..., 0].T
+    power = (torque.square().mean(0) * v.square().mean(0)).sqrt().clamp_min(_TINY)
+    return (friction * v).mean(0) / power
 
 
 def _lag(body: RigidBody, segments: list[Segment]) -> tuple[float, bool]:
@@ -159,15 +153,10 @@ def _lag(body: RigidBody, segments: list[Segment]) -> tuple[float, bool]:
     q, v, a, torque = (x[:_SAMPLES] for x in longest[1:5])
     if reach < 1:
         return 0.0, False
-    model = body.torque(q, v, a)
-    inner = slice(reach, len(q) - reach)
-    left = torch.zeros(2 * reach + 1, dtype=torch.float64)
-    for j in range(body.joints):
-        basis = orthonormal(torch.cat([model[inner, j : j + 1], other_columns(v[inner, j], a[inner, j])], 1))
-        shifted = torch.stack(
-            [torque[inner.start + k : inner.stop + k, j] for k in range(-reach, reach + 1)], 1
-        )
-        squares = (shifted - basis @ (basis.T @ shifted)).square().sum(0)
-        left += squares / squares[reach].clamp_min(_TINY) / body.joints
+    columns = torch.cat([body.torque(q, v, a)[..., None], other_columns(v, a)], 2)[reach : len(q) - reach]
+    basis = orthonormal(columns.transpose(0, 1))
+    shifted = torque.T.unfold(1, len(columns), 1).transpose(1, 2)  # (J, S, shifts)
+    squares = (shifted - basis @ (basis.mT @ shifted)).square().sum(1)
+    left = (squares / squares[:, reach, None].clamp_min(_TINY)).mean(0)
     best = int(left.argmin())
     return (best - reach) * step, bool(abs(best - reach) > 1 and left[best] < _BETTER)

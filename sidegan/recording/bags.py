@@ -10,7 +10,7 @@ import numpy as np
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.settings import Columns
-from sidegan.recording.tables import Rows, Where
+from sidegan.recording.tables import Table, Where
 
 if TYPE_CHECKING:
     from rosbags.highlevel import AnyReader
@@ -41,7 +41,7 @@ def bag_files(path: Path) -> list[Path]:
     return [one for one in inside if one.is_file()]
 
 
-def bag_rows(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Rows, Where]:
+def bag_table(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Table, Where]:
     """Joint states of some joints in a bag, and which of its columns is which signal.
 
     Time is that of the header, or that of the bag where headers have none. A message without any of the
@@ -57,15 +57,15 @@ def bag_rows(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Rows, 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
         connections = _connections(path, reader, columns.topic)
-        fields = _fields(path, reader, connections, names)
-        numbers: Any = np.dtype((np.float64, (1 + len(names) * len(fields),)))
-        read = ((reader.deserialize(raw, _KIND), at) for _, at, raw in reader.messages(connections))
-        rows = (_row(message, received, names, fields) for message, received in read)
-        table = np.fromiter((row for row in rows if row is not None), numbers)
-    time, *values = np.split(table, [1 + len(names) * k for k in range(len(fields))], 1)
+        messages: list[tuple[int, Any]] = [
+            (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
+        ]
+    fields = _fields(path, [message for _, message in messages], names)
+    rows = [_row(message, at, names, fields) for at, message in messages if {*names} & {*message.name}]
+    time, *values = np.split(np.array(rows), [1 + len(names) * k for k in range(len(fields))], 1)
     where = {columns.effort if field == "effort" else field: [field] for field in fields}
     found = {"time": time[:, 0], **dict(zip(fields, values))}
-    return Rows(found, np.arange(len(table)) + 1), {"time": ["time"], **where}
+    return Table(found, np.arange(len(rows)) + 1), {"time": ["time"], **where}
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
@@ -84,32 +84,25 @@ def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Co
     return [c for c in of_states if topic is None or c.topic == topic]
 
 
-def _fields(
-    path: Path, reader: "AnyReader", connections: "list[Connection]", names: Sequence[str]
-) -> list[str]:
+def _fields(path: Path, messages: Sequence[Any], names: Sequence[str]) -> list[str]:
     """Fields that the first message with all of the arm's joints has values of."""
-    seen: set[str] = set()
-    for _, _, raw in reader.messages(connections):
-        message: Any = reader.deserialize(raw, _KIND)
-        seen |= set(message.name)
-        if set(names) <= set(message.name):
+    for message in messages:
+        if {*names} <= {*message.name}:
             fields = [field for field in _FIELDS if len(getattr(message, field)) == len(message.name)]
             if "position" not in fields:
                 raise RecordingError(f"{path.name}: its joint states have no positions")
             return fields
-    if not seen:
+    if not messages:
         raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
+    seen = {name for message in messages for name in message.name}
     missing = [name for name in names if name not in seen]
     lack = f"has no joint {', '.join(missing)}" if missing else "has no message with all of the arm's joints"
     raise RecordingError(f"{path.name} {lack}; it has {', '.join(sorted(seen))}")
 
 
-def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float] | None:
-    """Time [s], that of the bag where the header has none, and the joints' values; None without a joint."""
-    place = {name: i for i, name in enumerate(message.name)}
-    if place.keys().isdisjoint(names):
-        return None
-    stamp = message.header.stamp
+def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:
+    """Time [s], that of the bag where the header has none, and the joints' values; NaN where one lacks."""
+    stamp, place = message.header.stamp, {name: i for i, name in enumerate(message.name)}
     row = [stamp.sec + stamp.nanosec * _NANOSECONDS or received * _NANOSECONDS]
     for field in fields:
         values = dict(enumerate(getattr(message, field).tolist()))

@@ -7,18 +7,13 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import torch
-from torch import Tensor
-
-from sidegan.base.names import counted, listed
+from sidegan.base.names import listed
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import plausibility
+from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, delay_of, pooled
-from sidegan.recording.excitation import Excitation, excitation_of
 from sidegan.recording.load import load_recording, recording_name
-from sidegan.recording.overload import refuse_overload
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
 from sidegan.recording.sent import Repeated, averaged, load_sent
@@ -30,9 +25,6 @@ from sidegan.robot import Arm
 log = logging.getLogger(__name__)
 
 Role = Literal["training", "validation"]
-_LEAST_NOISE = 1e-6  # of a joint's torque
-_LISTED = 100  # corrupt rows
-_WORTH = 2e-3  # [s]: a delay that is worth taking off; friction that sticks passes for a smaller one
 _LEAST_PART = 20  # samples of a part of a recording
 
 
@@ -45,11 +37,9 @@ class CheckedRecording:
     grid: Grid  # what it was preprocessed with
     segments: list[Segment]  # preprocessed stretches
     agreement: Agreement  # of the torques with the arm's description
-    excitation: Excitation  # of each base parameter
     warnings: list[str]  # what a person should look at
-    delay: Delay | None = None  # of the torques, where it was not given
-    corrected: bool = False  # whether it was taken off
-    given: float = 0.0  # delay of the torques [s] that was given, and taken off
+    delay: Delay  # of the torques
+    corrected: bool  # whether it was taken off
     repeated: Repeated | None = None  # trajectories that were sent and found, where they are known
     role: Role = "training"  # what it is for
 
@@ -69,32 +59,10 @@ class CheckedRecording:
         return sum(float(segment.time[-1] - segment.time[0]) for segment in self.segments)
 
     @property
-    def lag(self) -> float:
-        """Time by which recorded torques are later than states [s], as it is known best."""
-        return self.given if self.delay is None else self.delay.seconds
-
-    @property
-    def noise(self) -> Tensor | None:
-        """Standard deviation of each joint's torque or current between repetitions, (J,), or None."""
-        return None if self.repeated is None else self.repeated.noise
-
-    @property
     def statements(self) -> list[str]:
         """How it was preprocessed, in sentences."""
-        said = [self.grid.statement]
-        if self.repeated is not None:
-            said.append(self.repeated.statement)
-        order = "earlier" if self.lag < 0 else "later"
-        if self.delay is not None:
-            worth = self.delay.believed and abs(self.lag) > _WORTH
-            left = "left as it is" + "; recording.delay=null takes it off" * worth
-            size = f"{abs(self.lag) * 1e3:.2g} ± {self.delay.deviation * 1e3:.2g} ms"
-            treated = "taken off" if self.corrected else left
-            said.append(f"torques are {size} {order} than the motion: {treated}")
-        if self.given:
-            size = f"{abs(self.given) * 1e3:g} ms"
-            said.append(f"torques are taken to be {size} {order} than the motion, as is set")
-        return said
+        found = [] if self.repeated is None else [self.repeated.statement]
+        return [self.grid.statement, *found, self.delay.statement(self.corrected)]
 
     @property
     def derived(self) -> list[str]:
@@ -103,16 +71,12 @@ class CheckedRecording:
 
     def as_json(self) -> dict[str, Any]:
         """All of it but the samples, as plain values."""
-        raw, delay, repeated = self.statistics, self.delay, self.repeated
-        same = ("name", "samples", "duration", "jitter", "duplicates")
-        reasons = dict(Counter(reason for _, reason in raw.corrupt).most_common())
+        raw, repeated = self.statistics, self.repeated
+        same = ("name", "samples", "duration", "jitter", "duplicates", "gaps", "frozen")
         return {
             **{key: getattr(raw, key) for key in same},
             "rate": 1 / raw.step,
-            "gaps": [list(gap) for gap in raw.gaps],
-            "frozen": [one._asdict() for one in raw.frozen],
-            "corrupt": {"count": len(raw.corrupt), "reasons": reasons},
-            "corrupt_rows": [list(row) for row in raw.corrupt[:_LISTED]],
+            "corrupt": Counter(reason for _, reason in raw.corrupt),
             "signals": {
                 name: {key: x.tolist() for key, x in one._asdict().items()}
                 for name, one in raw.signals.items()
@@ -122,13 +86,9 @@ class CheckedRecording:
             "kept": self.kept,
             "moving": self.moving,
             "sign": self.agreement.sign.tolist(),
-            "lag": self.agreement.lag,
-            "delay": None if delay is None else delay._asdict(),
+            "delay": self.delay._asdict(),
             "repetitions": None if repeated is None else repeated.counts,
-            "noise": None if self.noise is None else self.noise.tolist(),
-            "condition": self.excitation.condition_number,
-            "excited": self.excitation.rows,
-            "weak": self.excitation.weak,
+            "noise": None if repeated is None or repeated.noise is None else repeated.noise.tolist(),
             "warnings": self.warnings,
         }
 
@@ -178,7 +138,7 @@ def read_and_check(
     chain = chain_of(arm)
     read = [load_recording(file, settings, arm.joint_names, chain) for file, _ in files]
     found = [check_recording(one, arm, settings, gains, sign_width) for one in read]
-    common = pooled([one.delay for one in found if one.delay is not None])
+    common = pooled([one.delay for one in found])
     if common is not None and settings.delay is None:
         found = [check_recording(one, arm, settings, gains, sign_width, common) for one in read]
     elif common is not None:
@@ -214,12 +174,9 @@ def check_recording(
         RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
             zero or constant, positions or torques are in another unit than declared.
     """
-    statistics = statistics_of(recording, settings.gap, settings.bridged)
-    joints = len(recording.joint_names)
-    if joints != arm.joints:
-        raise RecordingError(f"{statistics.name} has {counted(joints, 'joint')}, {arm.name} has {arm.joints}")
-    plausibility.refuse_wrong_units(statistics, arm, settings.units)
-    plausibility.refuse_idle(statistics, arm)
+    statistics = statistics_of(recording, settings)
+    refused.refuse_wrong_units(statistics, arm, settings.units)
+    refused.refuse_idle(statistics, arm)
     parts, repeated = [recording], None
     if settings.sent is not None:
         sent = load_sent(Path(settings.sent), arm.joint_names)
@@ -231,40 +188,25 @@ def check_recording(
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
     body, segments = RigidBody(arm), kept(settings.delay or 0.0)
-    delay = None if settings.delay else known or delay_of(body, segments)
-    corrected = settings.delay is None and delay is not None and delay.believed
-    segments = kept(delay.seconds) if corrected and delay is not None else segments
+    given = Delay(settings.delay, given=True) if settings.delay else None
+    delay = given or known or delay_of(body, segments)
+    corrected = settings.delay is None and delay.believed
+    segments = kept(delay.seconds) if corrected else segments
     locked = arm.setup.locked or {}
     warnings = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
     agreement = agreement_of(body, segments)
-    refuse_overload(statistics, arm, agreement, settings.units)
-    noise = None if repeated is None else repeated.noise
-    excitation = excitation_of(body, segments, _torque_noise(statistics, segments, gains, noise))
+    refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
         joint_names=arm.joint_names,
         statistics=statistics,
         grid=grid,
         segments=segments,
         agreement=agreement,
-        excitation=excitation,
-        warnings=warnings + agreement.warnings(arm) + excitation.warnings(),
+        warnings=warnings + agreement.warnings(arm),
         delay=delay,
         corrected=corrected,
-        given=settings.delay or 0.0,
         repeated=repeated,
     )
-
-
-def _torque_noise(
-    statistics: Statistics, segments: list[Segment], gains: Sequence[float] | None, noise: Tensor | None
-) -> Tensor:
-    """Noise of each joint's torque [N·m or N], (J,): between repetitions, or else its floor."""
-    measured = "torque" if "torque" in statistics.signals else "current"
-    noise = statistics.signals[measured].noise if noise is None else noise
-    if measured == "current":
-        noise = noise * torch.tensor(gains, dtype=torch.float64).abs()
-    size = torch.cat([segment.torque for segment in segments]).square().mean(0).sqrt()
-    return torch.maximum(noise, _LEAST_NOISE * size.max())

@@ -13,6 +13,9 @@ from sidegan.recording.words import Series, is_split, own_names, series_of, stam
 _MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
 _SHOWN = 3  # patterns that a message offers
 
+# places in the chain by which a file numbers the arm's joints, and the number of the chain's first joint
+Numbering = tuple[tuple[int, ...], int]
+
 
 @dataclass(frozen=True)
 class Joints:
@@ -48,11 +51,6 @@ class Joints:
         """Names of the arm's joints in the file."""
         return tuple(self.chain[place] for place in self.places)
 
-    def header(self, patterns: Sequence[str]) -> list[str]:
-        """Columns of a text without a first line of names; a pattern stands for those of all joints."""
-        every = range(len(self.chain))
-        return [name for pattern in patterns for name in _filled(pattern, self.chain, every)]
-
 
 def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[str]:
     """Columns of a pattern for joints of these names and places, counted from 0; or the one array of all."""
@@ -62,30 +60,23 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
     return [PLACEHOLDER.sub(lambda match, one=one: one[match[1]], pattern) for one in each]  # type: ignore[misc]
 
 
-def columns_of(
-    file: str, table: Table, columns: Columns, joints: Joints, only: str | None = None
-) -> tuple[Where, list[str]]:
-    """Columns of a file that hold time and signals, and remarks on them.
+class Finder:
+    """Search for the columns of a file that hold time and signals, or the only one of interest."""
 
-    Time is in one column, or in two, of seconds and nanoseconds; a signal in one per joint, or in one that is
-    an array of all. Of a file of one signal, ``only`` is that signal.
-
-    Raises:
-        RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
-    """
-    return _Finder(file, table, columns, joints, only).found()
-
-
-class _Finder:
     def __init__(self, file: str, table: Table, columns: Columns, joints: Joints, only: str | None) -> None:
-        self.file, self.available, self.columns, self.joints = file, table.columns, columns, joints
+        self.file, self.available, self.columns, self.joints = file, [*table.columns], columns, joints
         self.only, self.effort = only, columns.effort
         self.series = series_of(self.available, joints.chain)
-        self.numberings = self._numberings(table.first)
-        (self.places, self.base), *others = self._likeliest()
+        self.numberings = self._numberings(table)
+        self.numbering, *others = self._likeliest()
         self.ambiguous = bool(others)
 
     def found(self) -> tuple[Where, list[str]]:
+        """Columns of time, or two of seconds and nanoseconds, and of each signal, and remarks on them.
+
+        Raises:
+            RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
+        """
         time = self._time()
         where, patterns, guessed = {"time": time} if time else {}, dict[str, str](), []
         for signal in [self.only] if self.only else SIGNALS:
@@ -107,11 +98,7 @@ class _Finder:
         return where, [*self._shifted(guessed), *self._left_over(where, patterns)]
 
     def _time(self) -> list[str]:
-        """Columns of time stamps; none of a file without, whose rate is known.
-
-        Raises:
-            RecordingError: when there is none, or several.
-        """
+        """Columns of time stamps; none of a file without, whose rate is known."""
         names = self.columns.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
@@ -137,7 +124,7 @@ class _Finder:
 
     def _called(self, signal: str) -> tuple[list[str], str]:
         """Columns that are the signal's by their names, and their pattern; none where there are none."""
-        ways = self._ways(self._candidates(signal), self.places, self.base)
+        ways = self._ways(self._candidates(signal), self.numbering)
         if len(ways) > 1:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
@@ -155,30 +142,32 @@ class _Finder:
         called = [s for s in self.series if s.signal(self.effort) == signal]
         return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
-    def _ways(self, series: Sequence[Series], places: Sequence[int], base: int) -> dict[tuple[str, ...], str]:
-        """Patterns of series that have all joints, numbered like this, by their columns; names go first."""
-        ways: dict[tuple[str, ...], str] = {}
-        for one in sorted(series, key=lambda one: not one.named):
-            columns = one.of(self.joints.places if one.named else places, base)
-            if len(columns) == len(places):
-                ways.setdefault(tuple(columns), one.pattern(base))
-        return ways
+    def _of(self, one: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
+        """Columns of a series that are the arm's joints', numbered like this, and its pattern."""
+        places, base = numbering
+        return tuple(one.of(self.joints.places if one.named else places, base)), one.pattern(base)
 
-    def _numberings(self, first: Mapping[str, str]) -> list[tuple[tuple[int, ...], int]]:
+    def _ways(self, series: Sequence[Series], numbering: Numbering) -> dict[tuple[str, ...], str]:
+        """Patterns of series that have all joints, numbered like this, by their columns; names win."""
+        each = [self._of(one, numbering) for one in sorted(series, key=lambda one: one.named)]
+        return {columns: pattern for columns, pattern in each if len(columns) == len(self.joints.places)}
+
+    def _numberings(self, table: Table) -> list[Numbering]:
         """Ways to number the arm's joints: their places, and the number of the first joint of the chain.
 
-        Locked joints have numbers, too, or else none. A file that names its joints in columns, of which the
-        first row is given, has numbered them.
+        Locked joints have numbers, too, or else none. A file that names its joints in columns has
+        numbered them.
         """
         names, count = self.joints.names, len(self.joints.places)
         for one in self.series:
             if not one.named and one.words[-1:] in (["name"], ["names"]):
-                numbers = {first.get(column): number for number, column in one.columns.items()}
+                numbers = {table.first(column): number for number, column in one.columns.items()}
                 if {*names} <= {*numbers}:
                     return [(tuple(numbers[name] for name in names), 0)]
-        return [(places, base) for places in (self.joints.places, tuple(range(count))) for base in (0, 1)]
+        every = dict.fromkeys([self.joints.places, tuple(range(count))])
+        return [(places, base) for places in every for base in (0, 1)]
 
-    def _likeliest(self) -> list[tuple[tuple[int, ...], int]]:
+    def _likeliest(self) -> list[Numbering]:
         """Numberings with which most signals are whole, the likeliest first."""
         count = len(self.joints.places)
         series = [s for s in self.series if not s.named]
@@ -224,22 +213,17 @@ class _Finder:
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
         return [f"{said}joints are counted from 0, and {has}; if its first one is number 1, say so: {other}"]
 
-    def _nearest(self, signal: str) -> tuple[list[str], str]:
-        """Columns of the series that lacks the fewest of the signal's, and its pattern."""
-        series = self._candidates(signal)
-        there = [(s.of(self.joints.places if s.named else self.places, self.base), s) for s in series]
-        columns, one = max(there, key=lambda pair: len(pair[0]), default=([], None))
-        return columns, "" if one is None else one.pattern(self.base)
-
     def _refuse_missing(self, signal: str) -> None:
         """Raise when a signal has to be there, or is for half of the joints or more, but not for all."""
         patterns = (getattr(self.columns, signal) or "").split("|")
-        nearest, series = self._nearest(signal) if AUTO in patterns else ([], "")
+        series = self._candidates(signal) if AUTO in patterns else []
+        ways = [self._of(one, self.numbering) for one in series]
+        nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))
         optional = AUTO in patterns and not self.only and signal != "position"
         if patterns == [""] or (optional and len(nearest) * 2 < len(self.joints.places)):
             return
         like = [pattern for pattern in patterns if pattern != AUTO] if not optional else []
-        wanted = _filled(series or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.places)
+        wanted = _filled(pattern or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.numbering[0])
         own, lacking = self.joints.own, [column for column in wanted if column not in self.available]
         joints = [name for name, column in zip(own, wanted) if column in lacking] if wanted[1:] else own
         raise RecordingError(
@@ -267,7 +251,7 @@ class _Finder:
         """Settings with which other columns of the file would be the signal."""
         unknown = [s for s in self.series if self.only or s.signal(self.effort) is None]
         arrays = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
-        ways = [self._ways(unknown, *numbers) for numbers in dict.fromkeys(self.numberings)]
+        ways = [self._ways(unknown, numbering) for numbering in self.numberings]
         patterns = [*dict.fromkeys(p for one in ways for p in one.values())]
         patterns += arrays if len(arrays) == 1 else []
         if patterns:

@@ -18,6 +18,7 @@ _ROUNDING = 1e-12  # relative eigenvalue that is no information
 # samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
 _CORRELATED = 5.0
 _CLEAR = 3.0  # deviations off zero at which a delay is believed
+_WORTH = 2e-3  # [s]: a delay that is worth taking off; friction that sticks passes for a smaller one
 _ALIKE = 3e-3  # [s] between delays of one arm: friction that sticks passes for some of it
 
 
@@ -25,17 +26,28 @@ class Delay(NamedTuple):
     """Time by which torques are later than states."""
 
     seconds: float  # negative where they are earlier
-    deviation: float  # standard deviation of that [s]
+    deviation: float = 0.0  # standard deviation of that [s]
+    given: bool = False  # whether it was set, not measured
 
     @property
     def believed(self) -> bool:
         """Whether there is one beyond doubt; one as long as the search goes is where that was stopped."""
         return _CLEAR * self.deviation < abs(self.seconds) < _LONGEST
 
+    def statement(self, taken_off: bool) -> str:
+        """A sentence on it, and on what became of it."""
+        size, when = abs(self.seconds) * 1e3, "earlier" if self.seconds < 0 else "later"
+        if self.given:
+            return f"torques are taken to be {size:g} ms {when} than the motion, as is set"
+        worth = self.believed and abs(self.seconds) > _WORTH
+        left = "left as it is" + "; recording.delay=null takes it off" * worth
+        said = f"torques are {size:.2g} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
+        return f"{said}: {'taken off' if taken_off else left}"
+
 
 def pooled(delays: Sequence[Delay]) -> Delay | None:
     """The delay that recordings have in common; None of a single one, or where they have not the same."""
-    if len(delays) < 2 or not all(math.isfinite(one.deviation) and one.deviation > 0 for one in delays):
+    if len(delays) < 2 or not all(0 < one.deviation < math.inf for one in delays):
         return None
     weights = [one.deviation**-2 for one in delays]
     mean = sum(w * one.seconds for w, one in zip(weights, delays)) / sum(weights)

@@ -46,9 +46,8 @@ class _Torques:
         static = [RigidBody(replace(body.arm, gravity=g)).torque(q, still, still) for g in axes]
         columns = torch.cat([inertial[..., None], torch.stack(static, -1), measured[..., None]], -1)
         self.size = (inertial.square().sum(0) + columns[..., 1:4].square().sum((0, 2))).sqrt()
-        for j in range(body.joints):
-            basis = orthonormal(other_columns(v[:, j], a[:, j]))
-            columns[:, j] -= basis @ (basis.T @ columns[:, j])
+        basis = orthonormal(other_columns(v, a).transpose(0, 1))  # (J, S, 4)
+        columns -= (basis @ (basis.mT @ columns.transpose(0, 1))).transpose(0, 1)
         self.inertial, self.static, self.measured = columns[..., 0], columns[..., 1:4], columns[..., 4]
         self.weight = 1 / self.measured.norm(dim=0).clamp_min(_TINY)
 
@@ -117,15 +116,11 @@ def _other_direction(torques: _Torques, size: float) -> Load:
 
 
 def other_columns(velocity: Tensor, acceleration: Tensor) -> Tensor:
-    """Columns (S, 4) of a joint's torque beside rigid bodies: friction, offset and rotor inertia."""
-    return torch.cat([friction_columns(velocity), acceleration[:, None]], 1)
-
-
-def friction_columns(velocity: Tensor) -> Tensor:
-    """Viscous friction, Coulomb friction and offset of a joint, (…, 3), at velocities (…)."""
-    return torch.stack([velocity, torch.tanh(velocity / SIGN_WIDTH), torch.ones_like(velocity)], -1)
+    """Viscous and Coulomb friction, offset and rotor inertia of joints, (…, 4), at states (…)."""
+    sign = torch.tanh(velocity / SIGN_WIDTH)
+    return torch.stack([velocity, sign, torch.ones_like(velocity), acceleration], -1)
 
 
 def orthonormal(columns: Tensor) -> Tensor:
-    """Orthonormal basis (S, k) of what columns (S, k) can explain."""
-    return torch.linalg.qr(columns / columns.norm(dim=0).clamp_min(_TINY)).Q
+    """Orthonormal basis (…, S, k) of what columns (…, S, k) can explain."""
+    return torch.linalg.qr(columns / columns.norm(dim=-2, keepdim=True).clamp_min(_TINY)).Q

@@ -10,24 +10,19 @@ from sidegan.errors import RecordingError
 from sidegan.recording.tables import Numbers
 
 _HIGHEST = 0.8  # of half the sampling rate: above it there is nothing to filter
+_ORDER = 4  # of the low-pass, which is run forwards and backwards
 _LEAST = 4  # samples of a run: the interpolation looks at so many
 
 
 def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterator[tuple[Numbers, Numbers]]:
     """Time (K,) and signals (K, C) on a grid, run by run, by monotone cubic interpolation.
 
-    The second of two samples with the same time stamp is left out, and so is a run of fewer than four.
-
-    Args:
-        time: of the samples [s], (S,), ascending.
-        signals: (S, C).
-        step: of the grid [s].
-        gap: time between samples that ends a run [s].
+    Times (S,) of signals (S, C) ascend. The second of two samples with one stamp is left out; a gap [s] ends
+    a run, and one of fewer than four samples is left out.
 
     Source: Fritsch, Butland 1984, A method for constructing local monotone piecewise cubic interpolants.
     """
-    fresh = np.diff(time, prepend=-np.inf) > 0
-    time, signals = time[fresh], signals[fresh]
+    time, signals = _fresh(time, signals)
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
     for t, x in zip(np.split(time, cuts), np.split(signals, cuts)):
         if len(t) >= _LEAST:
@@ -39,16 +34,8 @@ def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterato
 
 
 def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Numbers:
-    """Signals (S, C) at other times, (K, C), as by ``uniform``; NaN outside of them and in gaps.
-
-    Args:
-        at: the other times [s], (K,), ascending.
-        time: of the signals [s], (S,), ascending; the second of two samples with one stamp is left out.
-        signals: (S, C).
-        gap: time between samples that is not interpolated over [s].
-    """
-    fresh = np.diff(time, prepend=-np.inf) > 0
-    time, signals = time[fresh], signals[fresh]
+    """Signals (S, C) at other times (K,) [s], (K, C), as by ``uniform``; NaN outside and in gaps."""
+    time, signals = _fresh(time, signals)
     values = np.asarray(scipy.interpolate.PchipInterpolator(time, signals, extrapolate=False)(at))
     after = np.searchsorted(time, at).clip(1, len(time) - 1)
     inside = (time[after] - time[after - 1] > gap) & (time[after - 1] < at) & (at < time[after])
@@ -56,7 +43,13 @@ def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Nu
     return values
 
 
-def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
+def _fresh(time: Numbers, signals: Numbers) -> tuple[Numbers, Numbers]:
+    """Samples but for those with the time stamp of the one before."""
+    fresh = np.diff(time, prepend=-np.inf) > 0
+    return time[fresh], signals[fresh]
+
+
+def low_pass(x: Numbers, cutoff: float, step: float) -> Numbers:
     """Signals (S, C) without what is faster than ``cutoff`` [Hz], not shifted in time.
 
     A Butterworth filter forwards and backwards; a cut-off near half the sampling rate filters nothing.
@@ -66,8 +59,8 @@ def low_pass(x: Numbers, cutoff: float, step: float, order: int) -> Numbers:
     """
     if cutoff >= _HIGHEST / (2 * step):
         return x
-    sections = scipy.signal.butter(order, cutoff, fs=1 / step, output="sos")
-    pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * order)
+    sections = scipy.signal.butter(_ORDER, cutoff, fs=1 / step, output="sos")
+    pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * _ORDER)
     if pad < 1:
         raise RecordingError(f"{counted(len(x), 'sample')}: too few to filter")
     return np.ascontiguousarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad))

@@ -19,22 +19,23 @@ Hashes = NDArray[np.uint64]
 
 
 class Digests(NamedTuple):
-    """Digests of a recording's rows, and when they are [s]."""
+    """Hashes of a recording's rows, by which other recordings that hold the same ones are found."""
 
-    moving: dict[str, Hashes]  # of rows in which the arm moves, (K,) by signal
-    time: Numbers  # (K,)
-    forces: Hashes  # of rows in which its torques or currents change, whatever the arm does, (F,)
-    forced: Numbers  # (F,)
+    time: Numbers  # of the rows [s], (S,)
+    signals: dict[str, Hashes]  # by name, (S,) each
+    load: str  # of torque and current that from which the arm is identified
+
+    def changing(self, names: Sequence[str]) -> tuple[Hashes, Numbers]:
+        """Hashes of some signals together and times of rows in which the first of them changes, (K,)."""
+        first = self.signals[names[0]]
+        keep = np.append(True, first[1:] != first[:-1])
+        return _hashes(np.stack([self.signals[name] for name in names], 1))[keep], self.time[keep]
 
 
 def digests_of(recording: Recording) -> Digests:
     """Digests of a recording's rows, by their numbers in single precision, in which some files keep them."""
     signals = {name: _hashes((x.numpy() + 0.0).astype(np.float32)) for name, x in recording.signals().items()}
-    time, keep = recording.time.numpy(), _changed(signals["position"])
-    forces = next((signals[name] for name in ("torque", "current") if name in signals), time[:0].astype("u8"))
-    forced = _changed(forces)
-    moving = {name: x[keep] for name, x in signals.items()}
-    return Digests(moving, time[keep], forces[forced], time[: len(forces)][forced])
+    return Digests(recording.time.numpy(), signals, recording.load)
 
 
 def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
@@ -44,14 +45,15 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
         RecordingError: names both, and where the stretch is.
     """
     for (first, one), (second, other) in combinations(recordings, 2):
-        common = ["position", *(n for n in _COUNTED if n in one.moving and n in other.moving)]
-        mine, theirs = (_hashes(np.stack([x.moving[name] for name in common], 1)) for x in (one, other))
-        if where := _stretch(np.isin(theirs, mine), other.time):
+        common = ["position", *(n for n in _COUNTED if n in one.signals and n in other.signals)]
+        (mine, _), (theirs, time) = (x.changing(common) for x in (one, other))
+        if where := _stretch(np.isin(theirs, mine), time):
             raise RecordingError(
                 f"{second} holds samples of {first}, {where}: they would count twice, "
                 "or a model would be tested on what it was made from"
             )
-        if where := _stretch(_in_order(one.forces, other.forces), other.forced):
+        (mine, _), (theirs, time) = (x.changing([x.load]) for x in (one, other))
+        if where := _stretch(_in_order(mine, theirs), time):
             raise RecordingError(
                 f"the torques of {second} are those of {first}, {where}, with other motion: "
                 "one of them has torques of another recording"
@@ -71,18 +73,11 @@ def _stretch(common: NDArray[np.bool_], time: Numbers) -> str:
 
 def _in_order(mine: Hashes, theirs: Hashes) -> NDArray[np.bool_]:
     """Which of their rows follow each other as mine do; coarse currents are alike by accident."""
-    if not len(mine) or not len(theirs):
-        return np.zeros(len(theirs), dtype=bool)
     order = np.argsort(mine, kind="stable")
     place = order[np.searchsorted(mine, theirs, sorter=order).clip(max=len(mine) - 1)]
     same = mine[place] == theirs
     next_ = same[1:] & same[:-1] & (place[1:] == place[:-1] + 1)
     return np.append(False, next_) | np.append(next_, False)
-
-
-def _changed(hashes: Hashes) -> NDArray[np.bool_]:
-    """Which rows differ from the one before."""
-    return np.append(np.ones(len(hashes[:1]), dtype=bool), hashes[1:] != hashes[:-1])
 
 
 def _hashes(rows: NDArray[np.float32] | Hashes) -> Hashes:

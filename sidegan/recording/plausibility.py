@@ -1,7 +1,6 @@
-"""Doubts about a raw recording: units, clock, ranges, saturation, signals that do not change."""
+"""Doubts about a raw recording: clock, ranges, saturation, signals that do not change."""
 
 import math
-from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -9,95 +8,17 @@ from torch import Tensor
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
-from sidegan.recording.settings import Units
-from sidegan.recording.statistics import SLOWEST, Statistics
+from sidegan.recording.refused import DEGREES
+from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
-_DEGREES = 180 / math.pi
-_FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
-_TURN = 2.1 * math.pi  # [rad] that nothing moves from zero without a reason
-_TINY = 2 * math.pi / _DEGREES  # [rad] that a turn becomes when radians are taken for degrees
-_USUAL = 0.15  # [s] between samples: the first unit of time by which they are no further apart is likely
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
 _NEAR = 0.3  # of the logarithm of a ratio
 _WRONG_SLOPE = 0.1  # of a velocity over the derivative of its position
 _NOTHING = 1e-12
-HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
 _LITTLE = 0.1  # of its range, that a joint moves through at least where much can be told
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
-
-
-def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
-    """Refuse positions and time stamps that make sense in another unit than the declared one only.
-
-    Raises:
-        RecordingError: naming the joint and the value.
-    """
-    name, position = statistics.name, statistics.signals["position"]
-    if statistics.step > SLOWEST:
-        raise RecordingError(
-            f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
-            f"(recording.units.time={_time_unit(statistics.step, units)})"
-        )
-    turning, reach = ~arm.prismatic, position.largest
-    limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
-    far = turning & (reach > _FAR * limit) & (reach > _TURN)
-    if units.angle == "rad" and far.any() and (reach[turning] / _DEGREES <= limit[turning]).all():
-        j = int(far.nonzero()[0])
-        raise RecordingError(
-            f"{name}: {arm.joint_names[j]} reaches {reach[j]:.4g} rad, its limit is {limit[j]:.4g} "
-            "rad: are these degrees? (recording.units.angle=deg)"
-        )
-    span = (position.upper - position.lower)[turning]
-    if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
-        raise RecordingError(
-            f"{name}: no joint turns by more than {span.max() * _DEGREES:.3g}°: are these radians? "
-            "(recording.units.angle=rad)"
-        )
-
-
-def _time_unit(step: float, units: Units) -> str:
-    """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
-    raw, smaller = step / units.factor("time"), [replace(units, time=unit) for unit in ("ms", "us", "ns")]
-    return next((one.time for one in smaller if raw * one.factor("time") <= _USUAL), smaller[-1].time)
-
-
-def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque, or whose velocities are none.
-
-    Raises:
-        RecordingError: saying what does not change.
-    """
-    file, signals = statistics.name, statistics.signals
-    position = signals["position"]
-    if position.constant.all():
-        raise RecordingError(f"{file}: all positions are constant: there is no motion")
-    span = position.upper - position.lower
-    if (span < HARDLY).all():
-        raise RecordingError(
-            f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
-            "from motions through a good part of its range: +experiment=excite"
-        )
-    name = "torque" if "torque" in signals else "current"
-    if name not in signals:
-        raise RecordingError(f"{file} has neither torque nor current")
-    signal = signals[name]
-    if not signal.largest.max() > 0:
-        raise RecordingError(f"{file}: every {name} is zero")
-    if signal.constant.any():
-        joints = arm.named(signal.constant)
-        raise RecordingError(
-            f"{file}: the {name} of {joints} is constant over the whole recording; a joint that stands still "
-            f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
-        )
-    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
-        dead = signals[rate].constant & (span >= HARDLY)
-        if dead.any():
-            raise RecordingError(
-                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; with "
-                f"recording.{rate}=null it is derived"
-            )
 
 
 def clock_warnings(statistics: Statistics) -> list[str]:
@@ -125,25 +46,24 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     lower, upper, span = arm.position_lower, arm.position_upper, position.upper - position.lower
     outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
     little = span / (upper - lower).clamp_min(_NOTHING) < _LITTLE
+    name, load = statistics.load, signals[statistics.load]
+    coarse = load.quantum > _COARSE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
-    found = [(position.constant, "{} never " + _verb(position.constant, "move"))]
-    found += [(little.all(), f"the arm hardly moves: {hardly}")]
-    found += [(outside, "{} " + _verb(outside, "leave") + " the limits of position")]
-    measured = "torque" if "torque" in signals else "current"
-    for name in ("torque", "current"):
-        if name in signals:
-            signal = signals[name]
-            coarse = signal.quantum > _COARSE * (signal.upper - signal.lower)
-            found += [(signal.clipped > 0, f"the {name} of {{}} looks saturated at an extreme")]
-            found += [(coarse, f"the {name} of {{}} is coarsely quantised")]
+    found = [
+        (position.constant, "{} never " + _verb(position.constant, "move")),
+        (little.all(), f"the arm hardly moves: {hardly}"),
+        (outside, "{} " + _verb(outside, "leave") + " the limits of position"),
+        (load.clipped > 0, f"the {name} of {{}} looks saturated at an extreme"),
+        (coarse, f"the {name} of {{}} is coarsely quantised"),
+    ]
+    if name == "torque":
+        found.append((load.largest > arm.torque_limit, "the torque of {} is beyond the arm's limit"))
     warnings = [text.format(arm.named(which)) if which.ndim else text for which, text in found if which.any()]
     for joint, begin, end in statistics.frozen:
         warnings.append(
-            f"the {measured} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
+            f"the {name} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
             "though it moves: take these rows out of the file"
         )
-    if "torque" in signals and (beyond := signals["torque"].largest > arm.torque_limit).any():
-        warnings.append(f"the torque of {arm.named(beyond)} is beyond the arm's limit")
     return warnings
 
 
@@ -161,13 +81,12 @@ def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment])
     if "velocity" not in statistics.signals:
         return []
     rate, velocity = (torch.cat(x) for x in zip(*map(_rates, segments)))
+    moving = rate.square().mean(0).sqrt() > 10 * SIGN_WIDTH
+    slopes = (rate * velocity).sum(0) / rate.square().sum(0).clamp_min(_NOTHING)
     warnings = []
-    for name, a, b in zip(arm.joint_names, rate.T, velocity.T):
-        if a.square().mean().sqrt() < 10 * SIGN_WIDTH:
-            continue
-        slope = float(a @ b / (a @ a))
+    for name, slope in [(arm.joint_names[j], float(slopes[j])) for j in moving.nonzero()[:, 0].tolist()]:
         ratio = math.log(max(abs(slope), _NOTHING))
-        if abs(abs(ratio) - math.log(_DEGREES)) < _NEAR:
+        if abs(abs(ratio) - math.log(DEGREES)) < _NEAR:
             raise RecordingError(
                 f"{statistics.name}: the velocity of {name} is {slope:.3g} times the derivative of its "
                 "position: one of them is in degrees and the other in radians"

@@ -1,7 +1,7 @@
 """A recording as it was made, and segments of it after preprocessing."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from torch import Tensor
 
@@ -13,11 +13,7 @@ SIGN_WIDTH = 0.01  # [rad/s or m/s] at which the smooth sign of a velocity is at
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """S samples of a J-joint arm as they were recorded, float64 in SI units; rows without a number are out.
-
-    Raises:
-        RecordingError: when the shapes are not alike or a value is not finite.
-    """
+    """S samples of a J-joint arm as recorded, float64 in SI units; rows without a number are out."""
 
     name: str  # for people, the file's name
     joint_names: tuple[str, ...]  # of the arm, in its order
@@ -31,17 +27,6 @@ class Recording:
     corrupt: tuple[tuple[int, str], ...] = ()
     remarks: tuple[str, ...] = ()  # for people, on which columns it was read from
 
-    def __post_init__(self) -> None:
-        expected = (len(self.time), len(self.joint_names))
-        for name, x in self.signals().items():
-            if x.shape != expected:
-                raise RecordingError(
-                    f"{self.name}: {name} is {tuple(x.shape)}, expected {expected}: (samples, joints)"
-                )
-        for name, x in {"time": self.time, **self.signals()}.items():
-            if not x.isfinite().all():
-                raise RecordingError(f"{self.name}: {name} holds a value that is not finite")
-
     def __len__(self) -> int:
         return len(self.time)
 
@@ -49,6 +34,17 @@ class Recording:
         """The signals that were recorded, by name, (S, J) each."""
         signals = {name: getattr(self, name) for name in SIGNALS}
         return {name: x for name, x in signals.items() if x is not None}
+
+    @property
+    def load(self) -> Literal["torque", "current"]:
+        """Which of both the arm is identified from: torques where there are any.
+
+        Raises:
+            RecordingError: when there is neither.
+        """
+        if self.torque is self.current is None:
+            raise RecordingError(f"{self.name} has neither torque nor current")
+        return "current" if self.torque is None else "torque"
 
 
 class Segment(NamedTuple):

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import torch
@@ -13,10 +12,12 @@ from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.grid import derivative, low_pass, uniform
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.settings import Preprocessing
-from sidegan.recording.statistics import Statistics, statistics_of
+from sidegan.recording.settings import RecordingSettings
+from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
 from sidegan.recording.tables import Numbers
 
+_OVERSAMPLING = 10.0  # samples that are kept per period of the cut-off
+_PAUSE = 0.1  # [s]: samples this close to a motion are kept
 _LEAST_POINTS = 8  # of a segment
 _LEAST_PERIODS = 4.0  # of the cut-off in a recording: as long as the edges of the filter
 
@@ -28,9 +29,8 @@ class Grid:
     step: float  # of the grid [s]
     gap: float  # longest time that is interpolated over [s]
     bandwidth: float  # of the motion [Hz]
-    source: Literal["measured", "given", "of what was sent"]  # of the bandwidth
+    source: str  # of the bandwidth, for people
     cutoff: float  # of the low-pass [Hz]
-    order: int  # of the low-pass
     stride: int  # every so manieth sample of the grid is kept
 
     @property
@@ -48,29 +48,21 @@ class Grid:
         """The grid and the filter in words."""
         return (
             f"resampled to {1 / self.step:.4g} Hz (gaps over {self.gap * 1e3:.3g} ms are not crossed), "
-            f"zero-phase low-pass of order {self.order} at {self.cutoff:.3g} Hz (bandwidth of the motion "
+            f"zero-phase low-pass at {self.cutoff:.3g} Hz (bandwidth of the motion "
             f"{self.bandwidth:.3g} Hz, {self.source}), {self.rate:.4g} samples per second kept"
         )
 
 
-def grid_for(statistics: Statistics, settings: Preprocessing, sent: float | None = None) -> Grid:
-    """Grid of a recording: cut-off from the motion's bandwidth, rate from the cut-off.
-
-    What was sent to the arm may have told the bandwidth [Hz].
+def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
+    """Grid of a recording: cut-off from the bandwidth [Hz] of the motion, or of what was sent; rate from it.
 
     Raises:
-        RecordingError: when the arm does not move, or the bandwidth is not below half the sampling rate.
+        RecordingError: when the arm does not move, or the cut-off is so low that nothing is left.
     """
-    bandwidth = settings.bandwidth or sent or statistics.bandwidth
+    bandwidth = sent or statistics.bandwidth
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
-    half = 0.5 / statistics.step
-    if bandwidth >= half:
-        raise RecordingError(
-            f"{statistics.name}: the bandwidth is {bandwidth:g} Hz, expected less than half the rate, "
-            f"{half:.4g} Hz"
-        )
-    cutoff = min(settings.cutoff_of(bandwidth), half)
+    cutoff = min(settings.cutoff or HEADROOM * bandwidth, 0.5 / statistics.step)
     slowest = _LEAST_PERIODS / statistics.duration
     if cutoff <= slowest:
         raise RecordingError(
@@ -81,16 +73,15 @@ def grid_for(statistics: Statistics, settings: Preprocessing, sent: float | None
         step=statistics.step,
         gap=statistics.gap,
         bandwidth=bandwidth,
-        source="given" if settings.bandwidth else "of what was sent" if sent else "measured",
+        source="of what was sent" if sent else "measured",
         cutoff=cutoff,
-        order=settings.order,
-        stride=max(1, int(1 / (statistics.step * settings.oversampling * cutoff))),
+        stride=max(1, int(1 / (statistics.step * _OVERSAMPLING * cutoff))),
     )
 
 
 def preprocess(
     recording: Recording,
-    settings: Preprocessing,
+    settings: RecordingSettings,
     gains: Sequence[float] | None = None,
     sign_width: float = SIGN_WIDTH,
     grid: Grid | None = None,
@@ -101,33 +92,28 @@ def preprocess(
     Velocity and acceleration that were not recorded are derivatives of the filtered position and velocity.
     Everything else passes the same filter, so no signal is later than another.
 
-    Args:
-        recording: as it was read.
-        settings: of the filter and of what is kept.
-        gains: of the drives, motor current to joint torque [N·m/A], one per joint.
-        sign_width: velocity at which the smooth sign is at 76 % [rad/s or m/s].
-        grid: of the recording; None: found from its statistics.
-        delay: time by which torques are later than states [s], which is taken off.
+    Drives have gains [N·m/A], one per joint. The smooth sign is at 76 % at a width [rad/s or m/s]. A delay
+    [s] by which torques are later than states is taken off. None is the grid of the recording's statistics.
 
     Raises:
         RecordingError: when there is no torque, or no motion.
     """
-    grid = grid or grid_for(statistics_of(recording, settings.gap, settings.bridged), settings)
+    grid = grid or grid_for(statistics_of(recording, settings), settings)
     signals = _signals(recording, gains, settings.reverse)
     segments: list[Segment] = []
     columns = np.concatenate([*signals.values()], 1)
     for time, x in uniform(recording.time.numpy(), columns, grid.step, grid.gap):
-        smooth = low_pass(x, grid.cutoff, grid.step, grid.order)
+        smooth = low_pass(x, grid.cutoff, grid.step)
         run = dict(zip(signals, np.split(smooth, len(signals), 1)))
         if delay:
             run["torque"] = shift(run["torque"], (-delay / grid.step, 0.0), order=3, mode="nearest")
         velocity = run["velocity"] if "velocity" in run else derivative(run["position"], grid.step)
         acceleration = run["acceleration"] if "acceleration" in run else derivative(velocity, grid.step)
-        sign = low_pass(np.tanh(velocity / sign_width), grid.cutoff, grid.step, grid.order)
+        sign = low_pass(np.tanh(velocity / sign_width), grid.cutoff, grid.step)
         states = time, run["position"], velocity, acceleration, run["torque"], sign
         segments += [
             Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in states))
-            for part in _kept(velocity, grid, settings)
+            for part in _kept(velocity, grid, settings.still)
         ]
     if not segments:
         raise RecordingError(
@@ -142,10 +128,8 @@ def _signals(
     """Signals (S, J) that count; torque from current where it has to be."""
     names = recording.joint_names
     signals = {name: x.numpy() for name, x in recording.signals().items()}
-    current = signals.pop("current", None)
-    if "torque" not in signals:
-        if current is None:
-            raise RecordingError(f"{recording.name} has neither torque nor current")
+    load = signals[recording.load]
+    if recording.load == "current":
         if gains is None:
             raise RecordingError(
                 f"{recording.name} has currents and no torque; give the drive gains [N·m/A] as robot.gains"
@@ -155,19 +139,19 @@ def _signals(
                 f"robot.gains has {counted(len(gains), 'drive gain')}, the arm has "
                 f"{counted(len(names), 'joint')}"
             )
-        signals["torque"] = current * np.array(gains)
+        load = load * np.array(gains)
     if unknown := [name for name in reverse if name not in names]:
         raise RecordingError(f"reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}")
-    signals["torque"] = signals["torque"] * [-1.0 if name in reverse else 1.0 for name in names]
-    return signals
+    signals["torque"] = load * [-1.0 if name in reverse else 1.0 for name in names]
+    return {name: x for name, x in signals.items() if name != "current"}
 
 
-def _kept(velocity: Numbers, grid: Grid, settings: Preprocessing) -> Iterator[NDArray[np.int64]]:
+def _kept(velocity: Numbers, grid: Grid, still: float) -> Iterator[NDArray[np.int64]]:
     """Indices of stretches of a run that are kept, of its velocities (S, J): every stride near motion."""
     moving = np.ones(len(velocity), dtype=bool)
-    if settings.still:
-        fast = np.abs(velocity).max(1) > settings.still
-        moving = maximum_filter1d(fast, 2 * round(settings.pause / grid.step) + 1).astype(bool)
+    if still:
+        fast = np.abs(velocity).max(1) > still
+        moving = maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1).astype(bool)
     moving[: grid.edge] = False
     moving[max(0, len(moving) - grid.edge) :] = False
     kept = np.arange(0, len(moving), grid.stride)

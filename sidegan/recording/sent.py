@@ -38,11 +38,6 @@ class Sent:
         curve = scipy.interpolate.PchipInterpolator(self.time, self.position)
         return curve(times), curve(times, 1)
 
-    def bandwidth(self, joint_names: tuple[str, ...]) -> float:
-        """Bandwidth of the motion [Hz]."""
-        time, position = torch.from_numpy(self.time), torch.from_numpy(self.position)
-        return bandwidth_of(Recording(self.name, joint_names, time, position), float(time.diff().median()))
-
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
@@ -98,10 +93,7 @@ def load_sent(path: Path, joint_names: Sequence[str]) -> list[Sent]:
 def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[list[Recording], Repeated]:
     """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
 
-    Args:
-        recording: as it was read.
-        sent: what may be in it.
-        gap: time without samples [s] with which a repetition does not count.
+    With a gap [s] in it a repetition does not count.
 
     Raises:
         RecordingError: when there is nothing of what was sent in it.
@@ -117,7 +109,6 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
         )
     step, names = float(np.median(np.diff(time))), recording.joint_names
     curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
-    load = "torque" if "torque" in signals else "current"
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
     found, squares, free = [], np.zeros(len(names)), 0
@@ -126,15 +117,16 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
         each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
         means: dict[str, Any] = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
         found.append(Recording(recording.name, names, torch.from_numpy(grid + begins[0]), **means))
-        if len(begins) > 1 and load in each:
+        if len(begins) > 1:
             # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
             left = np.mean([white(grid + start) ** 2 for start in begins])
-            squares += ((each[load] - each[load].mean(0)) ** 2).sum((0, 1)) / left
+            squares += ((each[recording.load] - each[recording.load].mean(0)) ** 2).sum((0, 1)) / left
             free += (len(begins) - 1) * len(grid)
     noise = torch.from_numpy(np.sqrt(squares / free)) if free else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}
+    bandwidth = max(bandwidth_of(x.name, x.time, x.position, float(np.median(np.diff(x.time)))) for x in sent)
     found.sort(key=lambda one: float(one.time[0]))
-    return found, Repeated(counts, noise, max(one.bandwidth(names) for one in sent))
+    return found, Repeated(counts, noise, bandwidth)
 
 
 def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) -> dict[int, list[float]]:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Hertz, NonNegative, Positive, Seconds
+from sidegan.base.typed import Hertz, NonNegative, Seconds
 from sidegan.errors import ConfigError
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
@@ -20,7 +20,6 @@ _TO_SI = {
 }
 PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
 AUTO = "auto"  # in the place of a pattern: what columns are called tells what they hold
-_BRIDGED = 0.25  # of the cut-off's period
 
 
 @dataclass(frozen=True)
@@ -59,8 +58,6 @@ class Columns:
     topic: str | None  # of a bag; null: the only topic of joint states
     effort: Literal["torque", "current"]  # what is meant by efforts
     rate: Hertz | None  # of the rows [Hz] of a file without time stamps
-    # columns, or patterns of all joints' columns, of a text without a first line of them
-    header: list[str] | None
 
     def __post_init__(self) -> None:
         for signal in SIGNALS:
@@ -107,34 +104,14 @@ def paths_of(recorded: Recorded | Path) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Preprocessing:
-    """How a recording becomes filtered segments on a uniform grid."""
+class RecordingSettings(Columns):
+    """Layout of a recorded file, what is known of its making, and how it is preprocessed."""
 
     reverse: list[str]  # joints whose torque or current is counted the other way round
-    bandwidth: Hertz | None  # highest frequency of the executed trajectory [Hz]; null: measured
-    cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: headroom × bandwidth
-    headroom: Positive  # cut-off over bandwidth
-    # of the low-pass, which is run forwards and backwards; beyond, its coefficients are rounding errors
-    order: Annotated[int, Field(ge=1, le=20)]
-    oversampling: Annotated[float, Field(gt=2, le=1e12)]  # samples that are kept per period of the cut-off
+    cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
     # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
     gap: Seconds | None
     still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
-    pause: Annotated[float, Field(ge=0, le=1e3)]  # samples this close to a motion are kept [s]
-
-    def cutoff_of(self, bandwidth: float) -> float:
-        """Cut-off of the low-pass [Hz] for a motion of a measured bandwidth [Hz]."""
-        return self.cutoff or self.headroom * (self.bandwidth or bandwidth)
-
-    def bridged(self, bandwidth: float) -> float:
-        """Time that may be interpolated over [s] where the motion has a bandwidth [Hz]."""
-        return _BRIDGED / self.cutoff_of(bandwidth)
-
-
-@dataclass(frozen=True)
-class RecordingSettings(Preprocessing, Columns):
-    """Layout of a recorded file, what is known of its making, and how it is preprocessed."""
-
     # time by which torques are later than states [s], which is taken off; null: measured
     delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None
     # what was sent to the arm: a table of excite, or the folder of its run; null: not known

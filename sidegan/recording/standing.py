@@ -7,7 +7,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.load import load_recording
-from sidegan.recording.plausibility import HARDLY
+from sidegan.recording.refused import HARDLY
 from sidegan.recording.settings import Recorded, RecordingSettings
 from sidegan.robot import Arm
 from sidegan.robot.sources import read_source

@@ -1,9 +1,7 @@
 """Statistics of a raw recording: its clock, its motion's bandwidth, each signal, torques that stood still."""
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -13,9 +11,12 @@ from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
+from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.tables import Numbers
 
 SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
+HEADROOM = 12.0  # cut-off of the low-pass over the bandwidth of the motion
+_BRIDGED = 0.25  # of the cut-off's period
 _GAP_STEPS = 5.0  # sampling steps that are still interpolated over
 _LEAST_SAMPLES = 10
 _HEAD = 120.0  # [s] of a recording from which the bandwidth is measured
@@ -24,7 +25,6 @@ _LEAST_HEAD = 16  # points of it
 _MOVED = 0.005  # [rad or m] away from where it stood, the arm moves
 _ENERGY = 0.98  # of the motion's energy lies below its bandwidth
 _CLIPPED = 5  # consecutive samples at the very same extreme
-_SECOND_DIFFERENCE = math.sqrt(6)  # of white noise, over the noise itself
 _STUCK = 0.3  # of its range in the recording, through which a joint moves while its torque does not change
 _LEAST_STUCK = 20  # samples of that; a few that are alike are a coarse quantum
 
@@ -34,7 +34,6 @@ class Signal(NamedTuple):
 
     lower: Tensor  # smallest value
     upper: Tensor  # largest value
-    noise: Tensor  # standard deviation of white noise with the same second differences: the noise floor
     quantum: Tensor  # smallest step between neighbouring samples
     clipped: Tensor  # longest stay at an extreme, in samples
 
@@ -47,14 +46,6 @@ class Signal(NamedTuple):
     def constant(self) -> Tensor:
         """Whether all samples have the same value, (J,)."""
         return self.lower == self.upper
-
-
-class Frozen(NamedTuple):
-    """A stretch in which the torque or current of a joint does not change, and the joint moves."""
-
-    joint: int  # counted from 0
-    begin: float  # time of its first sample [s]
-    end: float  # time of its last sample [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,31 +71,27 @@ class Statistics(Clock):
     # frequency below which nearly all of the motion's energy lies [Hz]; 0 where nothing moves, or the samples
     # are further apart than those of any motion
     bandwidth: float
-    frozen: tuple[Frozen, ...]  # the longest stretch of each joint whose torque or current stays as it is
+    load: Literal["torque", "current"]  # what the arm is identified from
+    # joints whose torque or current stays as it is while they move, from when to when [s] for the longest
+    frozen: tuple[tuple[int, float, float], ...]
     signals: dict[str, Signal]  # by name
     rows: Digests  # of some rows, by which another recording with the same samples is found
 
 
-def statistics_of(
-    recording: Recording, gap: float | None = None, bridged: Callable[[float], float] | None = None
-) -> Statistics:
-    """Statistics of a recording.
-
-    Args:
-        recording: as it was read.
-        gap: time between samples that is a gap [s]; None: five sampling steps, or what may be bridged.
-        bridged: time that may be interpolated over [s], of a bandwidth [Hz].
+def statistics_of(recording: Recording, settings: RecordingSettings) -> Statistics:
+    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion.
 
     Raises:
         RecordingError: when there are too few samples, or time runs backwards.
     """
-    name, samples = recording.name, len(recording)
+    name, samples, time = recording.name, len(recording), recording.time.numpy()
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
-    clock = clock_of(name, recording.time.numpy(), gap)
-    bandwidth = bandwidth_of(recording, clock.step) if clock.step <= SLOWEST else 0.0
-    if gap is None and bridged is not None and bandwidth:
-        limit = max(clock.gap, bridged(bandwidth))
+    clock = clock_of(name, time, settings.gap)
+    slow = clock.step > SLOWEST
+    bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position.numpy(), clock.step)
+    if settings.gap is None and bandwidth:
+        limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
         long = tuple(one for one in clock.gaps if one[1] > limit)
         clock = replace(clock, gap=limit, gaps=long, bridged=len(clock.gaps) - len(long))
     return Statistics(
@@ -113,8 +100,9 @@ def statistics_of(
         samples=samples,
         corrupt=recording.corrupt,
         bandwidth=bandwidth,
+        load=recording.load,
         frozen=_frozen(recording),
-        signals={signal: _signal(x.numpy()) for signal, x in recording.signals().items()},
+        signals={key: _signal(x.numpy()) for key, x in recording.signals().items()},
         rows=digests_of(recording),
     )
 
@@ -150,13 +138,12 @@ def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
     )
 
 
-def bandwidth_of(recording: Recording, step: float) -> float:
+def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> float:
     """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 where nothing moves.
 
-    The time between samples is ``step`` [s]. White noise of the positions, which is seen above half of the
-    highest frequency, is taken off first.
+    Of positions (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White noise of the
+    positions, which is seen above half of the highest frequency, is taken off first.
     """
-    time, position = recording.time.numpy(), recording.position.numpy()
     moved = (np.abs(position - position[0]) > _MOVED).any(1)
     if not moved.any():
         return 0.0
@@ -164,9 +151,7 @@ def bandwidth_of(recording: Recording, step: float) -> float:
     rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
     if len(grid) < _LEAST_HEAD:
-        raise RecordingError(
-            f"{recording.name} moves for {time[-1] - time[start]:.3g} s, too short to identify from"
-        )
+        raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
     velocity = np.stack([np.gradient(np.interp(grid, time[keep], q[keep])) for q in position.T], 1)
     power = (np.abs(np.fft.rfft(velocity * np.hanning(len(grid))[:, None], axis=0)) ** 2).sum(1)
     frequency = np.fft.rfftfreq(len(grid), 1 / rate)
@@ -182,11 +167,10 @@ def bandwidth_of(recording: Recording, step: float) -> float:
 def _signal(x: Numbers) -> Signal:
     """Statistics of a signal (S, J)."""
     lower, upper, steps = x.min(0), x.max(0), np.abs(np.diff(x, axis=0))
-    noise = np.sqrt((np.diff(x, 2, axis=0) ** 2).mean(0)) / _SECOND_DIFFERENCE
     quantum = np.where(steps > 0, steps, np.inf).min(0)
     clipped = np.maximum(_longest_run(x == lower), _longest_run(x == upper))
     clipped = np.where((clipped >= _CLIPPED) & (upper > lower), clipped, 0)
-    each = lower, upper, noise, np.where(np.isfinite(quantum), quantum, 0), clipped
+    each = lower, upper, np.where(np.isfinite(quantum), quantum, 0), clipped
     return Signal(*map(torch.from_numpy, each))
 
 
@@ -196,18 +180,15 @@ def _longest_run(marked: Any) -> Numbers:
     return np.array([max(np.diff(edge)[::2], default=0) for edge in edges], dtype=np.float64)
 
 
-def _frozen(recording: Recording) -> tuple[Frozen, ...]:
+def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
-    load = recording.current if recording.torque is None else recording.torque
-    if load is None:
-        return ()
-    found, time = [], recording.time.numpy()
-    for j, (q, x) in enumerate(zip(recording.position.numpy().T, load.numpy().T)):
+    found, time, load = [], recording.time.numpy(), recording.signals()[recording.load].numpy()
+    for j, (q, x) in enumerate(zip(recording.position.numpy().T, load.T)):
         begins = np.append(0, np.flatnonzero(np.diff(x)) + 1)
         ends = np.append(begins[1:], len(x)) - 1
         travel = np.maximum.reduceat(q, begins) - np.minimum.reduceat(q, begins)
         travel[ends - begins + 1 < _LEAST_STUCK] = 0.0
         widest = int(travel.argmax())
         if travel[widest] > _STUCK * np.ptp(q):
-            found.append(Frozen(j, float(time[begins[widest]]), float(time[ends[widest]])))
+            found.append((j, float(time[begins[widest]]), float(time[ends[widest]])))
     return tuple(found)

@@ -18,7 +18,7 @@ def pool():
     return constraints, family, 0.5 * c
 
 
-def test_a_library_holds_what_checks_and_excitation_say(pool):
+def test_a_library_and_its_summary_hold_what_checks_and_excitation_say(pool):
     constraints, family, c = pool
     library = measured(*pool, "random")
     verdict = check(*pool)
@@ -31,12 +31,7 @@ def test_a_library_holds_what_checks_and_excitation_say(pool):
     torch.testing.assert_close(library.diagonal, excitation.diagonal)
     assert library.source == ["random"] * len(c) and library.digest == constraints.arm.digest
     assert (library.period, library.home) == (8.0, (0.0, 0.0))
-
-
-def test_a_summary_has_shares_medians_and_diversity(pool):
-    constraints, family, c = pool
-    facts = summary(measured(*pool, "random"))
-    excitation = excite(constraints.body, family, c, round(RATE * family.period))
+    facts = summary(library)
     assert facts["count"] == len(c) and 0 < facts["valid"] < 1
     assert facts["condition"] == pytest.approx(float(excitation.eigenvalue_fitness.median()))
     assert {key: facts[key] for key in diversity(c, excitation)} == pytest.approx(diversity(c, excitation))

@@ -199,6 +199,16 @@ def test_the_python_class_is_the_weighted_model_where_that_predicts_better(plana
     mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
 
 
+def test_a_check_fits_nothing(files, tmp_path, capsys):
+    words = f"outputs={tmp_path}", f"recordings=[{files[0]}]", "stages=[check]"
+    run_stages(tiny(*words, experiment="identify"), tmp_path / "check", "check")
+    (checked,) = json.loads((tmp_path / "check" / "check.json").read_text())
+    assert checked["samples"] == 3000 and checked["delay"]["deviation"] > 0
+    assert {path.name for path in (tmp_path / "check").iterdir()} == {"check.json"}
+    shown = capsys.readouterr().out
+    assert all(word in shown for word in ("a.csv", "quantum", "saturated", "elbow"))
+
+
 @pytest.fixture(scope="module")
 def odd(files, tmp_path_factory, planar):
     """A run of seldom settings: a split recording, wrong units, a hostile name; and its folder."""

@@ -49,6 +49,13 @@ def arrays(**changes):
     return write
 
 
+def write_lists(recording, folder):
+    """A Parquet file with a list of all joints a signal."""
+    signals = {LETTERS[name]: [*x.numpy()] for name, x in recording.signals().items()}
+    pd.DataFrame({"t": recording.time.numpy(), **signals}).to_parquet(folder / "a.parquet")
+    return folder / "a.parquet"
+
+
 def write_messages(folder, messages, kind="sensor_msgs/msg/JointState", plugin=StoragePlugin.SQLITE3):
     """A bag of messages: nanoseconds, byte order, and for a joint state its names and arrays."""
     store = get_typestore(Stores.ROS2_HUMBLE)

@@ -11,28 +11,18 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording, split
 from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.robot import Limits, Setup, load_robot
-from tests.recording.conftest import load_recording, of_file, part_of, real, recorded
+from tests.recording.conftest import of_file, part_of, recorded
 from tests.recording.made import moved
-
-GAINS = (14.87, 13.26, 11.13, 10.62, 11.03, 11.47)  # [N·m/A] of the UR10e
-
-
-def joined_warnings(recording, arm):
-    return "\n".join(check_recording(recording, arm, of_file()).warnings)
 
 
 def test_a_good_recording_raises_no_suspicion(planar, recording):
     checked = check_recording(recording, planar, of_file())
-    assert not [w for w in checked.warnings if "excited" not in w]
+    assert not checked.warnings
     assert (checked.agreement.sign > 0.9).all()
     assert abs(checked.agreement.lag) < 1e-9  # at the very sample
     assert checked.derived == ["acceleration"]
     assert 15 < checked.moving < 20
     json.dumps(checked.as_json(), allow_nan=False)
-    currents = replace(recording, torque=None, current=recording.torque / 2)
-    for arm in (planar, replace(planar, torque_limit=torch.full_like(planar.torque_limit, torch.inf))):
-        heavier = check_recording(currents, arm, of_file(), (2.0, 2.0)).agreement.heavier
-        assert heavier == pytest.approx(1.0, abs=0.01)
 
 
 def test_torques_in_another_unit_can_be_insisted_on(planar, recording):
@@ -49,22 +39,14 @@ def test_a_torque_that_stays_the_same_while_its_joint_moves_is_told(planar, reco
     stuck = recording.torque.clone()
     stuck[600:1900, 1] = stuck[600, 1]
     frozen = replace(recording, torque=stuck)
-    words = "the torque of elbow stays the same from 6.00 s to 18.99 s, though it moves"
-    assert words in joined_warnings(frozen, planar)
-    rows = [k for k in range(2000) if not 600 <= k < 1900]
-    assert "stays the same" not in joined_warnings(part_of(frozen, rows), planar)
     still = replace(recording, position=torch.where(stuck == stuck[600, 1], 0.3, recording.position))
-    assert "stays the same" not in joined_warnings(still, planar)
-
-
-def test_the_ur10e_is_found_sound_but_for_a_joint_that_does_not_tell():
-    arm = load_robot(real("ur10e/reference.urdf"))
-    path = real("ur10e/recorded_20s8h.csv")
-    checked = check_recording(load_recording(path, of_file(), arm.joint_names), arm, of_file(), GAINS)
-    assert (checked.agreement.sign[:5] > 0.5).all()
-    (warning,) = checked.warnings
-    assert warning == "the motion does not tell whether the sign of the torque of wrist_3_joint is right"
-    assert 0.3 < checked.statistics.bandwidth < 0.5 and len(checked.segments) == 1
+    rows = [k for k in range(2000) if not 600 <= k < 1900]
+    said, *others = (
+        [w for w in check_recording(one, planar, of_file()).warnings if "stays the same" in w]
+        for one in (frozen, still, part_of(frozen, rows))
+    )
+    assert "the torque of elbow stays the same from 6.00 s to 18.99 s, though it moves" in said[0]
+    assert others == [[], []]
 
 
 def test_a_part_of_a_recording_is_held_out(planar, clock):
@@ -80,15 +62,6 @@ def test_a_part_of_a_recording_is_held_out(planar, clock):
         end = part.segments[-1]
         same = torch.cat([segment.torque[segment.time == end.time[-1]] for segment in checked.segments])
         torch.testing.assert_close(end.torque[-1:], same)
-
-
-def test_drives_that_count_the_other_way_round_have_the_same_noise(planar, recording):
-    noisy = replace(recording, torque=recording.torque + 0.1 * torch.randn(recording.torque.shape).double())
-    gains = torch.tensor([-2.0, 3.0], dtype=torch.float64)
-    currents = replace(noisy, torque=None, current=noisy.torque / gains)
-    one = check_recording(noisy, planar, of_file())
-    other = check_recording(currents, planar, of_file(), gains.tolist())
-    assert other.excitation.condition_number == pytest.approx(one.excitation.condition_number)
 
 
 def late(arm, delay, noise=0.02, seconds=30):
@@ -121,11 +94,11 @@ def test_a_measured_delay_is_taken_off(planar):
     left = check_recording(recording, planar, of_file())
     better = check_recording(recording, planar, of_file(delay=None))
     given, wrong = (check_recording(recording, planar, of_file(delay=delay)) for delay in (0.02, -0.071))
-    assert given.delay is None and better.delay.believed and better.corrected and not left.corrected
+    assert given.delay == Delay(0.02, given=True) and better.delay.believed
+    assert better.corrected and not left.corrected
     assert "recording.delay=null takes it off" in left.statements[-1]
     assert "taken off" in better.statements[-1] and "20 ms later" in given.statements[-1]
     assert wrong.statements[-1] == "torques are taken to be 71 ms earlier than the motion, as is set"
-    assert given.lag == 0.02
     off = [abs(delay_of(RigidBody(planar), checked.segments).seconds) for checked in (left, better, given)]
     assert off[0] > 0.015 and off[1] < 5e-4 and off[2] < 1e-3
 
@@ -135,16 +108,12 @@ def test_what_cannot_be_told_is_left_as_it_is(planar):
     assert not checked.delay.believed and "left as it is" in "; ".join(checked.statements)
 
 
-def test_a_delay_is_believed_beyond_its_errors_and_within_the_search():
-    """At a tenth of a second the search was stopped: the torques are not late by just that."""
-    assert all(Delay(seconds, 1e-4).believed for seconds in (0.099, 4e-4))
-    assert not any(Delay(seconds, 1e-4).believed for seconds in (0.1, -0.1, 2e-4))
-
-
 def test_recordings_of_one_arm_have_one_delay():
     """The mean by how much each tells; none where they differ, or there is nothing to pool."""
     common = pooled([Delay(0.004, 1e-4), Delay(0.006, 2e-4)])
     assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)
-    assert pooled([Delay(0.004, 1e-4)]) is None
-    assert pooled([Delay(0.004, 1e-4), Delay(0.03, 1e-4)]) is None
-    assert pooled([Delay(0.004, 1e-4), Delay(0.0, float("inf"))]) is None
+    for other in ([], [Delay(0.03, 1e-4)], [Delay(0.0, float("inf"))]):
+        assert pooled([Delay(0.004, 1e-4), *other]) is None
+    # at a tenth of a second the search was stopped: the torques are not late by just that
+    believed = [Delay(seconds, 1e-4).believed for seconds in (0.099, 4e-4, 0.1, -0.1, 2e-4)]
+    assert believed == [True, True, False, False, False]

@@ -6,34 +6,16 @@ import numpy as np
 import pytest
 import torch
 
+from tests.recording import files
 from tests.recording.conftest import load_recording, of_file, part_of
-from tests.recording.files import (
-    arrays,
-    frame,
-    write_bag,
-    write_csv,
-    write_mcap,
-    write_messages,
-    write_npz,
-    write_parquet,
-    written,
-)
+from tests.recording.files import written
 
-HEADER = ["t", "q{index}", "qd{index}", "tau{index}"]
 JOINTS = ("1", "2")
 
 
 def alone(made, folder):
     """A loose file of a bag."""
-    return next(write_mcap(made, folder).glob("*.mcap")).rename(folder / "alone.mcap")
-
-
-def renamed(time, *patterns):
-    """A writer of a CSV with other names of columns."""
-    names = {"t": time}
-    for short, pattern in zip(("q", "qd", "tau"), patterns, strict=True):
-        names |= {f"{short}{j}": pattern.format(j) for j in JOINTS}
-    return written(lambda table: table.rename(columns=names)[[*names.values()][::-1]])
+    return next(files.write_mcap(made, folder).glob("*.mcap")).rename(folder / "alone.mcap")
 
 
 def scaled(table):
@@ -42,25 +24,24 @@ def scaled(table):
     return table.assign(t=1e3 * table.t, **table[angles] * 180 / np.pi, **1e3 * table[["tau1", "tau2"]])
 
 
-@pytest.mark.parametrize(
-    ("write", "changes"),
-    [
-        *((write, {}) for write in (write_csv, write_parquet, write_npz, write_bag, write_mcap, alone)),
-        (partial(write_bag, order=[1, 0]), {}),
-        (written(encoding="utf-8-sig"), {}),
-        (renamed("time", "q_{}", "dq_{}", "tau_{}"), {}),
-        (renamed("t", "q{}", "qd{}", "tau{}"), {}),
-        (renamed("time", "position.{}", "velocity.{}", "effort.{}"), {}),
-        (renamed("t", "pos.{}", "qd{}", "tau{}"), {"position": "pos.{joint}"}),
-        (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
-        (arrays(), {"position": "q", "velocity": "qd", "torque": "tau"}),
-        (write_csv, {"rate": 3.0}),  # a clock counts more than a rate
-        (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
-        *((written(header=False, sep=separator), {"header": HEADER}) for separator in (",", " ", "\t")),
-        # a comma in a name makes no decimal comma
-        *((written(lambda t: t.assign(**{"note 1,5": 1.5}), sep=separator), {}) for separator in (";", "\t")),
-    ],
-)
+WHOLE = [files.write_csv, files.write_parquet, files.write_npz, files.write_bag, files.write_mcap, alone]
+ARRAYS = {"position": "q", "velocity": "qd", "torque": "tau"}
+WRITTEN = [
+    *((write, {}) for write in WHOLE),
+    (partial(files.write_bag, order=[1, 0]), {}),
+    (written(encoding="utf-8-sig"), {}),
+    (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
+    (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
+    *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
+    (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
+    (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
+    (written(sep=" "), {}),
+    # a comma in a name makes no decimal comma
+    *((written(lambda t: t.assign(**{"note 1,5": 1.5}), sep=separator), {}) for separator in (";", "\t")),
+]
+
+
+@pytest.mark.parametrize(("write", "changes"), WRITTEN)
 def test_what_was_written_is_read(made, tmp_path, write, changes):
     path = write(made, tmp_path)
     bag = path.suffix in ("", ".mcap")
@@ -81,52 +62,40 @@ def garbled(lines):
     lines[-1] = lines[-1][:-30]
 
 
-def unfilled(lines):
-    """A logger's first row, before its filters are filled, in a text without names."""
-    del lines[0]
-    lines[0] = ",".join([*lines[0].split(",")[:-2], "nan", "0.5"])
-
-
 GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
-CORRUPT = [(garbled, None, GARBLED), (unfilled, HEADER, {1: "no number in tau1"})]
 
 
-@pytest.mark.parametrize(("change", "header", "reasons"), CORRUPT)
-def test_corrupt_rows_are_left_out_and_named(made, tmp_path, change, header, reasons):
-    path = write_csv(made, tmp_path)
+def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
+    path = files.write_csv(made, tmp_path)
     lines = path.read_text().splitlines()
-    change(lines)
+    garbled(lines)
     path.write_text("\n".join(lines))
-    read = load_recording(path, of_file(header=header), JOINTS)
+    read = load_recording(path, of_file(), JOINTS)
     found = dict(read.corrupt)
-    assert sorted(found) == sorted(reasons) and all(reasons[row] in found[row] for row in found)
-    kept = [k for k in range(200) if k + (1 if header else 2) not in reasons]
+    assert sorted(found) == sorted(GARBLED) and all(GARBLED[row] in found[row] for row in found)
+    kept = [k for k in range(200) if k + 2 not in GARBLED]
     torch.testing.assert_close(read.time, made.time[kept])
 
 
-@pytest.mark.parametrize("names", [True, False])
 @pytest.mark.parametrize("separator", [";", "\t"])
-def test_decimal_commas_are_read(made, tmp_path, separator, names):
+def test_decimal_commas_are_read(made, tmp_path, separator):
     """A line of text among them costs no more than itself."""
-    lines = frame(made).to_csv(index=False, header=names, sep=separator, decimal=",").splitlines()
+    lines = files.frame(made).to_csv(index=False, sep=separator, decimal=",").splitlines()
     lines[50] = "stopped"
     (tmp_path / "a.csv").write_text("\n".join(lines))
-    header = None if names else HEADER
-    found = load_recording(tmp_path / "a.csv", of_file(header=header), JOINTS)
+    found = load_recording(tmp_path / "a.csv", of_file(), JOINTS)
     ((row, _),) = found.corrupt
-    kept = part_of(made, [k for k in range(200) if k != row - (2 if names else 1)])
+    kept = part_of(made, [k for k in range(200) if k != row - 2])
     for name in ("time", *made.signals()):
         torch.testing.assert_close(getattr(found, name), getattr(kept, name))
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path, kind):
+def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):
     """A row that is left out takes its time."""
-    table = frame(made).drop(columns="t")
+    table = files.frame(made).drop(columns="t")
     table.loc[3, "tau1"] = np.nan
-    path = tmp_path / f"a.{kind}"
-    table.to_csv(path, index=False) if kind == "csv" else table.to_parquet(path)
-    found = load_recording(path, of_file(rate=250.0), JOINTS)
+    table.to_csv(tmp_path / "a.csv", index=False)
+    found = load_recording(tmp_path / "a.csv", of_file(rate=250.0), JOINTS)
     np.testing.assert_allclose(found.time - found.time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
     assert [reason for _, reason in found.corrupt] == ["no number in tau1"]
 
@@ -139,7 +108,7 @@ def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
         names = ([a, b], [b, a, "finger"], ["finger"], [a, b])[k % 4] if k < 36 else [a]
         values = np.array([float(k) if n == a else -float(k) for n in names])
         messages.append(((k + 1) * 10**9, k % 4 != 3, names, values, values, values))
-    path = write_messages(tmp_path, messages)
+    path = files.write_messages(tmp_path, messages)
     found, expected = load_recording(path, of_file(), made.joint_names), [k for k in range(36) if k % 4 != 2]
     assert found.position[:, 0].tolist() == expected
     assert (found.position[:, 1] == -found.position[:, 0]).all()

@@ -23,7 +23,6 @@ def show_checks(recordings: Sequence[CheckedRecording]) -> None:
     """Print the check of recordings, as tables."""
     show(_sampling(recordings), "Recordings")
     show(_joints(recordings), "Joints [rad, m, N·m, N, A]")
-    show(_excitation(recordings), "Share of each base parameter that no other can stand in for")
 
 
 def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
@@ -43,19 +42,20 @@ def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
             "bandwidth [Hz]": f"{grid.bandwidth:.3g}",
             "cut-off [Hz]": f"{grid.cutoff:.3g}",
             "kept": recording.kept,
-            "lag [ms]": f"{1e3 * recording.lag:.3g}",
+            "lag [ms]": f"{1e3 * recording.delay.seconds:.3g}",
             "repetitions": "—" if repeated is None else f"{sum(repeated.counts.values())}",
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("recording")
 
 
 def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """A row per recording and joint: ranges, noise floor, saturation and sign."""
+    """A row per recording and joint: ranges, noise, saturation and sign."""
     rows = []
     for recording in recordings:
         signals = recording.statistics.signals
-        load = "torque" if "torque" in signals else "current"
+        load = recording.statistics.load
         position, effort = signals["position"], signals[load]
+        noise = None if recording.repeated is None else recording.repeated.noise
         fastest = torch.cat([segment.velocity for segment in recording.segments]).abs().amax(0)
         for j, name in enumerate(recording.joint_names):
             rows.append(
@@ -65,8 +65,7 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "position": f"{position.lower[j]:.3g} … {position.upper[j]:.3g}",
                     "fastest": f"{fastest[j]:.3g}",
                     load: f"{effort.lower[j]:.3g} … {effort.upper[j]:.3g}",
-                    "noise floor": f"{effort.noise[j]:.2g}",
-                    "between repetitions": "—" if recording.noise is None else f"{recording.noise[j]:.2g}",
+                    "between repetitions": "—" if noise is None else f"{noise[j]:.2g}",
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
                     "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
@@ -74,10 +73,3 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows).set_index(["recording", "joint"])
-
-
-def _excitation(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """A row per base parameter, a column per recording."""
-    columns = {one.name: [f"{x:.1%}" for x in one.excitation.alone.tolist()] for one in recordings}
-    names = list(recordings[0].excitation.names)
-    return pd.DataFrame(columns, index=names).rename_axis("base parameter")

@@ -106,8 +106,8 @@ def methods(identified: IdentifiedArm) -> dict[str, str]:
     return {_NAMES.get(name, name): _METHODS[name] for name in dict.fromkeys(names)}
 
 
-def findings(recording: CheckedRecording) -> list[str]:
-    """How a recording was made and treated, a sentence each."""
+def treatment(recording: CheckedRecording) -> str:
+    """How a recording was made and treated, a sentence."""
     raw = recording.statistics
     use = (
         f"{recording.role}: {raw.samples} samples in {raw.duration:.4g} s at {1 / raw.step:.4g} Hz; "
@@ -115,8 +115,7 @@ def findings(recording: CheckedRecording) -> list[str]:
         "are used"
     )
     derived = f"; {' and '.join(recording.derived)} derived" if recording.derived else ""
-    floors = ", ".join(f"{signal} {one.noise.max().item():.2g}" for signal, one in raw.signals.items())
-    return [use + derived, f"largest noise floor of a joint (SI units): {floors}"]
+    return use + derived
 
 
 def error_table(identified: IdentifiedArm) -> pd.DataFrame:

@@ -1,0 +1,120 @@
+"""Recordings that cannot be used: other units than are declared, no motion, torques that no drive gives."""
+
+import math
+from dataclasses import replace
+
+import torch
+
+from sidegan.errors import RecordingError
+from sidegan.recording.agreement import Agreement
+from sidegan.recording.settings import Units
+from sidegan.recording.statistics import SLOWEST, Statistics
+from sidegan.robot import Arm
+
+DEGREES = 180 / math.pi
+HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
+_FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
+_TURN = 2.1 * math.pi  # [rad] that nothing moves from zero without a reason
+_TINY = 2 * math.pi / DEGREES  # [rad] that a turn becomes when radians are taken for degrees
+_USUAL = 0.15  # [s] between samples: the first unit of time by which they are no further apart is likely
+_STRONG = 3.0  # times a torque limit: no drive is overloaded that much for a hundredth of the time
+_HEAVY = 30.0  # times what the description's links need; their masses may be a guess, but not that bad a one
+_THOUSANDTH = {"torque": "mNm", "current": "mA"}
+
+
+def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
+    """Refuse positions and time stamps that make sense in another unit than the declared one only.
+
+    Raises:
+        RecordingError: naming the joint and the value.
+    """
+    name, position = statistics.name, statistics.signals["position"]
+    if statistics.step > SLOWEST:
+        raise RecordingError(
+            f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
+            f"(recording.units.time={_time_unit(statistics.step, units)})"
+        )
+    turning, reach = ~arm.prismatic, position.largest
+    limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+    far = turning & (reach > _FAR * limit) & (reach > _TURN)
+    if units.angle == "rad" and far.any() and (reach[turning] / DEGREES <= limit[turning]).all():
+        j = int(far.nonzero()[0])
+        raise RecordingError(
+            f"{name}: {arm.joint_names[j]} reaches {reach[j]:.4g} rad, its limit is {limit[j]:.4g} "
+            "rad: are these degrees? (recording.units.angle=deg)"
+        )
+    span = (position.upper - position.lower)[turning]
+    if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
+        raise RecordingError(
+            f"{name}: no joint turns by more than {span.max() * DEGREES:.3g}°: are these radians? "
+            "(recording.units.angle=rad)"
+        )
+
+
+def _time_unit(step: float, units: Units) -> str:
+    """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
+    raw, smaller = step / units.factor("time"), [replace(units, time=unit) for unit in ("ms", "us", "ns")]
+    return next((one.time for one in smaller if raw * one.factor("time") <= _USUAL), smaller[-1].time)
+
+
+def refuse_idle(statistics: Statistics, arm: Arm) -> None:
+    """Refuse a recording without motion or torque, or whose velocities are none.
+
+    Raises:
+        RecordingError: saying what does not change.
+    """
+    file, signals = statistics.name, statistics.signals
+    position = signals["position"]
+    span = position.upper - position.lower
+    if (span < HARDLY).all():
+        raise RecordingError(
+            f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
+            "from motions through a good part of its range: +experiment=excite"
+        )
+    name, signal = statistics.load, signals[statistics.load]
+    if not signal.largest.max() > 0:
+        raise RecordingError(f"{file}: every {name} is zero")
+    if signal.constant.any():
+        joints = arm.named(signal.constant)
+        raise RecordingError(
+            f"{file}: the {name} of {joints} is constant over the whole recording; a joint that stands still "
+            f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
+        )
+    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
+        dead = signals[rate].constant & (span >= HARDLY)
+        if dead.any():
+            raise RecordingError(
+                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; with "
+                f"recording.{rate}=null it is derived"
+            )
+
+
+def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, units: Units) -> None:
+    """Refuse torques far beyond the arm's limits; without limits, far beyond what its description needs.
+
+    Limits that the description's own links exceed in the same motion stand for none.
+
+    Raises:
+        RecordingError: naming the joint, its torque, and the setting that is likely to be wrong.
+    """
+    limited = bool(arm.torque_limit.isfinite().any() and (agreement.needed <= arm.torque_limit).all())
+    most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description's links need")
+    heavier = torch.full_like(agreement.usual, agreement.heavier)
+    share = agreement.usual / arm.torque_limit if limited else heavier
+    if not (share > most).any():
+        return
+    j, measured = int(share.argmax()), statistics.load
+    smaller, unit = _THOUSANDTH[measured], "N" if arm.prismatic[j] else "N·m"
+    if _HEAVY < float(share[j]) <= 1e3 * most and getattr(units, measured) != smaller:
+        suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
+    elif measured == "current":
+        suspicion = "are the gains (robot.gains) and the order of the joints those of this arm?"
+    else:
+        suspicion = "is it in N·m, and in this order of the joints? (a current is named by recording.current)"
+    each = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
+    limits = ", ".join(f"{name}: {math.ceil(usual)}" for name, usual, far in each if far)
+    raise RecordingError(
+        f"{statistics.name}: the torque of {arm.joint_names[j]} reaches {agreement.usual[j]:.4g} {unit}, "
+        f"{share[j]:.3g} times {than}: {suspicion}; if the arm does that, set its limits: "
+        f"'robot.limits.effort={{{limits}}}'"
+    )
