@@ -1,6 +1,6 @@
 """The published surrogates: a predictor of faulty and valid samples, converters of seeds.
 
-Source: as ``gan.published``.
+Source: as ``gan.variants``.
 """
 
 import math
@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from sidegan.base.parallel import Report
 from sidegan.base.storage import write_task
 from sidegan.gan.published_networks import IMAGE
-from sidegan.gan.settings import PublishedSurrogates
 from sidegan.gan.trainer import Progress, fit
 from sidegan.seeds.published import Layout
 from sidegan.validity import Validity
@@ -78,13 +77,12 @@ class PublishedConverter(ShallowNetwork):
 
 @dataclass(frozen=True)
 class PublishedPretraining:
-    """Data and settings from which the published surrogates learn."""
+    """Data from which the published surrogates learn."""
 
     check: Callable[[Tensor], Validity]  # of coefficients (B, J, H, 2)
     layout: Layout
-    settings: PublishedSurrogates
-    seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
-    features: dict[str, Tensor]  # of the seeds, (N, p): spectrum and diagonal
+    steps: int  # of a training
+    seeds: Tensor  # images (N, 2, 7, 7)
     samples: Tensor  # images (M, 2, 7, 7) of a vanilla GAN, of all of its epochs
 
     def train_success(
@@ -107,7 +105,7 @@ class PublishedPretraining:
         write_task(folder / "success.pt", {"arguments": {}, "weights": network.state_dict()})
         with torch.no_grad():
             right = (network(self.samples[held])[:, 0] > 0) == valid[held]
-            of_seeds = network(self.layout.image(self.seeds).float())[:, 0] > 0
+            of_seeds = network(self.seeds)[:, 0] > 0
         on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
         return {
             "accuracy_broad": float(right.double().mean()),
@@ -115,23 +113,26 @@ class PublishedPretraining:
             "valid_samples": float(valid.double().mean()),
         }
 
-    def train_features(self, name: str, folder: Path, seed: int, progress: Report) -> dict[str, float]:
-        """Mean relative error on held-out seeds of the converter to ``name``, which is left in ``folder``."""
+    def train_features(
+        self, name: str, features: Tensor, folder: Path, seed: int, progress: Report
+    ) -> dict[str, float]:
+        """Mean relative error on held-out seeds of a converter to features (N, p), left in ``folder``."""
         torch.manual_seed(seed)
-        images, target = self.layout.image(self.seeds).float(), self.features[name].float()
+        target = features.float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)
-        self._fit(network, (images[learnt], target[learnt]), progress)
+        self._fit(network, (self.seeds[learnt], target[learnt]), progress)
         write_converter(folder / f"{name}.pt", network.state_dict())
         with torch.no_grad():
-            return {f"error_{name}": float(network.training_step([images[held], target[held]], 0))}
+            return {f"error_{name}": float(network.training_step([self.seeds[held], target[held]], 0))}
 
     def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
         """So many steps, each on a batch of rows drawn anew."""
-        steps, count = self.settings.steps, len(tensors[0])
-        rows = (torch.randperm(count)[:_BATCH] for _ in range(steps))
-        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, steps, _REPORTED)])
+        count = len(tensors[0])
+        rows = (torch.randperm(count)[:_BATCH] for _ in range(self.steps))
+        reports = Progress(progress, self.steps, _REPORTED)
+        fit(network, ([x[some] for x in tensors] for some in rows), 1, [reports])
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:

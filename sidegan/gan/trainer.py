@@ -13,10 +13,7 @@ from pytorch_lightning.callbacks import ModelCheckpoint
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch
-from sidegan.errors import ArtifactError
-
-log = logging.getLogger(__name__)
+from sidegan.base.storage import readable
 
 _LAST = "last"  # checkpoint
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
@@ -58,25 +55,14 @@ def fit(
             enable_model_summary=False,
             default_root_dir=work,
         )
-        last = None if work is None else _whole(work / f"{_LAST}.ckpt")
+        last = None if work is None else work / f"{_LAST}.ckpt"
+        known = last if last is not None and readable(last) else None
         try:
-            trainer.fit(module, batches, ckpt_path=last, weights_only=True)
+            trainer.fit(module, batches, ckpt_path=known, weights_only=True)
         except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
     module.cpu()
-
-
-def _whole(path: Path) -> Path | None:
-    """The checkpoint to go on from; None when there is none, or it is damaged."""
-    if not path.exists():
-        return None
-    try:
-        read_torch(path)
-    except ArtifactError as error:
-        log.warning("%s: the training begins anew", error)
-        return None
-    return path
 
 
 class Shuffled:

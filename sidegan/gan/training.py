@@ -44,7 +44,7 @@ class Run:
     name: str  # of the variant, for files and messages
     seed: int  # of weights, noise and batches
     work: Path  # folder of the checkpoint from which an interrupted training goes on
-    evaluation: int = 200  # trajectories whose true physics is measured after every epoch; 0: none
+    evaluation: int = 200  # trajectories whose true physics is measured after every epoch
     samples: int = 0  # trajectories drawn after every epoch, for surrogates to learn from
     device: str = "cpu"  # where the networks run
     progress: Report = lambda done, total: None  # of epochs
@@ -92,15 +92,14 @@ class Measured(pl.Callback):
         """Measure, before Lightning saves its checkpoint."""
         run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
-        c = generator.sample(max(2, run.evaluation), noise)
+        c = generator.sample(run.evaluation, noise)
         if not torch.isfinite(c).all():
             pl_module.stop("not a number")
         left: dict[str, Any] = {"weights": generator.network.state_dict()}
         if run.samples:
             left["samples"] = generator.network.sample(run.samples, noise).cpu()
         write_torch(_left(run, epoch), left)
-        data = pl_module.data
-        metrics = measure(data.constraints, data.trajectory, c) if run.evaluation else {}
+        metrics = measure(pl_module.data.constraints, pl_module.data.trajectory, c)
         pl_module.log_dict(metrics)  # for loggers and other callbacks
         self.history.append(metrics)
         run.progress(epoch + 1, trainer.max_epochs or 0)

@@ -42,9 +42,9 @@ class Layout:
         return 2, self.harmonics + 1, self.joints
 
     def image(self, c: Tensor) -> Tensor:
-        """Images (B, 2, H + 1, J) of coefficients [rad/s], (B, J, H, 2)."""
+        """Images (B, 2, H + 1, J) float32 of coefficients [rad/s], (B, J, H, 2)."""
         rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
-        return torch.cat([rows, rows[:, :, :1]], 2)
+        return torch.cat([rows, rows[:, :, :1]], 2).float()
 
     def coefficients(self, image: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), whose last row is ignored."""

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.gan.losses import Batch, Loss, eased, from_epoch, missing_distance, missing_rank
+from sidegan.gan.losses import Batch, Loss, missing_distance, missing_rank
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
-from sidegan.gan.variants import Diagonal
+from sidegan.gan.variants import Diagonal, Exact
 from tests.gan.conftest import NONE, random
 
 
@@ -78,20 +78,24 @@ def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatc
         found.append(float(model.generator_loss(32).detach()))
         torch.manual_seed(2)
         batch = model(32)
-        parts = [one.weight * float(one.value(batch).detach()) for one in model.all_losses]
-        assert len(parts) == 6
-        assert found[-1] == pytest.approx(sum(parts) - (parts[3] if epoch == 0 else 0), rel=1e-5)
+        losses = [*model.losses(), *model.floors]
+        assert len(losses) == 6 and losses[3].weight == (epoch > 0)
+        parts = [weight * float(value(batch).detach()) for weight, value in losses]
+        assert found[-1] == pytest.approx(sum(parts), rel=1e-5)
     assert found[1] > found[0] + 0.1
 
 
-def test_weights_change_in_time():
-    assert [from_epoch(1)(epoch, 0.5) for epoch in (0, 1, 2)] == [0, 1, 1]
-    assert [eased(0.01)(0, share) for share in (0.0, 0.335, 0.67, 1.0)] == pytest.approx([0.01, 0.1, 1, 1])
+def test_the_weight_of_violations_grows_geometrically(data, exact):
+    model = Exact(replace(exact, exact=replace(exact.exact, ease=0.01)), data)
+    weights = []
+    for model.share in (0.0, 0.335, 0.67, 1.0):
+        weights.append(model.losses()[0].weight / exact.weights.success)
+    assert weights == pytest.approx([0.01, 0.1, 1, 1])
 
 
 def loss_of(value):
     """The loss of coefficients."""
-    return lambda c: value(Batch(c, lambda: c, lambda batch: c))
+    return lambda c: value(Batch(c, c, lambda batch: c))
 
 
 def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):

@@ -2,6 +2,7 @@
 
 import logging
 
+from sidegan.gan.settings import PublishedSurrogates
 from sidegan.pipeline.graph import Artifact
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import needed_surrogates
@@ -20,8 +21,8 @@ def _artifacts(task: Task) -> list[Artifact]:
 
 def _check(task: Task) -> None:
     """Refuse a folder without the weights that are wanted from it."""
-    published = task.cfg.surrogates.published
-    if published is not None and published.shipped:
+    chosen = task.cfg.surrogates
+    if isinstance(chosen, PublishedSurrogates) and chosen.shipped:
         for name in WEIGHTS:
             task.cfg.seeds.published.weights(name)
 
