@@ -34,7 +34,6 @@ with TemporaryDirectory() as folder:
     labelled = Labelled.join(pretraining.label(share, print) for share in range(SHARES))
     pretraining.train_success(labelled, work, 0, print)
     print(pretraining.train_features("spectrum", labelled, work, 0, print))
-    predictor, converter = load_surrogates(work, eigen, arm, family)
-    known = replace(data, success_predictor=predictor, converter=converter)
-    generator = train(eigen, known, Run("eigen", 0, work / "eigen")).generator
+    data = Data(constraints, family, seeds.coefficients, *load_surrogates(work, eigen, arm, family))
+    generator = train(eigen, data, Run("eigen", 0, work / "eigen")).generator
 print(f"{check(constraints, family, generator.sample(500, seed=1)).valid.double().mean():.0%} are valid")

@@ -41,7 +41,7 @@ def recorded(
     rate = plant.settings.rate
     clock = torch.arange(round(family.period * rate), dtype=torch.float64) / rate
     signals = plant.follow(family.roll_out(coefficients, clock))
-    states = _filtered(signals.position, signals.torque, rate, sensors)
+    states = _filtered(*signals, rate, sensors)
     if random is not None:
         states[3] = states[3] + torch.stack([_noise(x, plant.scale, sensors, random) for x in states[3]])
     return states
