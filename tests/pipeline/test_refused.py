@@ -20,7 +20,7 @@ RECORDED = "recordings=[FOLDER/a.csv]"
 SETTINGS = [
     ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
     ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
-    ("reproduction", "seeds=paper seeds.method=gradient", "choose seeds=gradient"),
+    ("reproduction", "seeds=paper seeds.method=gradient", "choose it by seeds=gradient"),
     ("reproduction", "tracking.uri=htp://host", "tracking: uri is 'htp://host'"),
     ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
     ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not there"),

@@ -10,7 +10,6 @@ import torch
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, Seeds, Tasks, make_long, make_seeds, result
-from sidegan.seeds.paper import Paper
 from sidegan.validity import check
 from tests.seeds.conftest import METHODS
 
@@ -124,22 +123,13 @@ def test_a_folder_is_part_of_what_makes_published_seeds_alone():
     assert paper.stamped() == replace(paper, folder="there", shipped="seeds.pt").stamped()
 
 
-def test_settings_give_the_optimiser():
-    gradient, paper = (
-        Seeds("gradient", **COMMON, reserve=0.3),
-        Seeds("paper", **COMMON, ants=30, evaluations=9, box=0.2),
-    )
-    assert (gradient.optimiser, paper.optimiser) == (Gradient(7, 2, 0.3), Paper(7, 30, 9, 0.2, 2))
-
-
 @pytest.mark.parametrize(
     ("words", "method", "options"),
     [
-        ("method paper needs ants, evaluations and box", "paper", {"ants": 30}),
-        ("ants, evaluations, box are of method paper", "gradient", {"reserve": 0.2, "ants": 30}),
+        ("method paper needs evaluations", "paper", {"ants": 30}),
+        ("method gradient does not have ants", "gradient", {"reserve": 0.2, "ants": 30}),
         ("strongest and shipped are of method paper", "gradient", {"reserve": 0.2, "strongest": 35}),
-        ("method gradient, and no other, needs reserve", "gradient", {}),
-        ("method gradient, and no other", "paper", {"ants": 3, "evaluations": 9, "box": 1, "reserve": 0.2}),
+        ("method gradient needs reserve; choose it by seeds=gradient", "gradient", {}),
         ("folder is not set: git clone https://", "published", {}),
     ],
 )
