@@ -12,6 +12,7 @@ from sidegan.errors import ConfigError
 Name = Literal[
     "Vanilla", "Eigen", "Diagonal", "Exact", "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"
 ]
+Beta = Annotated[float, Field(ge=0, lt=1)]
 _FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal"}  # of YᵀY, that a variant's converter predicts
 _SIDE = ("features", "success", "fitness")
 _LACKING = {  # losses that a variant does not have
@@ -71,7 +72,7 @@ class Variant:
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
-    betas: tuple[Share, Share]  # of Adam
+    betas: tuple[Beta, Beta]  # of Adam
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
     # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
     # of the best epoch's; null: the last one.
@@ -81,8 +82,6 @@ class Variant:
     published: Published | None = None  # of the published ones
 
     def __post_init__(self) -> None:
-        if max(self.betas) >= 1:
-            raise ConfigError(f"betas {self.betas} must be less than 1")
         if foreign := [k for k in _LACKING.get(self.variant, ()) if getattr(self.weights, k)]:
             names = ", ".join(f"weights.{name}" for name in foreign)
             raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")

@@ -70,10 +70,8 @@ def wild(constraints, family):
 def labelled(constraints, family, seeds, wild):
     """Training and held-out samples."""
     c = blend(1.15 * seeds, wild, 1200, random(2))
-    made, order = (
-        label(constraints, family, c, STEPS, lambda *_: None),
-        torch.randperm(1200, generator=random(3)),
-    )
+    made = label(constraints, family, c, STEPS, lambda *_: None)
+    order = torch.randperm(1200, generator=random(3))
     return made.take(order[:1020]), made.take(order[1020:])
 
 

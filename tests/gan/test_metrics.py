@@ -19,16 +19,6 @@ def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     assert 6 < metrics["rank"] <= 12
 
 
-def test_collapsed_batches_are_told_from_diverse_ones(constraints, family, seeds):
-    one = measure(constraints, family, seeds[:1].expand(40, -1, -1, -1))
-    assert one["success"] == 1
-    for name in ("distance", "nearest", "rank", "distance_diagonal"):
-        assert one[name] == pytest.approx(0, abs=1e-6), name
-    two = measure(constraints, family, seeds[:2].repeat(20, 1, 1, 1))  # far apart, but no other is near
-    assert two["distance"] > 0.3 * measure(constraints, family, seeds)["distance"]
-    assert two["nearest"] == pytest.approx(0, abs=1e-6) and two["rank"] == pytest.approx(1)
-
-
 def test_what_is_not_there_is_not_a_number(constraints, family, seeds):
     for count in (2, 3):
         assert all(map(math.isfinite, measure(constraints, family, seeds[:count]).values()))

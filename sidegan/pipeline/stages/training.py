@@ -109,7 +109,7 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     samples, device = _samples(task, variant), task.cfg.device
     trained = train(variant, data, Run(name, seed, build.work, evaluation, samples, device, build.report))
     trained.generator.save(build.folder / GENERATOR)
-    if trained.samples is not None:
+    if samples:
         write_torch(build.folder / SAMPLES, trained.samples)
     write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
     kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
