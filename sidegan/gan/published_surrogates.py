@@ -4,7 +4,6 @@ Source: as ``gan.variants``.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,13 +15,10 @@ from sidegan.base.parallel import Report
 from sidegan.base.storage import write_task
 from sidegan.gan.published_networks import IMAGE
 from sidegan.gan.trainer import Progress, fit
-from sidegan.seeds.published import Layout
-from sidegan.validity import Validity
 
 _FIRST = 200  # channels of the first layer
 _BATCH, _RATE = 100, 1e-4
 _HELD_OUT = 0.2  # of the samples and of the seeds
-_CHECKED = 500  # trajectories whose validity is found at once
 _REPORTED = 100  # steps between two reports of progress
 
 
@@ -79,11 +75,10 @@ class PublishedConverter(ShallowNetwork):
 class PublishedPretraining:
     """Data from which the published surrogates learn."""
 
-    check: Callable[[Tensor], Validity]  # of coefficients (B, J, H, 2)
-    layout: Layout
     steps: int  # of a training
     seeds: Tensor  # images (N, 2, 7, 7)
     samples: Tensor  # images (M, 2, 7, 7) of a vanilla GAN, of all of its epochs
+    valid: Tensor  # of the samples, by true physics, (M,)
 
     def train_success(
         self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
@@ -94,8 +89,7 @@ class PublishedPretraining:
         faulty ones among these; ``valid_samples`` is the share of valid ones in all.
         """
         torch.manual_seed(seed)
-        parts = self.layout.coefficients(self.samples.double()).split(_CHECKED)
-        valid = torch.cat([self.check(part).valid for part in parts])
+        valid = self.valid
         held, learnt = _split(len(valid))
         network = PublishedPredictor()
         if weights is None:

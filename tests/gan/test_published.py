@@ -57,8 +57,8 @@ def vanilla(papers, variants, tmp_path_factory):
 @pytest.fixture(scope="module")
 def pretraining(papers, vanilla):
     constraints, c = papers
-    verdicts, layout = (lambda c: check(constraints, FAMILY, c)), Layout(7, 6)
-    return PublishedPretraining(verdicts, layout, 20, layout.image(c), vanilla.samples)
+    valid = check(constraints, FAMILY, Layout(7, 6).coefficients(vanilla.samples.double())).valid
+    return PublishedPretraining(20, Layout(7, 6).image(c), vanilla.samples, valid)
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,8 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
+import torch
+
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import read_torch, write_json, write_torch
 from sidegan.gan import Variant
@@ -16,6 +18,7 @@ from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
 from sidegan.seeds.published import Layout
 
+_CHECKED = 500  # trajectories whose validity is found at once
 SAMPLES = "samples.pt"  # of every epoch
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
@@ -129,8 +132,9 @@ def _pretrain_published(task: Task, build: Build, settings: PublishedSurrogates)
         write_converter(build.folder / "spectrum.pt", shipped("converter"))
         del features["spectrum"]
     layout = Layout(task.trajectory.joints, task.trajectory.harmonics)
-    images = layout.image(seeds.coefficients)
-    pretraining = PublishedPretraining(task.check, layout, settings.steps, images, samples)
+    parts = layout.coefficients(samples.double()).split(_CHECKED)
+    valid = torch.cat([task.check(part).valid for part in parts])
+    pretraining = PublishedPretraining(settings.steps, layout.image(seeds.coefficients), samples, valid)
     jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"), weights)]
     for name, x in features.items():
         jobs.append(partial(pretraining.train_features, name, x, build.folder, task.number(name)))
