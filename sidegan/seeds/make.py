@@ -35,7 +35,6 @@ def make_seeds(
     Raises:
         InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
     """
-    problem.constraints.refuse_home(problem.trajectory.home or ())
     tasks.work.mkdir(parents=True, exist_ok=True)
     batches: list[SeedBatch] = []
     for _ in range(1 + _SPARE_ROUNDS):

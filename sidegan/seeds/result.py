@@ -36,12 +36,6 @@ class SeedBatch:
         return len(self.coefficients)
 
     @classmethod
-    def none(cls, problem: Problem) -> "SeedBatch":
-        """No seeds of a problem."""
-        nothing = torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64)
-        return cls(nothing, nothing[:, 0, 0, 0])
-
-    @classmethod
     def join(cls, batches: Iterable["SeedBatch"]) -> "SeedBatch":
         """One batch of at least one, in order."""
         parts = list(batches)
@@ -90,7 +84,7 @@ class Optimiser(ABC):
             InfeasibleError: when the arm cannot rest at home.
         """
         problem.constraints.refuse_home(problem.trajectory.home or ())
-        began, missing, batches = time.process_time(), count, [SeedBatch.none(problem)]
+        began, missing, batches = time.process_time(), count, list[SeedBatch]()
         for index in range(self.attempts):
             source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
             proposed = self.propose(problem, missing, _REACH ** (index + 1), source)

@@ -9,46 +9,12 @@ from sidegan.gan.losses import Batch, Loss, missing_distance, missing_rank
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
 from sidegan.gan.variants import Diagonal, Exact
-from tests.gan.conftest import NONE, random
-
-
-def stepped(model, measure, size=0.01):
-    """Value of ``measure`` on the same noise before and after one gradient step of the generator."""
-    network = model.generator.network
-
-    def now():
-        return float(measure(model.generator.sample(200, random(1)).float()).detach())
-
-    before = now()
-    model.generator_loss(500).backward()
-    norm = torch.stack([p.grad.norm() for p in network.parameters()]).norm()
-    with torch.no_grad():
-        for p in network.parameters():
-            p -= size * p.grad / norm
-        return before, now()
+from tests.gan.conftest import random
 
 
 def log_ratios(converter, c):
     logs = converter.log_features(converter(c))
     return logs.amax(1) - logs.amin(1)
-
-
-MEASURES = {
-    "success": lambda model, c: model.success_predictor(c).mean(),
-    "fitness": lambda model, c: -log_ratios(model.converter, c).mean(),
-    "adversarial": lambda model, c: model.discriminator.network(model.generator.scaling.image(c)).mean(),
-    "features": lambda model, c: model.second_discriminator.network(model.converter(c)).mean(),
-    "distance": lambda model, c: torch.pdist(c.flatten(1)).mean(),
-}
-
-
-@pytest.mark.parametrize("name", MEASURES)
-def test_a_step_on_each_loss_improves_what_it_is_about(made, full, name):
-    model = made(replace(full, weights=replace(NONE, **{name: 1}), fitness_start=0))
-    with torch.no_grad():
-        model.generator.network.shortcut.weight *= 0.3 if name == "distance" else 1
-    before, after = stepped(model, lambda c: MEASURES[name](model, c))
-    assert after > before
 
 
 def test_losses_are_their_closed_forms(made, full, predictor, converter):
@@ -124,12 +90,16 @@ def test_a_collapsed_batch_gives_a_finite_slope(seeds):
     assert torch.isfinite(value) and torch.isfinite(slope).all() and slope.abs().max() > 0
 
 
-def test_a_loss_is_added_by_one_entry_of_a_subclass(full, seeds, data, predictor, converter):
+def test_a_loss_is_added_by_one_entry_of_a_subclass(full, made, seeds, data, predictor, converter):
     class Slow(Diagonal):
         def losses(self):
-            return [*super().losses(), Loss(1e6, lambda batch: batch.coefficients.square().mean())]
+            return [*super().losses(), Loss(7.0, lambda batch: batch.coefficients.square().mean())]
 
     torch.manual_seed(0)
-    given = replace(data, seeds=seeds, success_predictor=predictor, converter=converter)
-    before, after = stepped(Slow(full, given), lambda c: c.square().mean())
-    assert after < before
+    model = Slow(full, replace(data, seeds=seeds, success_predictor=predictor, converter=converter))
+    values = []
+    for one in (model, made(full)):
+        torch.manual_seed(1)
+        values.append(one.generator_loss(50))
+    torch.manual_seed(1)
+    torch.testing.assert_close(values[0] - values[1], 7 * model(50).coefficients.square().mean())
