@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from sidegan.base.typed import Count, Natural, NonNegative, Positive, Share, Size, Width
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 
@@ -46,7 +46,6 @@ class ExactPhysics:
     samples: Size  # time points per period
     # For what happens between the time points; position and velocity limits hold anyway.
     reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
-    ease: Part  # of weights.success, from which it grows
 
 
 @dataclass(frozen=True)

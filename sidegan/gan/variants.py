@@ -21,7 +21,7 @@ from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.motion.dynamics import gram
 from sidegan.seeds.published import Layout
 
-_EASED = 0.67  # share of a training over which the weight of violations grows
+_EASE, _EASED = 0.1, 0.67  # share from which the weight of violations grows, and of a training over which
 _CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
 _GROWTH = 0.06  # of the published weight of success, per epoch from that on in which fitness counts
 _TINY = 1e-12
@@ -103,7 +103,7 @@ class Exact(SideGAN):
 
     def losses(self) -> list[Loss]:
         """Violation of the constraints, whose weight grows geometrically, and exact objectives."""
-        weights, ease = self.settings.weights, self.exact.ease ** (1 - min(1.0, self.share / _EASED))
+        weights, ease = self.settings.weights, _EASE ** (1 - min(1.0, self.share / _EASED))
         return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.objective)]
 
     def violation(self, batch: Batch) -> Tensor:

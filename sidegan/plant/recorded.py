@@ -31,12 +31,7 @@ def recorded(
 ) -> list[Tensor]:
     """Positions, velocities, accelerations and torques of trajectories, (n, S, J) each.
 
-    Args:
-        plant: who executes them.
-        family: of the trajectories.
-        coefficients: [rad/s], (n, J, H, 2).
-        sensors: what is recorded.
-        random: of the noise on torques; None for none.
+    Coefficients are (n, J, H, 2) [rad/s]; torques have noise where there are random numbers for it.
     """
     rate = plant.settings.rate
     clock = torch.arange(round(family.period * rate), dtype=torch.float64) / rate

@@ -16,7 +16,7 @@ from tests.tiny import tiny
 
 SINGLE = asdict(Term("log_condition", 1.0, 1))
 MANY = {**SINGLE, "together": 99}
-PHYSICS = {"terms": {"single": SINGLE}, "samples": 9, "reserve": 0, "ease": 1}
+PHYSICS = {"terms": {"single": SINGLE}, "samples": 9, "reserve": 0}
 FIT = asdict(replace(NONE, fitness=1))
 EXACT = {"variant": "Exact", "exact": PHYSICS, "weights": asdict(NONE)}
 
@@ -31,7 +31,6 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "weights": asdict(NONE)}
         ({"batch": 1}, "batch is 1, expected a whole number ≥ 2"),
         ({"variant": "Eigen", "weights": FIT, "fitness_start": 9, "epochs": 9}, "after the last of 9 ep"),
         ({**EXACT, "exact": {**PHYSICS, "terms": {}}}, "exact.terms are of [] trajectories together"),
-        ({**EXACT, "exact": {**PHYSICS, "ease": 0}}, "exact.ease is 0"),
         ({**EXACT, "exact": None}, "Exact needs settings exact"),
         ({"exact": PHYSICS}, "Vanilla has no settings exact"),
         ({"published": {"fitness": "ratio"}}, "Vanilla has no settings published"),
