@@ -19,7 +19,6 @@ from sidegan.gan.trainer import Progress, fit
 _FIRST = 200  # channels of the first layer
 _BATCH, _RATE = 100, 1e-4
 _HELD_OUT = 0.2  # of the samples and of the seeds
-_REPORTED = 100  # steps between two reports of progress
 
 
 class ShallowNetwork(pl.LightningModule):
@@ -125,8 +124,7 @@ class PublishedPretraining:
         """So many steps, each on a batch of rows drawn anew."""
         count = len(tensors[0])
         rows = (torch.randperm(count)[:_BATCH] for _ in range(self.steps))
-        reports = Progress(progress, self.steps, _REPORTED)
-        fit(network, ([x[some] for x in tensors] for some in rows), 1, [reports])
+        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, self.steps)])
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:

@@ -15,6 +15,7 @@ from torch import Tensor
 from sidegan.base.parallel import Report
 from sidegan.base.storage import readable
 
+_REPORTED = 20  # steps between two reports of progress
 _LAST = "last"  # checkpoint
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
@@ -83,11 +84,11 @@ class Shuffled:
 class Progress(pl.Callback):
     """Tells every few steps, and at the end, how many of all are done."""
 
-    def __init__(self, report: Report, total: int, every: int = 1) -> None:
-        self.report, self.total, self.every = report, total, every
+    def __init__(self, report: Report, total: int) -> None:
+        self.report, self.total = report, total
 
     def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
         """Tell, where it is time to."""
         done = trainer.global_step
-        if done % self.every == 0 or done == self.total:
+        if done % _REPORTED == 0 or done == self.total:
             self.report(done, self.total)

@@ -12,7 +12,6 @@ from sidegan.base.typed import build
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant.friction import FrictionSettings, Law
 from sidegan.plant.recorded import Sensors, recorded
 from sidegan.plant.varied import VariedPlant, VariedSettings, torque_scale
 from sidegan.robot import load_robot
@@ -75,18 +74,6 @@ def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, sw
         changed = replace(plain, **{switch: getattr(settings, switch)})
     one, other = (plant(planar, x).follow(motion) for x in (plain, changed))
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
-
-
-def test_misfits_are_no_combination_of_what_a_model_has():
-    size = FrictionSettings((0.1, 0.1), (0.5, 0.5), 0.03, 0.4, 0.05, 0.15, 0.15, 0.0)
-    ones = np.ones(1)
-    law = Law.drawn(size, 10 * ones, 2 * ones, np.random.default_rng(0))
-    random = np.random.default_rng(1)
-    q, dq, load = random.uniform(-2, 2, (3, 400, 1)) * [[[1.0]], [[1.0]], [[8.0]]]
-    basis = np.concatenate([np.tanh(dq / size.width), dq, np.ones_like(dq), load], 1)
-    friction = law(q, dq, load)
-    left = friction - basis @ np.linalg.lstsq(basis, friction, rcond=None)[0]
-    assert left.std() > 0.05 * friction.std()
 
 
 def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion):

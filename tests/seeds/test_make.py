@@ -1,13 +1,12 @@
 """Seeds by tasks, long trajectories, and what is said when too few become valid."""
 
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, InfeasibleError, StorageError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, Seeds, Tasks, make_long, make_seeds, result
 from sidegan.validity import check
@@ -51,15 +50,6 @@ def test_workers_change_nothing_and_a_second_start_redoes_what_is_damaged(planar
     method = Spied(METHODS[name])
     assert torch.equal(one.coefficients, made(planar_problem, work, method=method).coefficients)
     assert method.calls == 2
-
-
-def test_a_task_that_ends_after_the_set_was_made_leaves_nothing(planar_problem, tmp_path):
-    work = tmp_path / "made.work"
-    work.mkdir()
-    late = Spied(then=lambda calls, batch: (shutil.rmtree(work), batch)[1])
-    with pytest.raises(StorageError, match=r"cannot write .*seeds-00000\.pt"):
-        made(planar_problem, work, method=late)
-    assert not work.exists()
 
 
 def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path):
