@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from sidegan.design.problem import Problem
+from sidegan.gan.labels import Labelled
 from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates, negatives_count
 from sidegan.gan.settings import SurrogateSettings, Variant, Weights
 from sidegan.gan.side_gan import Data
@@ -24,16 +25,15 @@ data = Data(constraints, family, seeds.coefficients)
 weights = Weights(adversarial=0.1, features=0.1, success=15, fitness=6, distance=90, rank=90)
 eigen = Variant("Eigen", weights, 64, 20, 4, 10, 50, 2, 1, 2e-3, (0.5, 0.999), True, 0.99, limited=True)
 vanilla = replace(eigen, variant="Vanilla", weights=replace(weights, features=0, success=0, fitness=0))
-surrogates = SurrogateSettings(400, 4, 16, 16, 16, {"vanilla": vanilla}, published=None)
+surrogates = SurrogateSettings("ours", {"vanilla": vanilla}, 400, 4, 16, 16, 16)
 
 with TemporaryDirectory() as folder:
     work = Path(folder)
     faulty = train(vanilla, data, Run("vanilla", 0, work / "vanilla")).generator.sample(negatives_count(400))
-    pretraining = Pretraining(constraints, family, surrogates, seeds.coefficients, faulty, work)
-    for share in range(SHARES):
-        pretraining.label(share, share, print)
-    print(pretraining.train_success(work, 0, print), pretraining.train_features("spectrum", work, 0, print))
-    predictor, converter = load_surrogates(work, eigen, arm, family)
-    data = replace(data, success_predictor=predictor, converter=converter)
+    pretraining = Pretraining(constraints, family, surrogates, seeds.coefficients, faulty)
+    labelled = Labelled.join(pretraining.label(share, print) for share in range(SHARES))
+    pretraining.train_success(labelled, work, 0, print)
+    print(pretraining.train_features("spectrum", labelled, work, 0, print))
+    data = Data(constraints, family, seeds.coefficients, *load_surrogates(work, eigen, arm, family))
     generator = train(eigen, data, Run("eigen", 0, work / "eigen")).generator
 print(f"{check(constraints, family, generator.sample(500, seed=1)).valid.double().mean():.0%} are valid")

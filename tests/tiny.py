@@ -69,4 +69,6 @@ def tiny(*overrides, experiment="exp1"):
     own = [one for one in small if re.match(r"[~+]*(\w+)", one)[1] in keys]
     if "condition" not in keys or any(one.startswith(("seeds=", "condition=")) for one in overrides):
         own = [one for one in own if one != "seeds=gradient"]
+    if "condition=published" in overrides:  # whose surrogates have no such settings
+        own = [one for one in own if not one.startswith("surrogates.")]
     return validate(composed(chosen, *own, *overrides))

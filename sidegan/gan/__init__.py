@@ -7,7 +7,8 @@
     losses                       functions in losses; which a variant adds is in variants
     the adversarial loop         side_gan.SideGAN.training_step; training.train runs it
 
-The recipe as the authors published it is in the files ``published*``.
+The recipe as the authors published it: ``Published…`` in variants, their networks and surrogates in the
+files ``published_*``.
 """
 
 from sidegan.gan.generator import TrajectoryGenerator

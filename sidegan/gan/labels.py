@@ -1,7 +1,7 @@
 """Exactly labelled samples for the surrogates: labels are cheap because the physics is ours."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -15,12 +15,10 @@ from sidegan.validity import Constraints, check
 _DISTANCE = 0.1  # [m] clearance that counts like a whole joint range
 _CLIP = 1.0  # scaled margins beyond this carry no information about validity
 _BATCH = 250
-_HELD_OUT = 0.15
 _SMALLEST, _LARGEST = 0.8, 1.2  # of what surrogates learn from, in its own size
 
 
-@dataclass(frozen=True)
-class Labelled:
+class Labelled(NamedTuple):
     """Samples with their true labels."""
 
     c: Tensor  # coefficients, (N, J, H, 2) float32
@@ -29,19 +27,14 @@ class Labelled:
     spectrum: Tensor  # spectrum of YᵀY, (N, p)
     diagonal: Tensor  # diagonal of YᵀY, (N, p)
 
-    def split(self, random: torch.Generator) -> "tuple[Labelled, Labelled]":
-        """Samples to learn from, and those that are held out."""
-        order = torch.randperm(len(self.c), generator=random)
-        cut = int(len(order) * (1 - _HELD_OUT))
-        return self._part(order[:cut]), self._part(order[cut:])
-
-    def _part(self, rows: Tensor) -> "Labelled":
-        return Labelled(**{name: x[rows] for name, x in vars(self).items()})
+    def take(self, rows: Tensor) -> "Labelled":
+        """Some of the samples."""
+        return Labelled(*(x[rows] for x in self))
 
     @staticmethod
-    def cat(parts: Sequence[Mapping[str, Tensor]]) -> "Labelled":
-        """All samples of several parts, each its tensors by name."""
-        return Labelled(**{name: torch.cat([part[name] for part in parts]) for name in parts[0]})
+    def join(parts: Iterable["Labelled"]) -> "Labelled":
+        """All samples of several parts."""
+        return Labelled(*map(torch.cat, zip(*parts)))
 
 
 def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator) -> Tensor:
@@ -61,7 +54,7 @@ def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator)
 
 @torch.no_grad()
 def label(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Report | None = None
+    constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Report
 ) -> Labelled:
     """True labels of coefficients (N, J, H, 2); ``steps`` time points per trajectory for the margins."""
     parts = []
@@ -69,11 +62,9 @@ def label(
         excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, batch))
         valid = check(constraints, trajectory, batch).valid
         margins = scaled_margins(constraints, trajectory, batch, steps)
-        labelled = Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal)
-        parts.append(vars(labelled))
-        if progress is not None:
-            progress(min(len(c), (done + 1) * _BATCH), len(c))
-    return Labelled.cat(parts)
+        parts.append(Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal))
+        progress(min(len(c), (done + 1) * _BATCH), len(c))
+    return Labelled.join(parts)
 
 
 def scaled_margins(constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int) -> Tensor:

@@ -37,9 +37,9 @@ def kept_epoch(history: Sequence[Mapping[str, float]], least_valid: float | None
     The validity of a surrogate's trajectories is traded for excitation epoch by epoch, more or less of it in
     each training. Where that trade stops is set here: of the epochs whose valid share is at least
     ``least_valid`` of the best one's, the one with the smallest condition number of its valid trajectories.
-    The last one where that is None, or where no epoch was measured or made anything valid.
+    The last one where that is None, or where no epoch made anything valid.
     """
-    best = max((row["success"] for row in history if "success" in row), default=0.0)
+    best = max(row["success"] for row in history)
     if least_valid is None or best == 0:
         return len(history) - 1
     reliable = [i for i, row in enumerate(history) if row["success"] >= max(least_valid * best, _TINY)]

@@ -6,8 +6,6 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-from sidegan.errors import ConfigError
-
 _SMALL = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
 _DRAWS = 1024  # over which the layers' mean is taken
 
@@ -63,23 +61,21 @@ class Generator(FromNoise):
 
     @torch.no_grad()
     def start_from(self, images: Tensor) -> None:
-        """Make the network yield the mean of ``images`` (N, 2, J, H), and its shortcut their covariance.
+        """Make a network with a shortcut yield the mean of images (N, 2, J, H), and that their covariance.
 
         Beside it the layers are small. Noise dimensions beyond the image's stay free for them; fewer
         than those keep the leading principal directions.
         """
-        if self.shortcut is None:
-            raise ConfigError("a generator without a shortcut cannot start from a covariance")
-        x = images.flatten(1).double()
+        shortcut, x = cast("nn.Linear", self.shortcut), images.flatten(1).double()
         values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
         count = min(self.noise, x.shape[1])
         # Noise that is uniform on [−1, 1] has variance 1/3.
         root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()
-        self.shortcut.weight.zero_()
-        self.shortcut.weight[:, :count] = root.to(self.shortcut.weight)
+        shortcut.weight.zero_()
+        shortcut.weight[:, :count] = root.to(shortcut.weight)
         self._last.weight *= _SMALL
         beside = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
-        self.shortcut.bias.copy_(x.mean(0) - beside.flatten(1).mean(0))
+        shortcut.bias.copy_(x.mean(0) - beside.flatten(1).mean(0))
 
 
 class Discriminator(nn.Module):

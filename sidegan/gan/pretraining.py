@@ -1,4 +1,4 @@
-"""Training of the surrogates in resumable pieces: shares of labelled samples, then one training each."""
+"""Training of the surrogates: samples are labelled by the physics in shares, then each learns from all."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch, readable, write_task
+from sidegan.base.storage import read_torch, write_task
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import Labelled, blend, label
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor
@@ -22,10 +22,8 @@ from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
 
 SHARES = 8  # of the labelled samples, one job each
-_SUCCESS = "success"
 _BATCH = 100
-_NEAR = 0.05  # share of a limit within which a margin is near zero
-_HELD_OUT_SEEDS = 0.15
+_HELD_OUT = 0.15  # of the seeds, and of the labelled samples
 _HELD_OUT_NEGATIVES = 500
 _LEAST_NEGATIVES = 100  # for training
 
@@ -39,48 +37,41 @@ class Pretraining:
     settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
     seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
     negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
-    work: Path  # folder of the labelled samples
 
-    def label(self, share: int, seed: int, progress: Report) -> None:
-        """Write one share of the labelled samples, unless it is there."""
-        path, generator = self._share(share), torch.Generator().manual_seed(seed)
-        if readable(path):
-            return
-        sources = training_seeds(self.seeds)[0], self.negatives[:-_HELD_OUT_NEGATIVES]
-        samples = blend(*sources, -(-self.settings.samples // SHARES), generator)
-        steps = self.settings.margin_steps
-        write_task(path, vars(label(self.constraints, self.trajectory, samples, steps, progress)))
+    def label(self, seed: int, progress: Report) -> Labelled:
+        """One of ``SHARES`` shares of the labelled samples."""
+        sources = self.seeds[: self._learnt], self.negatives[:-_HELD_OUT_NEGATIVES]
+        count, random = -(-self.settings.samples // SHARES), torch.Generator().manual_seed(seed)
+        samples, steps = blend(*sources, count, random), self.settings.margin_steps
+        return label(self.constraints, self.trajectory, samples, steps, progress)
 
-    def train_success(self, folder: Path, seed: int, progress: Report) -> dict[str, float]:
+    def train_success(
+        self, labelled: Labelled, folder: Path, seed: int, progress: Report
+    ) -> dict[str, float]:
         """Held-out accuracies of the success predictor, which is left in ``folder``.
 
         ``accuracy_paper`` is the paper's task (held-out seeds against faulty samples of the vanilla GAN),
-        ``accuracy_broad`` is over all held-out samples, ``accuracy_near`` over those whose smallest margin
-        is within 5 % of its limit's range of zero.
+        ``accuracy_broad`` is over all held-out samples.
         """
-        data, held, random = self._begin(seed)
+        data, held, random = _begin(labelled, seed)
         sizes = {"width": self.settings.width, "steps": self.settings.margin_steps}
         arguments = {"constraints": len(self.constraints.labels), **sizes}
         predictor = SuccessPredictor(self.constraints.arm, self.trajectory, **arguments)
         self._fit(predictor, (data.c, data.margins, data.valid), random, progress)
-        write_task(folder / f"{_SUCCESS}.pt", {"arguments": arguments, "weights": predictor.state_dict()})
-        held_seeds, faulty = training_seeds(self.seeds)[1], self.negatives[-_HELD_OUT_NEGATIVES:]
+        write_task(folder / "success.pt", {"arguments": arguments, "weights": predictor.state_dict()})
+        held_seeds, faulty = self.seeds[self._learnt :], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
         c = torch.cat([held_seeds, faulty])
-        near = held.margins.amin((1, 2)).abs() < _NEAR
-        on_near = predictor.accuracy(held.c[near], held.valid[near]) if near.any() else float("nan")
         return {
             "accuracy_paper": predictor.accuracy(c, torch.arange(len(c)) < len(held_seeds)),
             "accuracy_broad": predictor.accuracy(held.c, held.valid),
-            "accuracy_near": on_near,
-            "near_samples": float(near.sum()),
         }
 
     def train_features(
-        self, features: str, folder: Path, seed: int, progress: Report
-    ) -> dict[str, float | list[float]]:
-        """Held-out R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
-        data, held, random = self._begin(seed)
+        self, features: str, labelled: Labelled, folder: Path, seed: int, progress: Report
+    ) -> dict[str, float]:
+        """Held-out mean R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
+        data, held, random = _begin(labelled, seed)
         target = getattr(data, features)
         sizes = {"width": self.settings.width, "steps": self.settings.feature_steps}
         arguments = {"features": target.shape[1], **sizes}
@@ -88,18 +79,12 @@ class Pretraining:
         converter.fit_standard(target)
         self._fit(converter, (data.c, converter.standardise(target)), random, progress)
         write_task(folder / f"{features}.pt", {"arguments": arguments, "weights": converter.state_dict()})
-        r2 = converter.explained(held.c, getattr(held, features))
-        return {f"r2_{features}": r2.tolist(), f"r2_{features}_mean": float(r2.mean())}
+        return {f"r2_{features}": float(converter.explained(held.c, getattr(held, features)).mean())}
 
-    def _share(self, number: int) -> Path:
-        return self.work / f"labels-{number}.pt"
-
-    def _begin(self, seed: int) -> tuple[Labelled, Labelled, torch.Generator]:
-        """Training data, held-out data and the random numbers of one training."""
-        torch.manual_seed(seed)
-        random = torch.Generator().manual_seed(seed)
-        labelled = Labelled.cat([read_torch(self._share(number)) for number in range(SHARES)])
-        return *labelled.split(random), random
+    @property
+    def _learnt(self) -> int:
+        """How many seeds the surrogates learn from; the others are held out."""
+        return max(1, int(len(self.seeds) * (1 - _HELD_OUT)))
 
     def _fit(
         self, network: Surrogate, tensors: Sequence[Tensor], random: torch.Generator, progress: Report
@@ -109,10 +94,13 @@ class Pretraining:
         network.freeze()
 
 
-def training_seeds(seeds: Tensor) -> tuple[Tensor, Tensor]:
-    """Seeds that the surrogates may learn from, and those that are held out."""
-    cut = max(1, int(len(seeds) * (1 - _HELD_OUT_SEEDS)))
-    return seeds[:cut], seeds[cut:]
+def _begin(labelled: Labelled, seed: int) -> tuple[Labelled, Labelled, torch.Generator]:
+    """Training data, held-out data and the random numbers of one training."""
+    torch.manual_seed(seed)
+    random = torch.Generator().manual_seed(seed)
+    order = torch.randperm(len(labelled.c), generator=random)
+    cut = int(len(order) * (1 - _HELD_OUT))
+    return labelled.take(order[:cut]), labelled.take(order[cut:]), random
 
 
 def negatives_count(samples: int) -> int:
@@ -128,7 +116,7 @@ def load_surrogates(
     Raises:
         ArtifactError: when one is missing, damaged, or of another arm.
     """
-    success, features = folder / f"{_SUCCESS}.pt", folder / f"{variant.features}.pt"
+    success, features = folder / "success.pt", folder / f"{variant.features}.pt"
     if variant.published is not None:
         return _load(success, PublishedPredictor), _load(features, PublishedConverter)
     predictor = _load(success, partial(SuccessPredictor, arm, trajectory))

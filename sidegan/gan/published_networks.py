@@ -1,9 +1,10 @@
 """Generator and discriminators as the paper's authors published them: convolutions of 7 × 7 images.
 
-Source: as ``gan.published``.
+Source: as ``gan.variants``.
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import torch
@@ -13,7 +14,7 @@ from sidegan.gan.networks import FromNoise
 
 IMAGE = (2, 7, 7)  # shape of an image: 7 joints, and 6 harmonics with the row that repeats the first
 _PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, whose images have the sides 3, 3, 3, 5 and 7
-_STRIDES = {"image": (2, 2, 1, 1), "list": (2, 2, 2, 1)}  # of the discriminators' layers
+_STRIDES = {True: (2, 2, 1, 1), False: (2, 2, 2, 1)}  # of the discriminator's layers, of images or of lists
 _SLOPE = 0.2  # of the leaky ReLU below zero
 _DEVIATION = 0.02  # of the weights at first
 
@@ -49,14 +50,19 @@ class ConvolutionalGenerator(FromNoise):
 
 
 class ConvolutionalDiscriminator(nn.Module):
-    """Logits (B,) of being an example, of images (B, 2, 7, 7), or of lists of p features (B, p)."""
+    """Logits (B,) of being an example, of images (B, 2, 7, 7) or of lists of p features (B, p).
 
-    def __init__(self, features: int | None = None, width: int = 64) -> None:
+    Args:
+        shape: of one example, (2, 7, 7) or (p,).
+        width: channels of the first layer.
+    """
+
+    def __init__(self, shape: Sequence[int], width: int = 64) -> None:
         super().__init__()
-        strides = _STRIDES["image" if features is None else "list"]
-        channels = [2 if features is None else 1, width, 2 * width, 4 * width, 8 * width]
-        sides = [IMAGE[1], IMAGE[1]] if features is None else [features, 1]
-        layers: list[nn.Module] = [] if features is None else [nn.Unflatten(1, (1, features, 1))]
+        image = len(shape) > 1
+        first, *sides = shape if image else (1, *shape, 1)
+        layers: list[nn.Module] = [] if image else [nn.Unflatten(1, (first, *sides))]
+        channels, strides = [first, width, 2 * width, 4 * width, 8 * width], _STRIDES[image]
         for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
             layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
             layers += [*(_normalised(outputs) if index else []), nn.LeakyReLU(_SLOPE)]

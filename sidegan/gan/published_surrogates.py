@@ -1,10 +1,9 @@
 """The published surrogates: a predictor of faulty and valid samples, converters of seeds.
 
-Source: as ``gan.published``.
+Source: as ``gan.variants``.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,16 +14,11 @@ from torch import Tensor, nn
 from sidegan.base.parallel import Report
 from sidegan.base.storage import write_task
 from sidegan.gan.published_networks import IMAGE
-from sidegan.gan.settings import PublishedSurrogates
 from sidegan.gan.trainer import Progress, fit
-from sidegan.seeds.published import Layout
-from sidegan.validity import Validity
 
 _FIRST = 200  # channels of the first layer
 _BATCH, _RATE = 100, 1e-4
 _HELD_OUT = 0.2  # of the samples and of the seeds
-_CHECKED = 500  # trajectories whose validity is found at once
-_REPORTED = 100  # steps between two reports of progress
 
 
 class ShallowNetwork(pl.LightningModule):
@@ -78,14 +72,12 @@ class PublishedConverter(ShallowNetwork):
 
 @dataclass(frozen=True)
 class PublishedPretraining:
-    """Data and settings from which the published surrogates learn."""
+    """Data from which the published surrogates learn."""
 
-    check: Callable[[Tensor], Validity]  # of coefficients (B, J, H, 2)
-    layout: Layout
-    settings: PublishedSurrogates
-    seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
-    features: dict[str, Tensor]  # of the seeds, (N, p): spectrum and diagonal
+    steps: int  # of a training
+    seeds: Tensor  # images (N, 2, 7, 7)
     samples: Tensor  # images (M, 2, 7, 7) of a vanilla GAN, of all of its epochs
+    valid: Tensor  # of the samples, by true physics, (M,)
 
     def train_success(
         self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
@@ -96,8 +88,7 @@ class PublishedPretraining:
         faulty ones among these; ``valid_samples`` is the share of valid ones in all.
         """
         torch.manual_seed(seed)
-        parts = self.layout.coefficients(self.samples.double()).split(_CHECKED)
-        valid = torch.cat([self.check(part).valid for part in parts])
+        valid = self.valid
         held, learnt = _split(len(valid))
         network = PublishedPredictor()
         if weights is None:
@@ -107,7 +98,7 @@ class PublishedPretraining:
         write_task(folder / "success.pt", {"arguments": {}, "weights": network.state_dict()})
         with torch.no_grad():
             right = (network(self.samples[held])[:, 0] > 0) == valid[held]
-            of_seeds = network(self.layout.image(self.seeds).float())[:, 0] > 0
+            of_seeds = network(self.seeds)[:, 0] > 0
         on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
         return {
             "accuracy_broad": float(right.double().mean()),
@@ -115,23 +106,25 @@ class PublishedPretraining:
             "valid_samples": float(valid.double().mean()),
         }
 
-    def train_features(self, name: str, folder: Path, seed: int, progress: Report) -> dict[str, float]:
-        """Mean relative error on held-out seeds of the converter to ``name``, which is left in ``folder``."""
+    def train_features(
+        self, name: str, features: Tensor, folder: Path, seed: int, progress: Report
+    ) -> dict[str, float]:
+        """Mean relative error on held-out seeds of a converter to features (N, p), left in ``folder``."""
         torch.manual_seed(seed)
-        images, target = self.layout.image(self.seeds).float(), self.features[name].float()
+        target = features.float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)
-        self._fit(network, (images[learnt], target[learnt]), progress)
+        self._fit(network, (self.seeds[learnt], target[learnt]), progress)
         write_converter(folder / f"{name}.pt", network.state_dict())
         with torch.no_grad():
-            return {f"error_{name}": float(network.training_step([images[held], target[held]], 0))}
+            return {f"error_{name}": float(network.training_step([self.seeds[held], target[held]], 0))}
 
     def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
         """So many steps, each on a batch of rows drawn anew."""
-        steps, count = self.settings.steps, len(tensors[0])
-        rows = (torch.randperm(count)[:_BATCH] for _ in range(steps))
-        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, steps, _REPORTED)])
+        count = len(tensors[0])
+        rows = (torch.randperm(count)[:_BATCH] for _ in range(self.steps))
+        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, self.steps)])
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:

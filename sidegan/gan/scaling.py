@@ -46,6 +46,6 @@ class Scaling(nn.Module):
 
     def image(self, c: Tensor) -> Tensor:
         """Images (B, 2, J, H) of coefficients (B, J, H, 2)."""
-        x = (c.flatten(2) - self.mean).transpose(0, 1)
+        x = (c.to(self.mean).flatten(2) - self.mean).transpose(0, 1)
         whitened = torch.linalg.solve(self.spread, x.transpose(1, 2)).permute(2, 0, 1)
         return whitened.reshape(c.shape).permute(0, 3, 1, 2)

@@ -5,21 +5,20 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from sidegan.base.typed import Count, Natural, NonNegative, Positive, Share, Size, Width
 from sidegan.design.objectives import Term
 from sidegan.errors import ConfigError
 
 Name = Literal[
     "Vanilla", "Eigen", "Diagonal", "Exact", "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"
 ]
+Beta = Annotated[float, Field(ge=0, lt=1)]
 _FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal"}  # of YᵀY, that a variant's converter predicts
-_SIDE, _FLOORS = ("features", "success", "fitness"), ("distance", "rank")
+_SIDE = ("features", "success", "fitness")
 _LACKING = {  # losses that a variant does not have
     "Vanilla": _SIDE,
+    "PublishedVanilla": _SIDE,
     "Exact": ("adversarial", "features"),
-    "PublishedVanilla": (*_SIDE, *_FLOORS),
-    "PublishedEigen": _FLOORS,
-    "PublishedDiagonal": _FLOORS,
 }
 
 
@@ -47,11 +46,6 @@ class ExactPhysics:
     samples: Size  # time points per period
     # For what happens between the time points; position and velocity limits hold anyway.
     reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
-    ease: Part  # of weights.success, from which it grows
-
-    def __post_init__(self) -> None:
-        if not self.terms:
-            raise ConfigError("terms is empty, expected one objective or more")
 
 
 @dataclass(frozen=True)
@@ -77,7 +71,7 @@ class Variant:
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
-    betas: tuple[Share, Share]  # of Adam
+    betas: tuple[Beta, Beta]  # of Adam
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
     # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
     # of the best epoch's; null: the last one.
@@ -87,8 +81,6 @@ class Variant:
     published: Published | None = None  # of the published ones
 
     def __post_init__(self) -> None:
-        if max(self.betas) >= 1:
-            raise ConfigError(f"betas {self.betas} must be less than 1")
         if foreign := [k for k in _LACKING.get(self.variant, ()) if getattr(self.weights, k)]:
             names = ", ".join(f"weights.{name}" for name in foreign)
             raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
@@ -99,11 +91,14 @@ class Variant:
         for group, named in (("exact", not self.seeded), ("published", "Published" in self.variant)):
             if (getattr(self, group) is not None) != named:
                 raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
-        if self.published is not None and (self.gaussian_start or self.limited):
-            raise ConfigError("the published recipe has no gaussian_start and is not limited: set both false")
-        sizes = [term.together for term in self.exact.terms.values()] if self.exact is not None else []
-        if max(sizes, default=0) > self.batch:
-            raise ConfigError(f"an objective is of {max(sizes)} trajectories together, batch is {self.batch}")
+        if self.published is not None and self.gaussian_start:
+            raise ConfigError("the published networks have no gaussian_start: set it false")
+        sizes = [term.together for term in self.exact.terms.values()] if self.exact is not None else [1]
+        if not 1 <= max(sizes, default=0) <= self.batch:
+            raise ConfigError(
+                f"the objectives exact.terms are of {sizes} trajectories together, expected one or "
+                f"more of them, none of more than batch={self.batch}"
+            )
 
     @property
     def seeded(self) -> bool:
@@ -119,26 +114,32 @@ class Variant:
         return _FEATURES.get(self.variant.removeprefix("Published"))
 
 
-@dataclass(frozen=True)
-class PublishedSurrogates:
-    """How the published surrogates are trained."""
-
-    shipped: bool  # the authors' weights from seeds.folder in place of a training
-    steps: Count  # of batches of 100
+# The variant whose output surrogates learn from, by its name.
+Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1)]
 
 
 @dataclass(frozen=True)
 class SurrogateSettings:
-    """How success predictor and converters are trained, before any variant that learns from them."""
+    """How our success predictor and converters are trained, before any variant that learns from them."""
 
+    recipe: Literal["ours"]
+    negatives: Negatives  # beside the seeds
     samples: Count
     epochs: Count
     width: Count
     margin_steps: Count  # time points per trajectory at which margins are predicted
     feature_steps: Count  # time points per trajectory that the converter sees
-    negatives: dict[str, Variant]  # whose output the surrogates learn from, beside the seeds
-    published: PublishedSurrogates | None  # as their authors published them; null: ours
 
-    def __post_init__(self) -> None:
-        if len(self.negatives) != 1:
-            raise ConfigError(f"negatives are of one variant, got {sorted(self.negatives)}")
+
+@dataclass(frozen=True)
+class PublishedSurrogates:
+    """How the surrogates that the paper's authors published are trained."""
+
+    recipe: Literal["published"]
+    negatives: Negatives  # for the predictor; converters learn from the seeds
+    samples: Count  # of the predictor
+    steps: Count  # of batches of 100
+    shipped: bool  # the authors' weights from seeds.folder in place of a training
+
+
+Surrogates = Annotated[SurrogateSettings | PublishedSurrogates, Field(discriminator="recipe")]

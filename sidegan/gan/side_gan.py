@@ -9,9 +9,8 @@ import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
-from sidegan.errors import ConfigError, SideganError
+from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.limits import LimitLayer
 from sidegan.gan.losses import Adversary, Batch, Loss, missing_distance, missing_rank
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
@@ -50,44 +49,36 @@ class SideGAN(pl.LightningModule):
         name: of what is trained, for messages.
     """
 
+    share = 1.0  # of the training that is done
+
     def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
         super().__init__()
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
         self.generator = self.make_generator()
-        if settings.features and (data.success_predictor is None or data.converter is None):
-            raise ConfigError(f"{name} needs a success predictor and a converter to {settings.features}")
         self.success_predictor, self.converter = data.success_predictor, data.converter
 
     def make_generator(self) -> TrajectoryGenerator:
         """The generator before its training, with the scale of the seeds."""
-        settings, arm, seeds = self.settings, self.data.constraints.arm, self.data.seeds
-        joints, harmonics, _ = self.data.trajectory.shape
+        settings, family, seeds = self.settings, self.data.trajectory, self.data.seeds
+        joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
-            network.start_from(scaling.image(seeds.double()))
-        limits = LimitLayer.of(arm, self.data.trajectory) if settings.limited else None
-        names = arm.name, arm.digest, self.name
-        return TrajectoryGenerator(network, scaling, self.data.trajectory, *names, limits)
+            network.start_from(scaling.image(seeds))
+        arm = self.data.constraints.arm
+        return TrajectoryGenerator(network, scaling, family, arm, self.name, settings.limited)
 
     @abstractmethod
     def losses(self) -> list[Loss]:
-        """Losses that the variant adds to those of every variant."""
-
-    def diversity(self) -> list[Loss]:
-        """Losses of every variant: a batch is as diverse as seeds, on the average and in directions."""
-        weights, floors = self.settings.weights, []
-        if weights.distance:
-            floors.append(Loss(weights.distance, missing_distance(self.data.seeds)))
-        if weights.rank:
-            floors.append(Loss(weights.rank, missing_rank(self.data.seeds, self.settings.batch)))
-        return floors
+        """Losses that the variant adds to those of every variant, with their weights at this moment."""
 
     @cached_property
-    def all_losses(self) -> list[Loss]:
-        """Losses of the generator, in the order in which they are summed."""
-        return [*self.losses(), *self.diversity()]
+    def floors(self) -> list[Loss]:
+        """Losses of every variant: a batch is as diverse as seeds, on the average and in directions."""
+        weights, seeds = self.settings.weights, self.data.seeds
+        distance, rank = missing_distance(seeds), missing_rank(seeds, self.settings.batch)
+        return [Loss(weights.distance, distance), Loss(weights.rank, rank)]
 
     @property
     def adversaries(self) -> list[Adversary]:
@@ -101,11 +92,11 @@ class SideGAN(pl.LightningModule):
 
     def forward(self, count: int) -> Batch:
         """So many new trajectories, as losses see them."""
-        generator = self.generator
-        images = generator.network.sample(count)
-        c = generator.coefficients(images)
-        changed = generator.limits is not None
-        return Batch(c, lambda: generator.scaling.image(c) if changed else images, self.convert)
+        images = self.generator.network.sample(count)
+        c = self.generator.coefficients(images)
+        if self.generator.limits is not None:
+            images = self.generator.scaling.image(c)
+        return Batch(c, images, self.convert)
 
     def convert(self, batch: Batch) -> Tensor:
         """Features that the converter predicts, (B, p)."""
@@ -118,9 +109,9 @@ class SideGAN(pl.LightningModule):
         generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
         for optimiser in critics:
             self._step(optimiser, self.adversary_loss(rows))
-        share = (self.current_epoch + index / self.steps) / self.settings.epochs
+        self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
         for _ in range(self.settings.generator_steps):
-            self._step(generator, self.generator_loss(len(rows), share))
+            self._step(generator, self.generator_loss(len(rows)))
 
     def adversary_loss(self, rows: Tensor) -> Tensor:
         """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""
@@ -128,11 +119,10 @@ class SideGAN(pl.LightningModule):
             fake = self(len(rows))
         return torch.stack([adversary.own_loss(rows, fake) for adversary in self.adversaries]).sum()
 
-    def generator_loss(self, count: int, share: float = 1.0) -> Tensor:
-        """Weighted sum of the losses on a new batch after a share of the training, 0-dimensional."""
-        batch = self(count)
-        weighted = [(one.weight * one.factor(self.current_epoch, share), one) for one in self.all_losses]
-        return torch.stack([weight * one.value(batch) for weight, one in weighted if weight]).sum()
+    def generator_loss(self, count: int) -> Tensor:
+        """Weighted sum of the losses on a new batch, 0-dimensional."""
+        batch, losses = self(count), [*self.losses(), *self.floors]
+        return torch.stack([weight * value(batch) for weight, value in losses if weight]).sum()
 
     def _step(self, adam: Any, loss: Tensor) -> None:
         """One step of an optimiser; a loss that is not a number ends the training before it does harm."""

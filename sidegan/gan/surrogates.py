@@ -22,7 +22,6 @@ _START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
 _NEAR = 0.05  # margin from which on an error counts less
 _CLASSIFICATION = 0.3  # weight of the valid/faulty loss beside the margins' loss
 _RATE, _PEAK_RATE = 2e-3, 3e-3
-_MEASURED = 500  # trajectories at once
 
 
 class Surrogate(pl.LightningModule):
@@ -35,11 +34,6 @@ class Surrogate(pl.LightningModule):
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _PEAK_RATE, total_steps=steps)
         return {"optimizer": optimiser, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
-    @torch.no_grad()
-    def outputs(self, c: Tensor) -> Tensor:
-        """Outputs for many trajectories, without gradient."""
-        return torch.cat([self(part) for part in c.float().split(_MEASURED)])
-
 
 class SuccessPredictor(Surrogate):
     """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
@@ -48,15 +42,12 @@ class SuccessPredictor(Surrogate):
     from the roll-out's last channels; torque, self-collision and keep-out margins are learned.
     """
 
-    def __init__(
-        self, arm: Arm, trajectory: Trajectory, constraints: int, width: int = 96, steps: int = 80
-    ) -> None:
+    def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int, steps: int) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
         learned = constraints - self.roll_out.linear
-        self.layers: nn.Sequential | None = None  # an arm may have nothing to learn about
-        if learned:
-            self.layers = _by_moment(self.roll_out.channels, width, width, width, learned)
+        layers = _ByMoment(self.roll_out.channels, width, width, width, learned) if learned else None
+        self.layers = layers  # an arm may have nothing to learn about
         self.log_gain = nn.Parameter(torch.full((constraints,), _START_GAIN))
         self.offset = nn.Parameter(torch.zeros(constraints))
 
@@ -86,9 +77,10 @@ class SuccessPredictor(Surrogate):
         cross_entropy = -torch.where(valid, log_valid, log_faulty).clamp_min(-10).mean()
         return (weight * (predicted - margins).abs()).mean() + _CLASSIFICATION * cross_entropy
 
+    @torch.no_grad()
     def accuracy(self, c: Tensor, valid: Tensor) -> float:
         """Share of trajectories whose label it predicts."""
-        return float(((self.outputs(c).exp() > 0.5) == valid).double().mean())
+        return float(((self(c.float()).exp() > 0.5) == valid).double().mean())
 
 
 class Converter(Surrogate):
@@ -97,14 +89,12 @@ class Converter(Surrogate):
     mean: Tensor
     spread: Tensor
 
-    def __init__(
-        self, arm: Arm, trajectory: Trajectory, features: int, width: int = 128, steps: int = 48
-    ) -> None:
+    def __init__(self, arm: Arm, trajectory: Trajectory, features: int, width: int, steps: int) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("spread", torch.ones(features))
         self.roll_out = RollOut(arm, trajectory, steps)
-        self.moments = _by_moment(self.roll_out.channels, width, width, width)
+        self.moments = _ByMoment(self.roll_out.channels, width, width, width)
         self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
         self.linear = nn.Linear(width, features)
 
@@ -119,9 +109,11 @@ class Converter(Surrogate):
         c, target = batch
         return nn.functional.smooth_l1_loss(self(c), target)
 
+    @torch.no_grad()
     def explained(self, c: Tensor, features: Tensor) -> Tensor:
         """Coefficient of determination R² of each standardised feature, (p,)."""
-        error, target = self.outputs(c) - self.standardise(features), self.standardise(features)
+        target = self.standardise(features)
+        error = self(c) - target
         return 1 - (error**2).mean(0) / target.var(0, unbiased=False).clamp_min(1e-12)
 
     def standardise(self, features: Tensor) -> Tensor:
@@ -145,7 +137,16 @@ def _logs(features: Tensor) -> Tensor:
 
 
 class _ByMoment(nn.Sequential):
-    """Convolutions of kernel one, as one product for all moments of all trajectories: twice as fast."""
+    """Layers that treat every time point alike, with a ReLU between two of them.
+
+    They are convolutions of kernel one, as one product for all moments of all trajectories: twice as fast.
+    """
+
+    def __init__(self, *channels: int) -> None:
+        layers: list[nn.Module] = []
+        for inputs, outputs in pairwise(channels):
+            layers += [nn.Conv1d(inputs, outputs, 1), nn.ReLU()]
+        super().__init__(*layers[:-1])
 
     def forward(self, x: Tensor) -> Tensor:
         """Channels (B, C, T), of others (B, C', T)."""
@@ -156,11 +157,3 @@ class _ByMoment(nn.Sequential):
             else:
                 y = layer(y)
         return y.unflatten(1, (len(x), -1)).transpose(0, 1)
-
-
-def _by_moment(*channels: int) -> nn.Sequential:
-    """Layers that treat every time point alike, with a ReLU between two of them."""
-    layers: list[nn.Module] = []
-    for inputs, outputs in pairwise(channels):
-        layers += [nn.Conv1d(inputs, outputs, 1), nn.ReLU()]
-    return _ByMoment(*layers[:-1])

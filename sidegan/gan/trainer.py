@@ -13,11 +13,9 @@ from pytorch_lightning.callbacks import ModelCheckpoint
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch
-from sidegan.errors import ArtifactError
+from sidegan.base.storage import readable
 
-log = logging.getLogger(__name__)
-
+_REPORTED = 20  # steps between two reports of progress
 _LAST = "last"  # checkpoint
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
@@ -58,25 +56,14 @@ def fit(
             enable_model_summary=False,
             default_root_dir=work,
         )
-        last = None if work is None else _whole(work / f"{_LAST}.ckpt")
+        last = None if work is None else work / f"{_LAST}.ckpt"
+        known = last if last is not None and readable(last) else None
         try:
-            trainer.fit(module, batches, ckpt_path=last, weights_only=True)
+            trainer.fit(module, batches, ckpt_path=known, weights_only=True)
         except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
     module.cpu()
-
-
-def _whole(path: Path) -> Path | None:
-    """The checkpoint to go on from; None when there is none, or it is damaged."""
-    if not path.exists():
-        return None
-    try:
-        read_torch(path)
-    except ArtifactError as error:
-        log.warning("%s: the training begins anew", error)
-        return None
-    return path
 
 
 class Shuffled:
@@ -97,11 +84,11 @@ class Shuffled:
 class Progress(pl.Callback):
     """Tells every few steps, and at the end, how many of all are done."""
 
-    def __init__(self, report: Report, total: int, every: int = 1) -> None:
-        self.report, self.total, self.every = report, total, every
+    def __init__(self, report: Report, total: int) -> None:
+        self.report, self.total = report, total
 
     def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
         """Tell, where it is time to."""
         done = trainer.global_step
-        if done % self.every == 0 or done == self.total:
+        if done % _REPORTED == 0 or done == self.total:
             self.report(done, self.total)

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import pytorch_lightning as pl
 import torch
@@ -34,7 +33,7 @@ class Trained:
     generator: TrajectoryGenerator
     history: list[dict[str, float]]
     epoch: int  # index in the history of the one whose generator this is
-    samples: Tensor | None = None  # images drawn after every epoch, (E · n, 2, …); None where none were
+    samples: Tensor  # images drawn after every epoch, (E · n, 2, …)
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class Run:
     name: str  # of the variant, for files and messages
     seed: int  # of weights, noise and batches
     work: Path  # folder of the checkpoint from which an interrupted training goes on
-    evaluation: int = 200  # trajectories whose true physics is measured after every epoch; 0: none
+    evaluation: int = 200  # trajectories whose true physics is measured after every epoch
     samples: int = 0  # trajectories drawn after every epoch, for surrogates to learn from
     device: str = "cpu"  # where the networks run
     progress: Report = lambda done, total: None  # of epochs
@@ -64,54 +63,40 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     model = VARIANTS[settings.variant](settings, data, run.name)
     rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
-    measured = Measured(run)
     batches = DataLoader(rows, settings.batch, sampler=order)
-    fit(model, batches, settings.epochs, [measured], run.work, run.device)
-    kept = kept_epoch(measured.history, settings.least_valid)
-    model.generator.network.load_state_dict(read_torch(_left(run, kept))["weights"])
-    samples = None
-    if run.samples:
-        samples = torch.cat([read_torch(_left(run, i))["samples"] for i in range(settings.epochs)])
-    return Trained(model.generator.eval(), measured.history, kept, samples)
+    fit(model, batches, settings.epochs, [Measured(run)], run.work, run.device)
+    files = [_left(run, epoch) for epoch in range(settings.epochs)]
+    history = [read_torch(file)["metrics"] for file in files]
+    kept = kept_epoch(history, settings.least_valid)
+    model.generator.network.load_state_dict(read_torch(files[kept])["weights"])
+    samples = torch.cat([read_torch(file)["samples"] for file in files])
+    return Trained(model.generator.eval(), history, kept, samples)
 
 
 def _left(run: Run, epoch: int) -> Path:
-    """File of the generator's weights after an epoch, and of what was drawn then."""
+    """File of the generator's weights after an epoch, of its metrics, and of what was drawn then."""
     return run.work / f"epoch-{epoch}.pt"
 
 
 class Measured(pl.Callback):
-    """True physics of what a generator makes after every epoch; its weights then are left in a file."""
+    """True physics of what a generator makes after every epoch, left in a file with its weights then."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        self.history: list[dict[str, float]] = []
 
     @torch.no_grad()
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Measure, before Lightning saves its checkpoint."""
         run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
-        c = generator.sample(max(2, run.evaluation), noise)
+        c = generator.sample(run.evaluation, noise)
         if not torch.isfinite(c).all():
             pl_module.stop("not a number")
-        left: dict[str, Any] = {"weights": generator.network.state_dict()}
-        if run.samples:
-            left["samples"] = generator.network.sample(run.samples, noise).cpu()
+        metrics = measure(pl_module.data.constraints, pl_module.data.trajectory, c)
+        samples = generator.network.sample(max(1, run.samples), noise)[: run.samples].cpu()
+        left = {"weights": generator.network.state_dict(), "metrics": metrics, "samples": samples}
         write_torch(_left(run, epoch), left)
-        data = pl_module.data
-        metrics = measure(data.constraints, data.trajectory, c) if run.evaluation else {}
-        pl_module.log_dict(metrics)  # for loggers and other callbacks
-        self.history.append(metrics)
         run.progress(epoch + 1, trainer.max_epochs or 0)
-
-    def state_dict(self) -> dict[str, Any]:
-        """Metrics so far, for Lightning's checkpoint."""
-        return {"history": self.history}
-
-    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Go on with the metrics of a checkpoint."""
-        self.history = state_dict["history"]
 
 
 def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:

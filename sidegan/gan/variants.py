@@ -1,23 +1,30 @@
-"""The variants of SIDE-GAN by the losses that they add."""
+"""The variants of SIDE-GAN by the losses that they add: ours, then those that the paper's authors published.
 
+The latter are written by the facts of the code that accompanies Jegorova et al. 2020
+(``seeds.published.REPOSITORY``); where that and the text differ, by the code.
+"""
+
+import torch
+from torch import Tensor, nn
+
+from sidegan.design import physics
 from sidegan.design.excitation import excitation_of
+from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.gan.losses import (
-    Adversary,
-    Loss,
-    eased,
-    from_epoch,
-    log_ratio,
-    objective,
-    predicted_failure,
-    violation,
-)
+from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.losses import Adversary, Batch, Loss
 from sidegan.gan.networks import Discriminator
-from sidegan.gan.published import PublishedDiagonal, PublishedEigen, PublishedVanilla
+from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.motion.dynamics import gram
+from sidegan.seeds.published import Layout
+
+_EASE, _EASED = 0.1, 0.67  # share from which the weight of violations grows, and of a training over which
+_CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
+_GROWTH = 0.06  # of the published weight of success, per epoch from that on in which fitness counts
+_TINY = 1e-12
 
 
 class Vanilla(SideGAN):
@@ -25,9 +32,12 @@ class Vanilla(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
-        images = self.generator.scaling.image(data.seeds.float())
-        network = Discriminator(images[0].numel(), settings.width)
-        self.discriminator = Adversary(network, images, lambda batch: batch.images)
+        images = self.generator.scaling.image(data.seeds)
+        self.discriminator = Adversary(self.make_critic(images), images, lambda batch: batch.images)
+
+    def make_critic(self, examples: Tensor) -> nn.Module:
+        """An untrained discriminator that tells whether something is one of the examples (N, …)."""
+        return Discriminator(examples[0].numel(), self.settings.width)
 
     def losses(self) -> list[Loss]:
         """The adversarial loss."""
@@ -39,21 +49,36 @@ class Eigen(Vanilla):
 
     def __init__(self, settings: Variant, data: Data, name: str = "eigen") -> None:
         super().__init__(settings, data, name)
-        body, trajectory = data.constraints.body, data.trajectory
-        true = getattr(excitation_of(body, gram(body, trajectory, data.seeds)), str(settings.features))
-        features = self.converter.standardise(true)
-        network = Discriminator(features.shape[1], settings.width)
-        self.second_discriminator = Adversary(network, features, lambda batch: batch.features)
+        if data.success_predictor is None or data.converter is None:
+            raise ConfigError(f"{name} needs a success predictor and a converter to {settings.features}")
+        features = self.seeds_features()
+        critic = self.make_critic(features)
+        self.second_discriminator = Adversary(critic, features, lambda batch: batch.features)
+
+    def seeds_features(self) -> Tensor:
+        """Features of the seeds, (N, p): the true ones, standardised as the converter's are."""
+        body = self.data.constraints.body
+        excitation = excitation_of(body, gram(body, self.data.trajectory, self.data.seeds))
+        return self.converter.standardise(getattr(excitation, str(self.settings.features)))
 
     def losses(self) -> list[Loss]:
         """The vanilla GAN's, failure by the success predictor, the second discriminator, and fitness."""
-        weights, start = self.settings.weights, self.settings.fitness_start
+        weights, fit = self.settings.weights, self.current_epoch >= self.settings.fitness_start
         return [
             *super().losses(),
-            Loss(weights.success, predicted_failure(self.success_predictor)),
+            Loss(weights.success, self.failure),
             Loss(weights.features, self.second_discriminator),
-            Loss(weights.fitness, log_ratio(self.converter.log_features), from_epoch(start)),
+            Loss(weights.fitness * fit, self.fitness),
         ]
+
+    def failure(self, batch: Batch) -> Tensor:
+        """Minus the mean log probability of being valid."""
+        return -self.success_predictor(batch.coefficients).mean()
+
+    def fitness(self, batch: Batch) -> Tensor:
+        """Mean log ratio of the largest to the smallest predicted feature."""
+        logs = self.converter.log_features(batch.features)
+        return (logs.amax(1) - logs.amin(1)).mean()
 
 
 class Diagonal(Eigen):
@@ -66,16 +91,93 @@ class Exact(SideGAN):
     The seeds of its data are random trajectories, of which it has scale and diversity.
     """
 
+    def __init__(self, settings: Variant, data: Data, name: str = "exact") -> None:
+        super().__init__(settings, data, name)
+        if settings.exact is None:
+            raise ConfigError(f"{name} needs settings exact")
+        self.exact = settings.exact
+        self.problem = Problem(data.constraints, data.trajectory, self.exact.samples)
+        # The limits on motion hold by the generator's last layer.
+        reserve = self.exact.reserve
+        self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
+
     def losses(self) -> list[Loss]:
-        """Violation of the constraints, and exact objectives."""
-        weights, exact = self.settings.weights, self.settings.exact
-        if exact is None:
-            raise ConfigError(f"{self.name} needs settings exact")
-        problem = Problem(self.data.constraints, self.data.trajectory, exact.samples)
-        return [
-            Loss(weights.success, violation(problem, exact.reserve), eased(exact.ease)),
-            Loss(weights.fitness, objective(problem, exact.terms.values())),
-        ]
+        """Violation of the constraints, whose weight grows geometrically, and exact objectives."""
+        weights, ease = self.settings.weights, _EASE ** (1 - min(1.0, self.share / _EASED))
+        return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.objective)]
+
+    def violation(self, batch: Batch) -> Tensor:
+        """Mean squared relative violation of the constraints, with a reserve."""
+        c = batch.coefficients
+        return physics.violation(self.problem, c, self.penalty).to(c).mean()
+
+    def objective(self, batch: Batch) -> Tensor:
+        """Sum of the objectives; the smaller, the better."""
+        c = batch.coefficients
+        return torch.stack([term(self.problem, c) for term in self.exact.terms.values()]).sum().to(c)
+
+
+class PublishedVanilla(Vanilla):
+    """The authors' vanilla GAN: convolutions of scrambled images."""
+
+    def make_generator(self) -> TrajectoryGenerator:
+        """The authors' generator of scrambled images."""
+        settings, family = self.settings, self.data.trajectory
+        layout = Layout(family.joints, family.harmonics)
+        if layout.shape != IMAGE:
+            raise ConfigError(
+                f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
+                f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
+            )
+        network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
+        arm = self.data.constraints.arm
+        return TrajectoryGenerator(network, layout, family, arm, self.name, settings.limited)
+
+    def make_critic(self, examples: Tensor) -> nn.Module:
+        """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""
+        return ConvolutionalDiscriminator(examples.shape[1:], self.settings.width)
+
+
+class PublishedEigen(PublishedVanilla, Eigen):
+    """The authors' variant for the eigenvalues of YᵀY; their surrogates see images."""
+
+    def seeds_features(self) -> Tensor:
+        """Features of the seeds, (N, p): what the converter says of them, not the true ones."""
+        with torch.no_grad():
+            return self.converter(self.generator.scaling.image(self.data.seeds))
+
+    def convert(self, batch: Batch) -> Tensor:
+        """Features that the converter predicts from images, (B, p)."""
+        return self.converter(batch.images)
+
+    def losses(self) -> list[Loss]:
+        """Losses of ``Eigen``; from the first epoch in which fitness counts, the weight of success grows."""
+        adversarial, success, features, fitness = super().losses()
+        growth = 1 + _GROWTH * max(0, self.current_epoch - self.settings.fitness_start)
+        return [adversarial, Loss(success.weight * growth, self.failure), features, fitness]
+
+    def failure(self, batch: Batch) -> Tensor:
+        """One minus the mean probability of being valid."""
+        return 1 - self.success_predictor(batch.images).sigmoid().mean()
+
+    def fitness(self, batch: Batch) -> Tensor:
+        """Measure of the predicted features that ``settings.Published`` chooses."""
+        published = self.settings.published
+        return unevenness(batch.features, "entropy" if published is None else published.fitness)
+
+
+class PublishedDiagonal(PublishedEigen):
+    """The authors' variant for the diagonal of YᵀY."""
+
+
+def unevenness(features: Tensor, kind: str) -> Tensor:
+    """Fitness loss of predicted features (B, p), 0-dimensional; ``kind`` as in ``settings.Published``."""
+    x = features.clamp_min(_TINY)
+    if kind == "ratio":
+        return (x.amax(1) / x.amin(1)).mean()
+    share = x / x.sum(1, keepdim=True)
+    entropy = -(share * share.log()).sum(1).mean()
+    return entropy if kind == "entropy" else -entropy
 
 
 VARIANTS: dict[str, type[SideGAN]] = {

@@ -9,7 +9,6 @@ from pydantic import Field
 from sidegan.base.typed import Count, Natural, Number, Part, Positive, Seconds, Size
 from sidegan.errors import ConfigError
 from sidegan.identification import Terms
-from sidegan.plant.friction import Form
 from sidegan.plant.recorded import Sensors
 from sidegan.plant.varied import VariedSettings
 from sidegan.robot import Setup
@@ -33,7 +32,6 @@ class Plants:
     count: Count
     plant: VariedSettings
     sensors: Sensors
-    friction: Form  # which the model lacks
     model: Terms  # beside the rigid bodies
 
 

@@ -19,7 +19,7 @@ from sidegan.design.selection import Selection
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
 from sidegan.gan import Variant
-from sidegan.gan.settings import SurrogateSettings
+from sidegan.gan.settings import Surrogates
 from sidegan.identification import (
     EstimationSettings,
     GoalSettings,
@@ -91,7 +91,7 @@ class Config:
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
-    surrogates: SurrogateSettings = _group("surrogates")
+    surrogates: Surrogates = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
     evaluation: Count = _group("evaluation")  # trajectories per epoch whose true physics is measured

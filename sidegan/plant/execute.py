@@ -1,4 +1,4 @@
-"""Execution of a motion: servos, physics and sensors."""
+"""Execution of a motion: servos and physics."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,7 +12,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import PlantSettings
-from sidegan.robot import Arm, require_consistent
+from sidegan.robot import Arm
 from sidegan.robot.mujoco_log import mujoco_logged
 
 if TYPE_CHECKING:
@@ -39,19 +39,11 @@ class Plant:
 
     Args:
         arm: the arm; its torque limits, where it has any, are the drives'.
-        settings: friction, drives, servos and sensors.
-
-    Raises:
-        RobotError: when a link is not physically consistent (each is named), or MuJoCo refuses the arm.
-        ConfigError: when the settings do not fit the arm.
+        settings: friction, drives and servos.
     """
 
     def __init__(self, arm: Arm, settings: PlantSettings) -> None:
-        require_consistent(arm)
         self.arm, self.settings, self.body = arm, settings, RigidBody(arm)
-        for name, values in vars(settings).items():
-            if isinstance(values, list):
-                self._each(name)  # refuses what does not fit the arm
 
     @cached_property
     def gains(self) -> tuple[Tensor, Tensor]:
@@ -68,24 +60,24 @@ class Plant:
         """MuJoCo's model with servos."""
         return mujoco_model(self.arm, self.settings, *self.gains)
 
-    def execute(self, motion: Motion, seed: int | np.random.SeedSequence) -> Executed:
-        """Sensors' signals of a motion, or of several executed one after another.
+    def execute(self, motion: Motion, seed: int | np.random.SeedSequence, noise: float) -> Executed:
+        """Signals of a motion as in ``follow``, with Gaussian noise on torques of this deviation [N·m]."""
+        true = self.follow(motion)
+        draw = np.random.default_rng(seed).standard_normal(true.torque.shape)
+        return true._replace(torque=true.torque + noise * torch.from_numpy(draw))
+
+    def follow(self, motion: Motion) -> Executed:
+        """True signals of a motion, or of several executed one after another.
 
         Args:
             motion: states (B, T, J) at the plant's rate (``Trajectory.times(settings.rate)``); with
                 B > 1, motions that begin and end at rest at one position.
-            seed: of the sensors' noise.
 
         Raises:
             ShapeError: when the motion does not fit the arm or the rate, or is not finite.
+            RobotError: when a link is not physically consistent (each is named), or MuJoCo refuses the arm.
+            ConfigError: when the settings do not fit the arm.
             InfeasibleError: when a joint does not follow.
-        """
-        return self._sensed(self.follow(motion), seed)
-
-    def follow(self, motion: Motion) -> Executed:
-        """True signals of a motion that is executed, without the sensors' errors.
-
-        Arguments and errors are those of ``execute``.
         """
         self._check(motion)
         if len(motion.position) > 1:
@@ -131,16 +123,6 @@ class Plant:
         """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
         rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
         return self.settings.feed_forward * rigid
-
-    def _sensed(self, true: Executed, seed: int | np.random.SeedSequence) -> Executed:
-        """Signals as encoders and torque sensors have them; speeds are differences of encoder readings."""
-        time, position, velocity, torque = true
-        resolution = self._each("encoder_resolution")
-        read = torch.where(resolution > 0, (position / resolution).round() * resolution, position)
-        speed = torch.where(resolution > 0, torch.gradient(read, dim=0)[0] * self.settings.rate, velocity)
-        draw = torch.from_numpy(np.random.default_rng(seed).standard_normal(torque.shape))
-        noisy = torque + self._each("torque_bias") + self._each("torque_noise") * draw
-        return Executed(time, read, speed, noisy)
 
     def _check(self, motion: Motion) -> None:
         joints, rate = self.arm.joints, self.settings.rate

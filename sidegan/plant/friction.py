@@ -4,7 +4,6 @@ The law differs in form from the smooth basis with which ``identification.lackin
 """
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from sidegan.base.typed import NonNegative, Positive, Share
 
 Array = NDArray[np.float64]
-Form = Literal["linear", "eyring"]
 
 
 @dataclass(frozen=True)
@@ -33,13 +31,11 @@ class FrictionSettings:
 class Law:
     """Friction of the joints of one plant; every vector is (J,).
 
-    The form is ``linear`` (Coulomb and viscous alone, which a model has) or ``eyring`` (Hess and Soom's curve
-    near rest, shear-thinning lubricant, saturating load dependence).
+    Hess and Soom's curve near rest, a shear-thinning lubricant (Eyring's), saturating load dependence.
 
     Source: Hess, Soom 1990; Olsson et al. 1998.
     """
 
-    form: Form
     settings: FrictionSettings
     scale: Array  # torque of the joints [N·m or N]
     coulomb: Array  # [N·m or N]
@@ -50,7 +46,7 @@ class Law:
 
     @classmethod
     def drawn(
-        cls, form: Form, settings: FrictionSettings, scale: Array, top: Array, random: np.random.Generator
+        cls, settings: FrictionSettings, scale: Array, top: Array, random: np.random.Generator
     ) -> "Law":
         """Friction of one plant whose joints have a torque of this scale and a top speed."""
         joints = len(scale)
@@ -58,16 +54,10 @@ class Law:
         viscous = coulomb / top * random.uniform(*settings.viscous, joints)
         speed = random.uniform(0.02, 0.08, joints) * top
         phase, skew = random.uniform(0, 2 * np.pi, (3, joints)), random.uniform(-1, 1, joints)
-        return cls(form, settings, scale, coulomb, viscous, speed, phase, skew)
-
-    def linear(self, dq: Array) -> Array:
-        """The part that is linear in its parameters, (…, J)."""
-        return self.coulomb * np.tanh(dq / self.settings.width) + self.viscous * dq
+        return cls(settings, scale, coulomb, viscous, speed, phase, skew)
 
     def __call__(self, q: Array, dq: Array, load: Array) -> Array:
         """Friction [N·m or N] against the motion, (…, J), with transmitted torques ``load``."""
-        if self.form == "linear":
-            return self.linear(dq)
         s, size, share = np.tanh(dq / self.settings.width), self.settings, load / self.scale
         rest, thin = 1 / (1 + (dq / self.speed) ** 2), 6 * self.speed
         loaded = load**2 / (np.abs(load) + 0.5 * self.scale) * (1 + 0.3 * s * np.tanh(share))

@@ -38,9 +38,10 @@ def mujoco_model(
     import mujoco
 
     require_consistent(arm)
+    text = _mjcf(arm, settings, stiffness, damping)
     try:
         with mujoco_logged(arm.name):
-            return mujoco.MjModel.from_xml_string(_mjcf(arm, settings, stiffness, damping))
+            return mujoco.MjModel.from_xml_string(text)
     except ValueError as error:
         raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
 

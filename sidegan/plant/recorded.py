@@ -31,17 +31,12 @@ def recorded(
 ) -> list[Tensor]:
     """Positions, velocities, accelerations and torques of trajectories, (n, S, J) each.
 
-    Args:
-        plant: who executes them.
-        family: of the trajectories.
-        coefficients: [rad/s], (n, J, H, 2).
-        sensors: what is recorded.
-        random: of the noise on torques; None for none.
+    Coefficients are (n, J, H, 2) [rad/s]; torques have noise where there are random numbers for it.
     """
     rate = plant.settings.rate
     clock = torch.arange(round(family.period * rate), dtype=torch.float64) / rate
     signals = plant.follow(family.roll_out(coefficients, clock))
-    states = _filtered(signals.position, signals.torque, rate, sensors)
+    states = _filtered(*signals, rate, sensors)
     if random is not None:
         states[3] = states[3] + torch.stack([_noise(x, plant.scale, sensors, random) for x in states[3]])
     return states

@@ -1,17 +1,17 @@
-"""Settings of the plant: friction, drives, servos and sensors."""
+"""Settings of the plant: friction, drives and servos."""
 
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Hertz, NonNegative, Number, Positive, Share
+from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 
 
 @dataclass(frozen=True)
 class PlantSettings:
-    """Friction, drives, servos and sensors; a list holds a value per joint, or one for all joints.
+    """Friction, drives and servos; a list holds a value per joint, or one for all joints.
 
     The units are those of revolute joints; for prismatic ones read N for N·m, m for rad and kg for kg·m².
     """
@@ -24,9 +24,6 @@ class PlantSettings:
     damping_ratio: list[Positive]  # of the position servo
     feed_forward: Share  # share of the inverse dynamics that the controller adds; it knows no friction
     tolerance: Positive  # [rad] off the reference at which the execution has failed
-    encoder_resolution: list[NonNegative]  # [rad]
-    torque_noise: list[NonNegative]  # standard deviation [N·m]
-    torque_bias: list[Number]  # [N·m]
 
     def of(self, name: str, joints: int) -> Tensor:
         """One setting as a value per joint, (J,), float64.
@@ -42,7 +39,7 @@ class PlantSettings:
         return torch.tensor(values, dtype=torch.float64).expand(joints)
 
 
-IDEAL = PlantSettings(  # no friction, perfect sensors, and a controller that knows the arm
+IDEAL = PlantSettings(  # no friction, and a controller that knows the arm
     rate=1000.0,
     viscous=[0.0],
     coulomb=[0.0],
@@ -51,7 +48,4 @@ IDEAL = PlantSettings(  # no friction, perfect sensors, and a controller that kn
     damping_ratio=[1.0],
     feed_forward=1.0,
     tolerance=0.1,
-    encoder_resolution=[0.0],
-    torque_noise=[0.0],
-    torque_bias=[0.0],
 )

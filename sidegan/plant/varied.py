@@ -6,9 +6,10 @@ description says, the servos feed forward what the description says, and frictio
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 import torch
 
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
@@ -16,10 +17,10 @@ from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
-from sidegan.plant.friction import Array, Form, FrictionSettings, Law
+from sidegan.plant.friction import Array, FrictionSettings, Law
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
-from sidegan.robot import Arm, require_consistent
+from sidegan.robot import Arm
 from sidegan.robot.mujoco_log import mujoco_logged
 
 if TYPE_CHECKING:
@@ -48,15 +49,6 @@ class VariedSettings:
     delay: NonNegative  # of torques behind positions [s]
 
 
-class Signals(NamedTuple):
-    """Signals of a plant, at its rate, (B, T, J) each: SI units."""
-
-    position: Array  # as encoders at the motors see it
-    torque: Array  # of the motors, as measured, without noise
-    friction: Array  # of that, friction
-    link: Array  # position of the links themselves
-
-
 def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
     """Root mean square rigid torque of each joint over random states, (J,), not below a share of the largest.
 
@@ -72,14 +64,9 @@ def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
 
 
 class VariedPlant:
-    """One plant, drawn from a seed; its friction follows ``form``.
+    """One plant, drawn from a seed."""
 
-    Raises:
-        RobotError: when a link is not physically consistent, or MuJoCo refuses the arm.
-    """
-
-    def __init__(self, arm: Arm, settings: VariedSettings, form: Form, seed: np.random.SeedSequence) -> None:
-        require_consistent(arm)
+    def __init__(self, arm: Arm, settings: VariedSettings, seed: np.random.SeedSequence) -> None:
         self.arm, self.settings = arm, settings
         self.body = RigidBody(arm)
         self.scale = torque_scale(self.body, settings.floor)
@@ -89,7 +76,7 @@ class VariedPlant:
         own[-1] += torch.from_numpy(_tool(random, settings.tool))
         self.true = replace(arm, inertial_parameters=own)
         top = arm.velocity_limit.numpy()
-        self.law = Law.drawn(form, settings.friction, self.scale, top, random)
+        self.law = Law.drawn(settings.friction, self.scale, top, random)
         largest = Plant(arm, IDEAL).largest_inertia().numpy()
         steep = (1 + settings.friction.stribeck + settings.friction.asymmetry) * self.law.coulomb
         slope = steep / settings.friction.width + self.law.viscous
@@ -109,27 +96,19 @@ class VariedPlant:
             model.opt.disableflags |= int(getattr(mjtDisableBit, f"mjDSBL_{unused}"))
         return model
 
-    def feed_forward(self, motion: Motion) -> Array:
-        """Torque of the controller's model, (B, T, J): the description's, without friction."""
-        shape = motion.position.shape
-        states = [x.reshape(-1, shape[2]).split(16_384) for x in motion[1:]]
-        return torch.cat([self.body.torque(*part) for part in zip(*states)]).reshape(shape).numpy()
+    def follow(self, motion: Motion) -> tuple[Array, Array]:
+        """Positions as the encoders see them and motor torques without noise, (B, T, J), along B motions.
 
-    def follow(self, motion: Motion, feed_forward: Array | None = None) -> Signals:
-        """Signals of the plant along B motions at its rate, each from rest, (B, T, J).
-
-        Args:
-            motion: the references, at the plant's rate.
-            feed_forward: that of ``feed_forward``, where it is known already.
+        Each begins at rest; the controller feeds forward the description's torques, without friction.
 
         Raises:
             ShapeError: when the motion is not at the plant's rate.
+            RobotError: when a link is not physically consistent, or MuJoCo refuses the arm.
             InfeasibleError: when a joint does not follow.
         """
         if abs(float(motion.time[1] - motion.time[0]) * self.settings.rate - 1) > 1e-3:
             raise ShapeError(f"the motion is not at the plant's {self.settings.rate:g} Hz")
-        ahead = self.feed_forward(motion) if feed_forward is None else feed_forward
-        ahead = ahead + self.rotor * motion.acceleration.numpy()
+        ahead = self.body.torque(*motion[1:]).numpy() + self.rotor * motion.acceleration.numpy()
         q, torque, friction = self._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
         late = np.abs(q - motion.position.numpy()).max((0, 1)) if np.isfinite(q).all() else [np.inf]
         if max(late) > self.settings.tolerance:
@@ -162,16 +141,15 @@ class VariedPlant:
                     mj_step(self.model, machine)
         return out[0], out[1], out[2]
 
-    def _sensed(self, q: Array, torque: Array, friction: Array) -> Signals:
-        """Signals of encoders at the motors and of torque sensors, without noise."""
-        if self.law.form == "linear":
-            return Signals(_rounded(q, self.settings.encoder), torque, friction, q)
+    def _sensed(self, q: Array, torque: Array, friction: Array) -> tuple[Array, Array]:
+        """Positions of encoders at the motors, and torques of sensors."""
         acceleration = np.gradient(np.gradient(q, axis=1), axis=1) * self.settings.rate**2
         load = (torque - friction - self.rotor * acceleration) / self.scale
         seen = q + self.settings.compliance * load + self.settings.backlash / 2 * np.tanh(20 * load)
         seen = _rounded(seen, self.settings.encoder)
-        torque, friction = (_later(x, self.settings.delay * self.settings.rate) for x in (torque, friction))
-        return Signals(seen, _rounded(torque, self.settings.resolution * self.scale), friction, q)
+        late = 0, self.settings.delay * self.settings.rate, 0  # samples, in between linearly
+        torque = scipy.ndimage.shift(torque, late, order=1, mode="nearest")
+        return seen, _rounded(torque, self.settings.resolution * self.scale)
 
 
 def _tool(random: np.random.Generator, most: float) -> Array:
@@ -185,13 +163,3 @@ def _tool(random: np.random.Generator, most: float) -> Array:
 
 def _rounded(x: Array, step: Array | float) -> Array:
     return np.round(x / step) * step if np.all(step) else x
-
-
-def _later(x: Array, steps: float) -> Array:
-    """Signals (B, T, J) that come so many steps later, in between linearly."""
-    if not steps:
-        return x
-    whole, share = int(steps), steps - int(steps)
-    padded = np.concatenate([np.repeat(x[:, :1], whole + 1, 1), x], 1)
-    late = padded[:, 1 : x.shape[1] + 1]
-    return (1 - share) * late + share * padded[:, : x.shape[1]] if share else late

@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.seeds.result import SeedBatch, collect
+from sidegan.seeds.result import Optimiser
 
 
 @dataclass(frozen=True)
-class Gradient:
+class Gradient(Optimiser):
     """L-BFGS on the log condition number in natural coordinates, with penalties for violations.
 
     Example: ``Gradient(200, 5, reserve=0.2).optimise(problem, 100, np.random.SeedSequence(0))``.
@@ -23,18 +23,11 @@ class Gradient:
     # easier a generator trained on them stays valid, and the worse they are conditioned
     reserve: float
 
-    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
-        """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+        """Candidates [rad/s], (count, J, H, 2), by as many descents."""
         from sidegan.design.goal import Goal
         from sidegan.design.search import Descent  # compiled: imported when it is used
 
-        goal = Goal("diagonal" if problem.diagonal else "condition")
-        descent = Descent(problem, goal, self.reserve)
-
-        def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
-            random = torch.Generator().manual_seed(int(source.generate_state(1, np.uint64)[0] >> 1))
-            return torch.stack(
-                [descent.run(descent.start(random, reach), self.steps) for _ in range(missing)]
-            )
-
-        return collect(problem, count, seed, self.attempts, propose)
+        descent = Descent(problem, Goal("diagonal" if problem.diagonal else "condition"), self.reserve)
+        random = torch.Generator().manual_seed(int(source.generate_state(1, np.uint64)[0] >> 1))
+        return torch.stack([descent.run(descent.start(random, reach), self.steps) for _ in range(count)])

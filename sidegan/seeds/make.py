@@ -4,7 +4,6 @@ import time
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -12,17 +11,10 @@ from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.base.storage import read_torch, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
-from sidegan.seeds.result import SeedBatch
+from sidegan.seeds.result import Optimiser, SeedBatch
 
 _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
 _SPARE_STARTS = 4  # of a long trajectory, for each that is set, while none is valid
-
-
-class Method(Protocol):
-    """An optimiser of seeds."""
-
-    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
-        """Up to ``count`` valid seeds."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +27,14 @@ class Tasks:
     workers: int | None = None  # processes; None: one per core
 
 
-def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random.SeedSequence) -> SeedBatch:
+def make_seeds(
+    problem: Problem, method: Optimiser, tasks: Tasks, random: np.random.SeedSequence
+) -> SeedBatch:
     """``tasks.count`` valid seeds.
 
     Raises:
         InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
     """
-    problem.constraints.refuse_home(problem.trajectory.home or ())
     tasks.work.mkdir(parents=True, exist_ok=True)
     batches: list[SeedBatch] = []
     for _ in range(1 + _SPARE_ROUNDS):
@@ -61,7 +54,7 @@ def make_seeds(problem: Problem, method: Method, tasks: Tasks, random: np.random
 
 
 def _task(
-    problem: Problem, method: Method, count: int, seed: np.random.SeedSequence, path: Path, report: Report
+    problem: Problem, method: Optimiser, count: int, seed: np.random.SeedSequence, path: Path, report: Report
 ) -> SeedBatch:
     try:
         batch = SeedBatch(**read_torch(path))
@@ -73,16 +66,11 @@ def _task(
 
 
 def make_long(
-    problem: Problem, method: Method, starts: int, random: np.random.SeedSequence, progress: Report
+    problem: Problem, method: Optimiser, starts: int, random: np.random.SeedSequence, progress: Report
 ) -> SeedBatch:
     """One long trajectory, the best of some starts; of more, up to a bound, while none is valid.
 
-    Args:
-        problem: of the long trajectory.
-        method: the optimiser of the seeds that it is compared with, with one start.
-        starts: how many.
-        random: a source of random numbers, of which each start has its own.
-        progress: receives (done, starts).
+    The method has one attempt; each start has random numbers of its own.
 
     Raises:
         InfeasibleError: when no start becomes valid.

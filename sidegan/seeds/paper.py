@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.seeds.result import SeedBatch, collect
+from sidegan.seeds.result import Optimiser
 
 if TYPE_CHECKING:
     import pygmo
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 _DISTANCE = 1.0  # [m] clearance that counts like a whole limit
 # First and last step of the compass search, as shares of the box; read from the authors' seeds.
 _COMPASS_STEP, _COMPASS_STOP = 0.5, 0.2
-_WHOLE = 1.0  # seeds are valid as they are found, or given up
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
 
@@ -65,7 +64,7 @@ class ConditionProblem:
 
 
 @dataclass(frozen=True)
-class Paper:
+class Paper(Optimiser):
     """Ant colony, then compass search, one trajectory after the other."""
 
     generations: int  # of the colony
@@ -74,14 +73,12 @@ class Paper:
     box: float  # largest absolute coefficient [rad/s]
     attempts: int  # most starts per seed
 
-    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
-        """Up to ``count`` seeds, (n, J, H, 2) [rad/s]; see ``collect``."""
+    smallest = 1.0  # seeds are valid as they are found, or given up
+
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+        """Candidates [rad/s], (count, J, H, 2), by as many searches from the whole box."""
         udp = ConditionProblem(problem, self.box)
-
-        def propose(missing: int, reach: float, source: np.random.SeedSequence) -> Tensor:
-            return torch.cat([self._search(udp, child) for child in source.spawn(missing)])
-
-        return collect(problem, count, seed, self.attempts, propose, _WHOLE)
+        return torch.cat([self._search(udp, child) for child in source.spawn(count)])
 
     def _search(self, udp: ConditionProblem, source: np.random.SeedSequence) -> Tensor:
         import pygmo as pg

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.storage import reading
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 
@@ -42,9 +43,9 @@ class Layout:
         return 2, self.harmonics + 1, self.joints
 
     def image(self, c: Tensor) -> Tensor:
-        """Images (B, 2, H + 1, J) of coefficients [rad/s], (B, J, H, 2)."""
+        """Images (B, 2, H + 1, J) float32 of coefficients [rad/s], (B, J, H, 2)."""
         rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
-        return torch.cat([rows, rows[:, :, :1]], 2)
+        return torch.cat([rows, rows[:, :, :1]], 2).float()
 
     def coefficients(self, image: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), whose last row is ignored."""
@@ -63,6 +64,9 @@ class PublishedSeeds:
 
     folder: Path
 
+    def _found(self, pattern: str) -> list[Path]:
+        return sorted(self.folder.expanduser().rglob(pattern))
+
     @cached_property
     def files(self) -> list[Path]:
         """The files, in order.
@@ -71,7 +75,7 @@ class PublishedSeeds:
             ConfigError: when there are none.
         """
         for pattern in (_MASTER, _SINGLE, _LIBRARY):
-            if found := sorted(self.folder.expanduser().rglob(pattern)):
+            if found := self._found(pattern):
                 return found
         raise ConfigError(
             f"seeds.folder={self.folder}: no seeds there, expected {_MASTER}, {_SINGLE}, or JSON files with "
@@ -81,10 +85,7 @@ class PublishedSeeds:
     @property
     def digest(self) -> str:
         """SHA-256 of the files' contents."""
-        digest = hashlib.sha256()
-        for path in self.files:
-            digest.update(path.read_bytes())
-        return digest.hexdigest()
+        return hashlib.sha256(b"".join(path.read_bytes() for path in self.files)).hexdigest()
 
     def read(self, trajectory: Trajectory) -> Tensor:
         """Coefficients [rad/s], (N, J, H, 2) float64, in the order of the files.
@@ -97,8 +98,8 @@ class PublishedSeeds:
 
     def features(self) -> Tensor | None:
         """The authors' 35 features of every seed of the array, diag YᵀY of theirs, (N, 35); None without."""
-        found = sorted(self.folder.expanduser().rglob(_FEATURES))
-        return torch.from_numpy(_array(found[0])).double() if found else None
+        found = self._found(_FEATURES)
+        return torch.from_numpy(np.load(found[0])).double() if found else None
 
     def weights(self, name: str) -> dict[str, Tensor]:
         """The authors' weights of ``predictor`` or ``converter``, by the names of their layers.
@@ -106,38 +107,28 @@ class PublishedSeeds:
         Raises:
             ConfigError: when they are not there.
         """
-        found = sorted(self.folder.expanduser().rglob(WEIGHTS[name]))
+        found = self._found(WEIGHTS[name])
         if not found:
             raise ConfigError(
                 f"seeds.folder={self.folder}: no {WEIGHTS[name]} there, the published {name}; "
-                "surrogates.published.shipped=false trains one"
+                "surrogates.shipped=false trains one"
             )
         return {key: x.float() for key, x in torch.load(found[0], "cpu", weights_only=True).items()}
 
 
 def _read(path: Path, layout: Layout, pulsation: float) -> Tensor:
     if path.suffix == ".json":
-        return _from_json(path, layout, pulsation)
-    images = _array(path)
-    return _decoded(images if images.ndim == 4 else np.moveaxis(images[None], -1, 1), layout, path)
-
-
-def _array(path: Path) -> np.ndarray:
-    try:
-        return np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise ConfigError(f"{path} cannot be read: {error}") from error
-
-
-def _decoded(images: np.ndarray, layout: Layout, path: Path) -> Tensor:
-    if images.ndim != 4 or images.shape[1:] != layout.shape:
+        with reading(path, "coefficient_a and coefficient_b", ConfigError):
+            return _from_json(path, layout, pulsation)
+    with reading(path, "NumPy", ConfigError):
+        images = np.load(path, allow_pickle=False)
+    images = images if images.ndim == 4 else np.moveaxis(images[None], -1, 1)
+    if images.shape[1:] != layout.shape:
         raise ConfigError(
             f"{path} has images of shape {images.shape[1:]}, expected {layout.shape} for trajectories of "
             f"{layout.joints} joints and {layout.harmonics} harmonics"
         )
     x = torch.from_numpy(images.astype(np.float64))
-    if not torch.isfinite(x).all():
-        raise ConfigError(f"{path} has numbers that are not finite")
     if not torch.equal(x[:, :, 0], x[:, :, -1]):
         raise ConfigError(
             f"{path} is not of the published layout: the last row of an image repeats its first"
@@ -146,21 +137,12 @@ def _decoded(images: np.ndarray, layout: Layout, path: Path) -> Tensor:
 
 
 def _from_json(path: Path, layout: Layout, pulsation: float) -> Tensor:
-    size = layout.joints * layout.harmonics
-    try:
-        content = json.loads(path.read_text())
-        channels = np.array([content[f"coefficient_{name}"] for name in "ab"], dtype=np.float64)
-        frequency = float(content.get("frequency", pulsation))
-    except (OSError, ValueError, TypeError, LookupError, AttributeError) as error:
-        raise ConfigError(f"{path} has no coefficient_a and coefficient_b: {error}") from error
-    if channels.shape != (2, size) or not np.isfinite(channels).all():
-        raise ConfigError(
-            f"{path} has coefficients of shape {channels.shape}, expected (2, {size}), all finite"
-        )
+    content = json.loads(path.read_text())
+    frequency = float(content.get("frequency", pulsation))
     if abs(frequency - pulsation) > _SAME:
         raise ConfigError(
             f"{path} has the base pulsation {frequency:g} rad/s, these trajectories {pulsation:g}: "
             f"set trajectory.period={2 * math.pi / frequency:.6g}"
         )
-    c = torch.from_numpy(channels).reshape(1, 2, layout.joints, layout.harmonics)
-    return c.permute(0, 2, 3, 1)
+    channels = [torch.tensor(content[f"coefficient_{name}"], dtype=torch.float64) for name in "ab"]
+    return torch.stack(channels, -1).reshape(1, layout.joints, layout.harmonics, 2)

@@ -1,8 +1,9 @@
 """Result of an optimiser: seeds that provably hold every constraint, and what became of the rest."""
 
 import time
+from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +15,6 @@ from sidegan.errors import InfeasibleError
 from sidegan.validity import summarise_faults
 from sidegan.validity.home import REMEDIES
 
-_SMALLEST = 0.5  # a seed that must shrink further has failed
 _FINER = 3  # the fitness reported is taken at so many times the problem's samples
 _REACH = 0.7  # share of the tightest limit that the first starts use; less in each further round
 _ILL = "the condition number"
@@ -64,7 +64,38 @@ class SeedBatch:
         )
 
 
-def settle(problem: Problem, c: Tensor, smallest: float = _SMALLEST) -> SeedBatch:
+class Optimiser(ABC):
+    """An optimiser of seeds, which proposes candidates; what is valid of them is proven here."""
+
+    attempts: int  # most rounds of proposals
+    smallest = 0.5  # share of its size to which a candidate may shrink to become valid
+
+    @abstractmethod
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+        """Candidates [rad/s], (count, J, H, 2), from starts that use a share ``reach`` of the limits."""
+
+    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
+        """Up to ``count`` seeds; candidates that fail are proposed anew.
+
+        Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end it.
+        Where there are more valid candidates than are missing, the best conditioned are kept.
+
+        Raises:
+            InfeasibleError: when the arm cannot rest at home.
+        """
+        problem.constraints.refuse_home(problem.trajectory.home or ())
+        began, missing, batches = time.process_time(), count, list[SeedBatch]()
+        for index in range(self.attempts):
+            source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
+            proposed = self.propose(problem, missing, _REACH ** (index + 1), source)
+            batches.append(settle(problem, proposed, self.smallest).best(missing))
+            missing -= len(batches[-1])
+            if not missing or (index and not any(map(len, batches[-2:]))):
+                break
+        return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)
+
+
+def settle(problem: Problem, c: Tensor, smallest: float) -> SeedBatch:
     """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps.
 
     They shrink to no less than a share of their size.
@@ -78,38 +109,3 @@ def settle(problem: Problem, c: Tensor, smallest: float = _SMALLEST) -> SeedBatc
     if not valid.all():
         faults.update(verdict.faults())
     return SeedBatch(c[good], fitness[good], len(c), int((~good).sum()), dict(+faults))
-
-
-def collect(
-    problem: Problem,
-    count: int,
-    seed: np.random.SeedSequence,
-    attempts: int,
-    propose: Callable[[int, float, np.random.SeedSequence], Tensor],
-    smallest: float = _SMALLEST,
-) -> SeedBatch:
-    """Up to ``count`` seeds from a proposer of candidates; those that fail are proposed anew.
-
-    It is given how many are missing, the share of the limits that starts use, and a source of random numbers.
-    Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end it. A
-    candidate shrinks to no less than a share of its size (``settle``). Where there are more valid candidates
-    than are missing, the best conditioned are kept.
-
-    Raises:
-        InfeasibleError: when the arm cannot rest at home.
-    """
-    problem.constraints.refuse_home(problem.trajectory.home or ())
-    began = time.process_time()
-    nothing = torch.zeros(0, *problem.trajectory.shape, dtype=torch.float64)
-    batches = [SeedBatch(nothing, nothing[:, 0, 0, 0])]
-    missing, barren = count, 0
-    for index in range(attempts):
-        source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-        batches.append(
-            settle(problem, propose(missing, _REACH ** (index + 1), source), smallest).best(missing)
-        )
-        missing -= len(batches[-1])
-        barren = 0 if len(batches[-1]) else barren + 1
-        if not missing or barren == 2:
-            break
-    return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)

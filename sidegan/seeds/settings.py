@@ -9,10 +9,13 @@ from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds.gradient import Gradient
-from sidegan.seeds.make import Method
 from sidegan.seeds.paper import Paper
 from sidegan.seeds.published import REPOSITORY, PublishedSeeds
+from sidegan.seeds.result import Optimiser
 from sidegan.validity import Constraints
+
+_NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
+_OWN = ("reserve", "ants", "evaluations", "box")  # of one method each
 
 
 @dataclass(frozen=True)
@@ -26,7 +29,7 @@ class Seeds:
     batch: Size  # trajectories per task
     steps: Count  # evaluations; paper: generations of the colony
     attempts: Count  # starts per seed before giving up
-    reserve: Share | None = None  # not paper: share of each limit that seeds keep free
+    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
     box: Positive | None = None  # paper only: largest absolute coefficient [rad/s]
@@ -35,15 +38,13 @@ class Seeds:
     shipped: str | None = None  # paper only: a file beside the settings, of seeds that they made before
 
     def __post_init__(self) -> None:
-        of_paper = {"ants": self.ants, "evaluations": self.evaluations, "box": self.box}
-        if self.method == "paper" and None in of_paper.values():
-            raise ConfigError("method paper needs ants, evaluations and box; choose it by seeds=paper")
-        if self.method != "paper" and any(x is not None for x in of_paper.values()):
-            raise ConfigError(f"{', '.join(of_paper)} are of method paper; choose seeds={self.method}")
+        for name in _OWN:
+            needed = name in _NEEDED[self.method]
+            if (getattr(self, name) is not None) != needed:
+                verb = "needs" if needed else "does not have"
+                raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
         if self.method != "paper" and (self.strongest, self.shipped) != (None, None):
             raise ConfigError(f"strongest and shipped are of method paper; choose seeds={self.method}")
-        if (self.method == "gradient") != (self.reserve is not None):
-            raise ConfigError("method gradient, and no other, needs reserve; choose it by seeds=gradient")
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}, and seeds.folder=SIDE-GAN-Pytorch")
 
@@ -60,7 +61,7 @@ class Seeds:
         return PublishedSeeds(Path(self.folder or ""))
 
     @property
-    def optimiser(self) -> Method:
+    def optimiser(self) -> Optimiser:
         """The configured method."""
         if self.ants is not None and self.evaluations is not None and self.box is not None:
             return Paper(self.steps, self.ants, self.evaluations, self.box, self.attempts)

@@ -35,12 +35,12 @@ def normal(family, seed=0, scale=1.0, count=8):
     return scale * torch.randn(count, *family.shape, generator=random(seed))
 
 
-def untrained(arm, family, start, limits=None):
+def untrained(arm, family, start, limited=False):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm.name, arm.digest, "eigen", limits).eval()
+    return TrajectoryGenerator(network, scaling, family, arm, "eigen", limited).eval()
 
 
 @pytest.fixture(scope="session")
@@ -70,7 +70,9 @@ def wild(constraints, family):
 def labelled(constraints, family, seeds, wild):
     """Training and held-out samples."""
     c = blend(1.15 * seeds, wild, 1200, random(2))
-    return label(constraints, family, c, STEPS).split(random(3))
+    made = label(constraints, family, c, STEPS, lambda *_: None)
+    order = torch.randperm(1200, generator=random(3))
+    return made.take(order[:1020]), made.take(order[1020:])
 
 
 @pytest.fixture(scope="session")

@@ -1,4 +1,3 @@
-import pytest
 import torch
 
 from sidegan.design.excitation import excite
@@ -20,12 +19,10 @@ def test_margins_are_the_constraints_in_shares_of_their_limits(arm):
         "velocity": arm.velocity_limit,
         "torque": arm.torque_limit,
     }
-    for b in range(4):
-        for t in range(steps):
-            exact = constraints.margins(*(x[b, t][None] for x in motion[1:]))
-            for g, name in enumerate(constraints.labels):
-                worst = (exact[name][0] / scales.get(name, 0.1)).min().clamp(-1, 1)
-                assert float(found[b, g, t]) == pytest.approx(float(worst), abs=1e-5)
+    exact = constraints.margins(*(x.flatten(0, 1) for x in motion[1:]))
+    for g, name in enumerate(constraints.labels):
+        worst = (exact[name] / scales.get(name, 0.1)).amin(1).clamp(-1, 1)
+        torch.testing.assert_close(found[:, g].flatten().double(), worst, rtol=0, atol=1e-5)
 
 
 def test_the_first_half_of_a_blend_are_seeds_of_about_their_own_size(seeds, wild):
@@ -41,7 +38,7 @@ def test_the_first_half_of_a_blend_are_seeds_of_about_their_own_size(seeds, wild
 
 def test_labels_are_exact(constraints, family, seeds, wild):
     c = torch.cat([seeds[:150], wild[:150]])  # more than one batch
-    made = label(constraints, family, c, STEPS)
+    made = label(constraints, family, c, STEPS, lambda *_: None)
     torch.testing.assert_close(made.valid, check(constraints, family, c).valid)
     excitation = excite(constraints.body, family, c)
     torch.testing.assert_close(made.spectrum, excitation.spectrum)

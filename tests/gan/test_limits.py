@@ -1,17 +1,14 @@
 """A last layer that keeps the limits on motion, of acceleration and jerk too where there are any."""
 
-import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.limits import LimitLayer
-from sidegan.gan.training import random_trajectories
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, load_robot
 from sidegan.validity import Constraints, check
-from tests.gan.conftest import normal, untrained
+from tests.gan.conftest import normal
 from tests.validity.critical import limited
 
 ARM = load_robot("planar2")
@@ -35,13 +32,13 @@ def hold(arm, family, c, names):
 )
 def test_whatever_comes_in_the_limits_hold_all_the_time(names, seed, scale, share, period, home, harmonics):
     family, arm = Trajectory(2, harmonics, period, (home, -home)), limited(ARM, sorted(names), 10**share)
-    c = LimitLayer.of(arm, family)(normal(family, seed, 10**scale)).double()
+    c = LimitLayer(arm, family)(normal(family, seed, 10**scale)).double()
     assert hold(arm, family, c, names)
 
 
 def test_all_of_the_tightest_limit_can_be_used_and_small_motions_are_left_alone():
     family, arm = Trajectory(2, 4, 8.0), limited(ARM, BOTH, 0.05)
-    layer = LimitLayer.of(arm, family)
+    layer = LimitLayer(arm, family)
     c, small = layer(normal(family, 0, 100.0)), normal(family, 0, 1e-4)
     torch.testing.assert_close(layer(small), small, rtol=1e-4, atol=0)
     used = layer.use(c)
@@ -58,16 +55,5 @@ def test_all_of_the_tightest_limit_can_be_used_and_small_motions_are_left_alone(
 def test_the_slope_is_finite_at_rest_and_far_out():
     family = Trajectory(2, 4, 8.0)
     c = torch.cat([normal(family, 0, 0.0, 2), normal(family, 0, 1e6, 2)]).requires_grad_(True)
-    (slope,) = torch.autograd.grad(LimitLayer.of(ARM, family)(c).square().sum(), c)
+    (slope,) = torch.autograd.grad(LimitLayer(ARM, family)(c).square().sum(), c)
     assert torch.isfinite(slope).all()
-
-
-@pytest.mark.parametrize("names", [[], BOTH])
-def test_a_saved_generator_keeps_the_limits_to_the_last_bit(family, names, tmp_path):
-    arm = limited(ARM, names, 0.1)
-    start = random_trajectories(Constraints(arm), family, 0)
-    made = untrained(arm, family, start, LimitLayer.of(arm, family))
-    made.save(tmp_path / "g.pt")
-    loaded = TrajectoryGenerator.load(tmp_path / "g.pt", arm)
-    assert torch.equal(loaded.sample(30, 1), made.sample(30, 1))
-    assert hold(arm, family, loaded.sample(200, 2), names)

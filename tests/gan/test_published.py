@@ -10,12 +10,11 @@ from sidegan.base.storage import read_torch
 from sidegan.errors import ConfigError
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.pretraining import load_surrogates
-from sidegan.gan.published import fitness, growing
 from sidegan.gan.published_networks import IMAGE, ConvolutionalGenerator
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor, PublishedPretraining
-from sidegan.gan.settings import PublishedSurrogates
 from sidegan.gan.side_gan import Data
 from sidegan.gan.training import Run, train
+from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds.published import WEIGHTS, Layout
 from sidegan.validity import Constraints, check
@@ -58,9 +57,8 @@ def vanilla(papers, variants, tmp_path_factory):
 @pytest.fixture(scope="module")
 def pretraining(papers, vanilla):
     constraints, c = papers
-    features = {"spectrum": 1 + torch.rand(60, 5), "diagonal": 1 + torch.rand(60, 4)}
-    verdicts, settings = (lambda c: check(constraints, FAMILY, c)), PublishedSurrogates(False, 20)
-    return PublishedPretraining(verdicts, Layout(7, 6), settings, c, features, vanilla.samples)
+    valid = check(constraints, FAMILY, Layout(7, 6).coefficients(vanilla.samples.double())).valid
+    return PublishedPretraining(20, Layout(7, 6).image(c), vanilla.samples, valid)
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +66,8 @@ def surrogates(pretraining, tmp_path_factory):
     """Folder of surrogates that learnt from the vanilla GAN's samples, and their report."""
     made = tmp_path_factory.mktemp("surrogates")
     report = pretraining.train_success(made, 0, None, lambda *_: None)
-    for name in pretraining.features:
-        report |= pretraining.train_features(name, made, 0, lambda *_: None)
+    for name, count in {"spectrum": 5, "diagonal": 4}.items():
+        report |= pretraining.train_features(name, 1 + torch.rand(60, count), made, 0, lambda *_: None)
     return made, report
 
 
@@ -101,8 +99,8 @@ def test_surrogates_are_needed_and_other_images_are_refused(papers, variants, pl
     data = Data(Constraints(planar), family, torch.rand(9, *family.shape))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
         train(variants["vanilla"], data, Run("x", 0, tmp_path))
-    with pytest.raises(ConfigError, match="is not limited: set both false"):
-        replace(variants["eigen"], limited=True)
+    with pytest.raises(ConfigError, match="have no gaussian_start: set it false"):
+        replace(variants["eigen"], gaussian_start=True)
 
 
 def test_batches_are_normalised_by_themselves_and_samples_of_every_epoch_are_left(vanilla):
@@ -115,11 +113,23 @@ def test_batches_are_normalised_by_themselves_and_samples_of_every_epoch_are_lef
 
 def test_losses_have_their_closed_forms():
     even, one = torch.ones(3, 8), torch.eye(8)[:2]
-    assert float(fitness(5 * even, "entropy")) == pytest.approx(math.log(8), rel=1e-6)
-    assert float(fitness(even, "minus_entropy")) == pytest.approx(-math.log(8), rel=1e-6)
-    assert float(fitness(one, "entropy")) == pytest.approx(0, abs=1e-6)
-    assert float(fitness(torch.tensor([[1.0, 4.0], [2.0, 6.0]]), "ratio")) == pytest.approx(3.5)
-    assert [growing(10)(epoch, 0.0) for epoch in (0, 10, 20)] == pytest.approx([1, 1, 1.6])
+    assert float(unevenness(5 * even, "entropy")) == pytest.approx(math.log(8), rel=1e-6)
+    assert float(unevenness(even, "minus_entropy")) == pytest.approx(-math.log(8), rel=1e-6)
+    assert float(unevenness(one, "entropy")) == pytest.approx(0, abs=1e-6)
+    assert float(unevenness(torch.tensor([[1.0, 4.0], [2.0, 6.0]]), "ratio")) == pytest.approx(3.5)
+
+
+def test_the_weight_of_success_grows_once_fitness_counts(papers, variants, monkeypatch):
+    constraints, c = papers
+    known = {"success_predictor": PublishedPredictor(), "converter": PublishedConverter(5)}
+    model = PublishedEigen(
+        replace(variants["eigen"], fitness_start=10, epochs=50), Data(constraints, FAMILY, c, **known)
+    )
+    weights = []
+    for epoch in (0, 10, 20):
+        monkeypatch.setattr(PublishedEigen, "current_epoch", epoch)
+        weights.append([one.weight for one in model.losses()])
+    assert weights == [pytest.approx(x) for x in ([0.5, 1, 0.5, 0], [0.5, 1, 0.5, 2], [0.5, 1.6, 0.5, 2])]
 
 
 @pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' weights are not at hand")

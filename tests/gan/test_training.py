@@ -26,13 +26,6 @@ def test_every_loss_together_trains(trained, full, data, predictor, converter, c
     assert check(constraints, family, c).valid.double().mean() > 0.3
 
 
-def test_the_same_seed_gives_the_same_generator(trained, vanilla, tmp_path):
-    runs = [trained(vanilla, tmp_path / str(i), seed, evaluation=0) for i, seed in enumerate((1, 1, 2))]
-    samples = [run.generator.sample(10, 0) for run in runs]
-    torch.testing.assert_close(samples[0], samples[1], rtol=0, atol=0)
-    assert (samples[0] != samples[2]).any()
-
-
 @pytest.mark.parametrize("settings", [{"steps": None}, {"gaussian_start": False}, {"limited": True}])
 def test_every_option_trains(trained, vanilla, settings, tmp_path):
     made = trained(replace(vanilla, epochs=1, **settings), tmp_path)
@@ -71,9 +64,7 @@ def test_an_interrupted_training_becomes_what_it_would_have_been(trained, vanill
     assert same_weights(made.generator, whole.generator)
 
 
-def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
-    trained, vanilla, tmp_path, caplog
-):
+def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(trained, vanilla, tmp_path):
     done, ends, last = trained(vanilla, tmp_path), [], tmp_path / "last.ckpt"
     again = trained(vanilla, tmp_path, progress=lambda *end: ends.append(end))
     assert not ends and again.history == done.history
@@ -81,7 +72,6 @@ def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
     last.write_bytes(last.read_bytes()[:1000])
     again = trained(vanilla, tmp_path, progress=lambda *end: ends.append(end))
     assert len(ends) == 3 and again.history == done.history
-    assert "last.ckpt is not a whole tensor file" in caplog.text
 
 
 def test_a_loss_that_is_no_number_ends_the_training_and_keeps_the_last_epoch(

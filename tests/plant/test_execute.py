@@ -7,8 +7,8 @@ import torch
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
-from sidegan.plant import IDEAL, Plant
-from sidegan.robot import built_in_robots, load_robot
+from sidegan.plant import IDEAL, Plant, save_recording
+from tests.recording.conftest import load_recording, of_file
 
 RATE = 1000.0  # Hz
 
@@ -27,27 +27,20 @@ def rms(x):
     return x.square().mean().sqrt()
 
 
-@pytest.mark.parametrize("name", built_in_robots())
-def test_without_friction_the_torque_is_the_rigid_bodys(name, motions):
-    arm = load_robot(name)
-    executed = Plant(arm, IDEAL).execute(motions(arm), 0)
-    torch.testing.assert_close(executed.torque[:-1], rigid(arm, executed), rtol=0, atol=1e-8)
-
-
 @pytest.mark.parametrize("joints", [1, 4, 7])
 def test_any_chain_obeys_its_equations_of_motion(chain, motions, joints):
     arm = replace(chain(joints, 1), torque_limit=torch.full((joints,), torch.inf))
     settings = replace(IDEAL, viscous=[1.5], rotor_inertia=[0.3])
-    executed = Plant(arm, settings).execute(motions(arm), 0)
+    executed = Plant(arm, settings).follow(motions(arm))
     wanted = rigid(arm, executed) + 0.3 * accelerations(executed) + 1.5 * executed.velocity[1:]
     torch.testing.assert_close(executed.torque[:-1], wanted, rtol=0, atol=1e-8)
 
 
 def test_a_drive_at_its_limit_obeys_the_equations_of_motion_too(planar, motions):
     motion = motions(planar)
-    most = Plant(planar, IDEAL).execute(motion, 0).torque.abs().amax(0)
+    most = Plant(planar, IDEAL).follow(motion).torque.abs().amax(0)
     weak = replace(planar, torque_limit=0.97 * most)
-    executed = Plant(weak, replace(IDEAL, tolerance=1.0)).execute(motion, 0)
+    executed = Plant(weak, replace(IDEAL, tolerance=1.0)).follow(motion)
     assert ((executed.torque.abs() >= 0.97 * most).sum(0) > 10).all()
     assert (executed.torque.abs().amax(0) < 0.975 * most).all()
     torch.testing.assert_close(executed.torque[:-1], rigid(weak, executed), rtol=0, atol=1e-8)
@@ -56,7 +49,7 @@ def test_a_drive_at_its_limit_obeys_the_equations_of_motion_too(planar, motions)
 def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
     coulomb = torch.linspace(0.3, 5.0, 7, dtype=torch.float64)
     settings = replace(IDEAL, coulomb=coulomb.tolist(), rotor_inertia=[0.5])
-    executed = Plant(arm, settings).execute(motions(arm), 0)
+    executed = Plant(arm, settings).follow(motions(arm))
     friction = executed.torque[:-1] - rigid(arm, executed) - 0.5 * accelerations(executed)
     speed = executed.velocity[1:]
     assert (friction.abs() <= coulomb + 1e-6).all()
@@ -71,7 +64,7 @@ def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions, standard)
     motion = motions(arm, period=8.0)
     known = [replace(IDEAL, feed_forward=share) for share in (1.0, 0.9, 0.5)]
     exact, less, least, usual = (
-        Plant(arm, one).execute(motion, 0).position - motion.position[0] for one in (*known, standard)
+        Plant(arm, one).follow(motion).position - motion.position[0] for one in (*known, standard)
     )
     assert exact.abs().max() < 1e-4 < rms(usual) < 1e-2
     assert rms(exact) < rms(less) < rms(least)
@@ -80,37 +73,32 @@ def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions, standard)
 def test_motions_are_executed_one_after_another(planar, motions, standard):
     several = motions(planar, count=3, period=2.0)
     plant = Plant(planar, standard)
-    executed = plant.execute(several, 3)
-    once = plant.execute(concatenate(several), 3)
+    executed = plant.follow(several)
+    once = plant.follow(concatenate(several))
     assert executed.time.shape == (6001,)
     torch.testing.assert_close(executed.time.diff(), torch.full((6000,), 1e-3, dtype=torch.float64))
     for mine, theirs in zip(executed, once):
         assert torch.equal(mine, theirs)
 
 
-def test_positions_are_whole_counts(planar, motions):
-    settings = replace(IDEAL, encoder_resolution=[1e-3, 0.0])
-    executed, true = (Plant(planar, one).execute(motions(planar), 0) for one in (settings, IDEAL))
-    counts = executed.position[:, 0] / 1e-3
-    torch.testing.assert_close(counts, counts.round(), rtol=0, atol=1e-9)
-    assert (executed.position - true.position).abs().amax(0)[0] <= 0.5e-3 + 1e-12
-    assert torch.equal(executed.position[:, 1], true.position[:, 1])
-    assert torch.equal(executed.velocity[:, 1], true.velocity[:, 1])
-    assert (executed.velocity - true.velocity)[:, 0].abs().max() <= 0.5 + 1e-3  # half a count per ms
-
-
-def test_torques_have_the_stated_noise_and_bias(planar, motions):
-    settings, motion = (
-        replace(IDEAL, torque_noise=[0.5, 2.0], torque_bias=[-3.0, 0.25]),
-        motions(planar, period=16.0),
+def test_every_number_of_a_saved_recording_comes_back_through_the_door_of_recordings(
+    planar, motions, tmp_path
+):
+    executed, path = (
+        Plant(planar, IDEAL).execute(motions(planar, period=1.0), 0, 0.1),
+        tmp_path / "plant.parquet",
     )
-    executed, true = (Plant(planar, one).execute(motion, 0) for one in (settings, IDEAL))
-    noise = executed.torque - true.torque
-    assert torch.equal(executed.position, true.position)
-    assert noise.mean(0).tolist() == pytest.approx([-3.0, 0.25], abs=0.06)  # 4σ of 16,001 samples
-    assert noise.std(0).tolist() == pytest.approx([0.5, 2.0], rel=0.03)
+    save_recording(executed, planar.joint_names, path)
+    read = load_recording(path, of_file(), planar.joint_names)
+    assert not read.corrupt and read.acceleration is None
+    for name, values in executed._asdict().items():
+        assert torch.equal(getattr(read, name), values), name
 
 
-def test_a_seed_is_a_recording(planar, motions, standard):
-    one, same, other = (Plant(planar, standard).execute(motions(planar), seed).torque for seed in (1, 1, 2))
-    assert torch.equal(one, same) and not torch.equal(one, other)
+def test_torques_have_noise_of_the_stated_size_and_a_seed_is_a_recording(planar, motions):
+    plant, motion = Plant(planar, IDEAL), motions(planar, period=16.0)
+    true = plant.follow(motion)
+    one, same, other = (plant.execute(motion, seed, 0.5) for seed in (1, 1, 2))
+    assert torch.equal(one.position, true.position)
+    assert torch.equal(one.torque, same.torque) and not torch.equal(one.torque, other.torque)
+    assert (one.torque - true.torque).std(0).tolist() == pytest.approx([0.5, 0.5], rel=0.03)  # 16,001 samples

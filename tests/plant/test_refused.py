@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError, StorageError
-from sidegan.plant import IDEAL, Plant, mujoco_model, save_recording
+from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
+from sidegan.plant import IDEAL, Plant, mujoco_model
 
 
 def weak(arm):
@@ -54,23 +54,14 @@ EXECUTED = [  # the error, its words, and what is changed of arm, motion, rate [
 def test_executed(planar, motions, error, words, make, change, rate, settings):
     motion = change(motions(planar, rate=rate))
     with pytest.raises(error, match=words):
-        Plant(make(planar), replace(IDEAL, **settings)).execute(motion, 0)
+        Plant(make(planar), replace(IDEAL, **settings)).follow(motion)
 
 
 def test_a_motion_of_another_arm(arm, planar, motions):
     with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
-        Plant(arm, IDEAL).execute(motions(planar), 0)
+        Plant(arm, IDEAL).follow(motions(planar))
 
 
 def test_every_link_that_cannot_exist_is_named(arm):
     with pytest.raises(RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -"):
         mujoco_model(links((1, 0, 0.0), (4, 0, -1.0))(arm))
-
-
-@pytest.mark.parametrize(("error", "path"), [(ConfigError, "a.xlsx"), (StorageError, "file/a.csv")])
-def test_saved(planar, motions, tmp_path, error, path):
-    executed = Plant(planar, IDEAL).execute(motions(planar, period=1.0), 0)
-    (tmp_path / "file").write_text("")
-    with pytest.raises(error, match=r"ends in '.xlsx', expected .csv or .parquet|cannot write"):
-        save_recording(executed, ("a", "b"), tmp_path / path)
-    assert [one.name for one in tmp_path.iterdir()] == ["file"]

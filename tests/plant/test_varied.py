@@ -12,9 +12,8 @@ from sidegan.base.typed import build
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant.friction import FrictionSettings, Law
 from sidegan.plant.recorded import Sensors, recorded
-from sidegan.plant.varied import VariedPlant, VariedSettings, _later, torque_scale
+from sidegan.plant.varied import VariedPlant, VariedSettings, torque_scale
 from sidegan.robot import load_robot
 from tests.settings import CONF
 
@@ -30,7 +29,7 @@ def settings():
 
 @pytest.fixture(scope="module")
 def plain(settings):
-    """Friction of a model's class, sensors without errors."""
+    """Friction of one law alone, sensors without errors."""
     sensors = dict.fromkeys(("compliance", "backlash", "encoder", "resolution", "delay"), 0.0)
     return replace(settings, friction=replace(settings.friction, **OFF), **sensors)
 
@@ -40,35 +39,29 @@ def motion(planar, motions):
     return motions(planar, 3, rate=500.0)
 
 
-def plant(arm, settings, form="eyring", seed=SEED):
-    return VariedPlant(arm, settings, form, np.random.SeedSequence(seed))
+def plant(arm, settings, seed=SEED):
+    return VariedPlant(arm, settings, np.random.SeedSequence(seed))
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_motor_torque_is_the_true_arms_with_rotor_and_friction(name, plain, motions):
+def test_motors_move_the_true_arm_its_rotors_and_friction(name, plain, motions):
     arm = load_robot(name)
-    made = plant(arm, plain, "linear")
-    signals = made.follow(motions(arm, 3, rate=500.0))
-    q, rate = torch.from_numpy(signals.link), plain.rate
-    before = (q[:, 1:-1] - q[:, :-2]) * rate  # semi-implicit steps: the speed at which a step begins
-    acceleration = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
+    made, motion = plant(arm, plain), motions(arm, 3, rate=500.0)
+    assert (made.true.inertial_parameters - arm.inertial_parameters).abs().max() > 0.01
+    ahead = RigidBody(arm).torque(*motion[1:]).numpy()
+    q, motor, friction = map(
+        torch.from_numpy, made._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
+    )
+    before = (q[:, 1:-1] - q[:, :-2]) * plain.rate  # semi-implicit steps: the speed at which a step begins
+    acceleration = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * plain.rate**2
     rigid = RigidBody(made.true).torque(q[:, 1:-1], before, acceleration)
     expected = rigid + torch.from_numpy(made.rotor) * acceleration
-    expected += torch.from_numpy(made.law.linear(before.numpy()))
-    torch.testing.assert_close(torch.from_numpy(signals.torque[:, 1:-1]), expected, rtol=0, atol=1e-5)
-
-
-def test_the_controller_believes_the_description(planar, plain, motion):
-    made = plant(planar, plain)
-    assert (made.true.inertial_parameters - planar.inertial_parameters).abs().max() > 0.01
-    torch.testing.assert_close(
-        torch.from_numpy(made.feed_forward(motion)), RigidBody(planar).torque(*motion[1:])
-    )
+    torch.testing.assert_close((motor - friction)[:, 1:-1], expected, rtol=0, atol=1e-5)
 
 
 def test_one_seed_is_one_plant(planar, settings, motion):
     one, again = (plant(planar, settings) for _ in range(2))
-    assert np.array_equal(one.follow(motion).torque, again.follow(motion).torque)
+    assert np.array_equal(one.follow(motion)[1], again.follow(motion)[1])
     assert not np.array_equal(plant(planar, settings, seed=4).law.coulomb, one.law.coulomb)
 
 
@@ -83,24 +76,10 @@ def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, sw
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
 
 
-def test_misfits_are_no_combination_of_what_a_model_has():
-    size = FrictionSettings((0.1, 0.1), (0.5, 0.5), 0.03, 0.4, 0.05, 0.15, 0.15, 0.0)
-    ones = np.ones(1)
-    law = Law.drawn("eyring", size, 10 * ones, 2 * ones, np.random.default_rng(0))
-    random = np.random.default_rng(1)
-    q, dq, load = random.uniform(-2, 2, (3, 400, 1)) * [[[1.0]], [[1.0]], [[8.0]]]
-    basis = np.concatenate([np.tanh(dq / size.width), dq, np.ones_like(dq), load], 1)
-    friction = law(q, dq, load)
-    left = friction - basis @ np.linalg.lstsq(basis, friction, rcond=None)[0]
-    assert left.std() > 0.05 * friction.std()
-    assert np.abs(law.linear(dq) - basis[:, :1] * law.coulomb - dq * law.viscous).max() < 1e-12
-
-
-@pytest.mark.parametrize("form", ["linear", "eyring"])
-def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion, form):
+def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion):
     """The law of friction at every step, given the load of the step before; the servos give the rest."""
-    made, rate = plant(planar, settings, form), settings.rate
-    wanted, speed, ahead = motion.position.numpy(), motion.velocity.numpy(), made.feed_forward(motion)
+    made, rate = plant(planar, settings), settings.rate
+    wanted, speed, ahead = (x.numpy() for x in (motion[1], motion[2], RigidBody(planar).torque(*motion[1:])))
     q, motor, friction = made._simulate(wanted, speed.copy(), ahead)
     dq = np.diff(q, axis=1) * rate  # semi-implicit steps: the speed at the end of each
     push, rotor = (motor - friction)[:, 1:-1], made.rotor * np.diff(dq, axis=1) * rate
@@ -111,14 +90,6 @@ def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, moti
     limit = planar.torque_limit.numpy()
     scale = np.abs(motor).max()
     np.testing.assert_allclose(motor[:, 1:], servo.clip(-limit, limit)[:, 1:], rtol=0, atol=1e-6 * scale)
-
-
-@pytest.mark.parametrize("steps", [1.0, 0.25, 2.75])
-def test_what_comes_later_lies_on_the_line_between_two_samples(steps):
-    """A ramp of one a step, from where it begins on."""
-    ramp = np.arange(10.0)[None, :, None]
-    expected = np.clip(ramp - steps, 0, None)
-    np.testing.assert_allclose(_later(ramp, steps), expected, atol=1e-12)
 
 
 def test_torque_scales_have_a_floor(arm):

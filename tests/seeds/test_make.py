@@ -1,16 +1,14 @@
 """Seeds by tasks, long trajectories, and what is said when too few become valid."""
 
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ConfigError, InfeasibleError, StorageError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient, Seeds, Tasks, make_long, make_seeds, result
-from sidegan.seeds.paper import Paper
 from sidegan.validity import check
 from tests.seeds.conftest import METHODS
 
@@ -52,15 +50,6 @@ def test_workers_change_nothing_and_a_second_start_redoes_what_is_damaged(planar
     method = Spied(METHODS[name])
     assert torch.equal(one.coefficients, made(planar_problem, work, method=method).coefficients)
     assert method.calls == 2
-
-
-def test_a_task_that_ends_after_the_set_was_made_leaves_nothing(planar_problem, tmp_path):
-    work = tmp_path / "made.work"
-    work.mkdir()
-    late = Spied(then=lambda calls, batch: (shutil.rmtree(work), batch)[1])
-    with pytest.raises(StorageError, match=r"cannot write .*seeds-00000\.pt"):
-        made(planar_problem, work, method=late)
-    assert not work.exists()
 
 
 def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path):
@@ -124,22 +113,13 @@ def test_a_folder_is_part_of_what_makes_published_seeds_alone():
     assert paper.stamped() == replace(paper, folder="there", shipped="seeds.pt").stamped()
 
 
-def test_settings_give_the_optimiser():
-    gradient, paper = (
-        Seeds("gradient", **COMMON, reserve=0.3),
-        Seeds("paper", **COMMON, ants=30, evaluations=9, box=0.2),
-    )
-    assert (gradient.optimiser, paper.optimiser) == (Gradient(7, 2, 0.3), Paper(7, 30, 9, 0.2, 2))
-
-
 @pytest.mark.parametrize(
     ("words", "method", "options"),
     [
-        ("method paper needs ants, evaluations and box", "paper", {"ants": 30}),
-        ("ants, evaluations, box are of method paper", "gradient", {"reserve": 0.2, "ants": 30}),
+        ("method paper needs evaluations", "paper", {"ants": 30}),
+        ("method gradient does not have ants", "gradient", {"reserve": 0.2, "ants": 30}),
         ("strongest and shipped are of method paper", "gradient", {"reserve": 0.2, "strongest": 35}),
-        ("method gradient, and no other, needs reserve", "gradient", {}),
-        ("method gradient, and no other", "paper", {"ants": 3, "evaluations": 9, "box": 1, "reserve": 0.2}),
+        ("method gradient needs reserve; choose it by seeds=gradient", "gradient", {}),
         ("folder is not set: git clone https://", "published", {}),
     ],
 )

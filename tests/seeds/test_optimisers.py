@@ -5,12 +5,11 @@ import pytest
 import torch
 
 from sidegan.design.problem import Problem
-from sidegan.errors import InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds import Gradient
 from sidegan.seeds.paper import ConditionProblem, Paper
 from sidegan.seeds.result import settle
-from sidegan.validity import Box, Constraints, check
+from sidegan.validity import Constraints, check
 from tests.seeds.conftest import METHODS
 
 
@@ -33,17 +32,10 @@ def test_seeds_are_valid_better_than_random_ones_and_follow_the_random_numbers(p
     assert batch.fitness.median() < start
 
 
-def test_an_infeasible_home_is_refused(planar):
-    around = Box((-0.5, -0.5, 0.2), (0.5, 0.5, 3.0))
-    problem = Problem(Constraints(planar, [around]), Trajectory(planar.joints, 3, 8.0), 24)
-    with pytest.raises(InfeasibleError, match="home position"):
-        Gradient(5, attempts=5, reserve=0.2).optimise(problem, 2, np.random.SeedSequence(0))
-
-
 def test_settling_shrinks_what_leaks_and_gives_up_on_what_cannot_be_helped(planar_problem, random):
     c = planar_problem.start(5, random, 1.05)
     c[3], c[4] = 0, torch.nan
-    batch = settle(planar_problem, c)
+    batch = settle(planar_problem, c, 0.5)
     assert check(planar_problem.constraints, planar_problem.trajectory, batch.coefficients).valid.all()
     assert batch.failed >= 2
     assert batch.faults.get("the condition number") == 2

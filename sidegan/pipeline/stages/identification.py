@@ -77,7 +77,7 @@ def _execute(task: Task, build: Build, one: ExcitationSet) -> None:
     learned, tests = task.load(one.source).coefficients, test_trajectories(task)
     model, rows = TorqueModel(task.body, settings.model), []
     for number, seed in enumerate(task.random("plants").spawn(settings.count)):
-        machine = VariedPlant(task.arm, settings.plant, settings.friction, seed)
+        machine = VariedPlant(task.arm, settings.plant, seed)
         random = np.random.default_rng(task.number(f"plant {number}"))
         training = _measured(task, machine, one.family, learned, random)
         test = _measured(task, machine, task.trajectory, tests)

@@ -1,14 +1,17 @@
 """Stages surrogates, gan, subsets: success predictor and converters, variants, and both on fewer seeds."""
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
+import torch
+
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import read_torch, write_json, write_torch
 from sidegan.gan import Variant
+from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.stage import Stage, finite
@@ -16,6 +19,7 @@ from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
 from sidegan.seeds.published import WEIGHTS, Layout
 
+_CHECKED = 500  # trajectories whose validity is found at once
 SAMPLES = "samples.pt"  # of every epoch
 log = logging.getLogger(__name__)
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
@@ -59,12 +63,14 @@ def _samples(task: Task, variant: Variant) -> int:
 
 def surrogates(task: Task) -> Artifact:
     """Success predictor and converters."""
-    settings = {key: x for key, x in asdict(task.cfg.surrogates).items() if key != "negatives"}
+    chosen = task.cfg.surrogates
+    settings = {key: x for key, x in asdict(chosen).items() if key != "negatives"} | taught(task)
     inputs = {"seeds": seed_set(task), "negatives": negatives(task)}
-    settings |= taught(task)
-    published = task.cfg.surrogates.published is not None
-    make = _pretrain_published if published else _pretrain
-    label = "published" if published else "all"
+    make: Callable[[Task, Build], None]
+    if isinstance(chosen, PublishedSurrogates):
+        make, label = partial(_pretrain_published, settings=chosen), "published"
+    else:
+        make, label = partial(_pretrain, settings=chosen), "all"
     return task.artifact("surrogates", label, make, settings, inputs, title="surrogates", alone=True)
 
 
@@ -102,49 +108,50 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     samples, device = _samples(task, variant), task.cfg.device
     trained = train(variant, data, Run(name, seed, build.work, evaluation, samples, device, build.report))
     trained.generator.save(build.folder / GENERATOR)
-    if trained.samples is not None:
+    if samples:
         write_torch(build.folder / SAMPLES, trained.samples)
     write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
     kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
     write_json(build.folder / REPORT, finite(kept))
 
 
-def _pretrain_published(task: Task, build: Build) -> None:
+def _pretrain_published(task: Task, build: Build, settings: PublishedSurrogates) -> None:
     from sidegan.gan.published_surrogates import PublishedPretraining, write_converter
 
-    settings, seeds = task.cfg.surrogates.published, training_seeds(task)
-    if settings is None:
-        raise TypeError("these surrogates are not the published ones")
-    samples = read_torch(task.store.require(negatives(task)) / SAMPLES)
+    seeds, samples = training_seeds(task), read_torch(task.store.require(negatives(task)) / SAMPLES)
     theirs = task.store.require(seed_set(task)) / FEATURES
     diagonal = read_torch(theirs)[: len(seeds)] if theirs.exists() else seeds.diagonal
-    features = {"spectrum": seeds.spectrum, "diagonal": diagonal}
-    layout = Layout(task.trajectory.joints, task.trajectory.harmonics)
-    pretraining = PublishedPretraining(task.check, layout, settings, seeds.coefficients, features, samples)
-    weights, learnt = None, list(features)
+    features, weights = {"spectrum": seeds.spectrum, "diagonal": diagonal}, None
     if settings.shipped:  # of the predictor and of the converter to the eigenvalues
         shipped = task.cfg.seeds.published.weights
-        weights, learnt = shipped("predictor"), ["diagonal"]
+        weights = shipped("predictor")
         write_converter(build.folder / "spectrum.pt", shipped("converter"))
+        del features["spectrum"]
+    layout = Layout(task.trajectory.joints, task.trajectory.harmonics)
+    parts = layout.coefficients(samples.double()).split(_CHECKED)
+    valid = torch.cat([task.check(part).valid for part in parts])
+    pretraining = PublishedPretraining(settings.steps, layout.image(seeds.coefficients), samples, valid)
     jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"), weights)]
-    jobs += [partial(pretraining.train_features, name, build.folder, task.number(name)) for name in learnt]
+    for name, x in features.items():
+        jobs.append(partial(pretraining.train_features, name, x, build.folder, task.number(name)))
     _report(build, run_jobs("surrogates", jobs, task.cfg.parallel.workers, len(jobs)))
 
 
-def _pretrain(task: Task, build: Build) -> None:
+def _pretrain(task: Task, build: Build, settings: SurrogateSettings) -> None:
     from sidegan.gan import TrajectoryGenerator
+    from sidegan.gan.labels import Labelled
     from sidegan.gan.pretraining import SHARES, Pretraining, negatives_count
 
-    settings, workers = task.cfg.surrogates, task.cfg.parallel.workers
+    workers = task.cfg.parallel.workers
     vanilla = TrajectoryGenerator.load(task.store.require(negatives(task)) / GENERATOR, task.arm)
     seeds = training_seeds(task).coefficients
     faulty = vanilla.sample(negatives_count(settings.samples), task.number("negatives"))
-    pretraining = Pretraining(task.constraints, task.trajectory, settings, seeds, faulty, build.work)
-    labels = [partial(pretraining.label, share, task.number(f"labels {share}")) for share in range(SHARES)]
-    run_jobs("labels", labels, workers, settings.samples)
-    jobs: list[Job] = [partial(pretraining.train_success, build.folder, task.number("success"))]
+    pretraining = Pretraining(task.constraints, task.trajectory, settings, seeds, faulty)
+    shares = [partial(pretraining.label, task.number(f"labels {share}")) for share in range(SHARES)]
+    labelled = Labelled.join(run_jobs("labels", shares, workers, settings.samples))
+    jobs: list[Job] = [partial(pretraining.train_success, labelled, build.folder, task.number("success"))]
     for name in ("spectrum", "diagonal"):
-        jobs.append(partial(pretraining.train_features, name, build.folder, task.number(name)))
+        jobs.append(partial(pretraining.train_features, name, labelled, build.folder, task.number(name)))
     _report(build, run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs)))
 
 
@@ -180,8 +187,8 @@ def _surrogates(task: Task) -> list[Artifact]:
 
 def _require_weights(task: Task) -> None:
     """Refuse a folder without the weights that are wanted from it."""
-    published = task.cfg.surrogates.published
-    if published is not None and published.shipped:
+    chosen = task.cfg.surrogates
+    if isinstance(chosen, PublishedSurrogates) and chosen.shipped:
         for name in WEIGHTS:
             task.cfg.seeds.published.weights(name)
 
