@@ -13,6 +13,7 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
+from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Columns, Files, Recorded, paths_of
@@ -33,8 +34,9 @@ def load_recording(
 ) -> Recording:
     """A recording of an arm's joints, from a file or from one for each signal.
 
-    It is CSV (first line: column names), Parquet, NPZ or a ROS 2 bag (folder, .db3, .mcap). The chain are the
-    names of the arm's joints and of those locked between them, from the base outwards; None: no others.
+    It is CSV (first line: column names), Parquet, NPZ, a ROS 2 bag (folder, .db3, .mcap) or a LeRobot dataset
+    (folder). The chain are the names of the arm's joints and of those locked between them, from the base
+    outwards; None: no others.
 
     Raises:
         RecordingError: when a file cannot be read or does not fit the arm.
@@ -60,9 +62,11 @@ def files_of(path: Path) -> list[Path]:
     """The files of a recording: itself, or those of a folder.
 
     Raises:
-        RecordingError: when the folder is no bag.
+        RecordingError: when the folder is neither a bag nor a dataset.
     """
-    return bag_files(path) if path.is_dir() else [path]
+    if not path.is_dir():
+        return [path]
+    return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
 def _read(path: Path, columns: Columns, joints: Joints, only: str | None = None) -> Part:
@@ -85,18 +89,18 @@ def _read(path: Path, columns: Columns, joints: Joints, only: str | None = None)
 
 def _open(path: Path, columns: Columns, joints: Joints, only: str | None) -> tuple[Table, Where, list[str]]:
     """A file's table, which of its columns is which signal, and remarks on that."""
-    suffix = path.suffix.lower()
-    if is_bag(path):
+    suffix, dataset = path.suffix.lower(), is_dataset(path)
+    if is_bag(path) and not dataset:
         table, where = bag_table(path, columns, joints.names)
         if only and only not in where:
             raise RecordingError(
                 f"{path.name}: its joint states have no {only}, but {', '.join([*where][1:])}"
             )
         return table, {name: where[name] for name in ("time", only)} if only else where, []
-    if suffix not in _READERS:
+    if not dataset and suffix not in _READERS:
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
-        table = _READERS[suffix](path)
+        table = dataset_table(path) if dataset else _READERS[suffix](path)
     return table, *Finder(path.name, table, columns, joints, only).found()
 
 

@@ -130,7 +130,7 @@ def _show(task: Task, tracker: Tracker) -> None:
 
 
 def _digest(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file, or of all files of a bag."""
+    """Hexadecimal SHA-256 of a file, or of all files of a folder, a bag or a dataset."""
     digest = hashlib.sha256()
     with reading(path, "recording", RecordingError):
         for one in files_of(path):
