@@ -2,7 +2,7 @@
 
 import math
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -30,8 +30,6 @@ from sidegan.pipeline.stages.training import generator, surrogates
 from sidegan.pipeline.task import EXPECTED, FACTS, Task
 
 Report = dict[str, Any]
-
-_OF_FIRST = {"subsets"}  # frames of the first condition of a group alone
 
 
 @dataclass(frozen=True)
@@ -69,13 +67,13 @@ class Artifacts:
 
     @cached_property
     def errors(self) -> pd.DataFrame:
-        """NMSE and facts of every excitation set, by seed, set, training, repeat, weighted and joint."""
+        """NMSE and facts of every excitation set, by set, training, repeat, weighted and joint."""
         frames = []
         for one in excitation_sets(self.task):
             artifact = identification(self.task, one)
             facts = self.task.frame(artifact, FACTS)
             frames.append(self.task.frame(artifact).merge(facts, on=["set", "training", "repeat"]))
-        return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
+        return pd.concat(frames, ignore_index=True)
 
     @cached_property
     def expected(self) -> pd.DataFrame:
@@ -85,9 +83,9 @@ class Artifacts:
 
     @cached_property
     def plant(self) -> pd.DataFrame:
-        """NMSE of every excitation set as executed on the plant, by seed, set, training, repeat, …."""
+        """NMSE of every excitation set as executed on the plant, by set, training, repeat, …."""
         frames = [self.task.frame(plant(self.task, one)) for one in excitation_sets(self.task)]
-        return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
+        return pd.concat(frames, ignore_index=True)
 
     @cached_property
     def histories(self) -> pd.DataFrame:
@@ -167,48 +165,8 @@ class Artifacts:
         return pd.concat(parts, ignore_index=True)
 
 
-@dataclass(frozen=True)
-class Group:
-    """Conditions that differ in their seed set alone, whose trainings count together.
-
-    Attributes:
-        name: of the group, for people.
-        parts: artifacts of each of its conditions, by name.
-    """
-
-    name: str
-    parts: dict[str, Artifacts]
-
-    @property
-    def first(self) -> Artifacts:
-        """Artifacts of its first condition."""
-        return next(iter(self.parts.values()))
-
-    _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
-
-    def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over the conditions that make it, with their names as ``seed_set``."""
-        if name not in self._frames:
-            parts = list(self.parts.items())[: 1 if name in _OF_FIRST else None]
-            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in parts]
-            self._frames[name] = pd.concat(frames, ignore_index=True)
-        return self._frames[name]
-
-    def seeds(self, key: str) -> pd.Series:
-        """A number of the seed set, by condition."""
-        return pd.Series({condition: float(part.seeds[key]) for condition, part in self.parts.items()})
-
-    def predictor(self, key: str) -> pd.Series:
-        """A number of the surrogates that variants learn from, by condition."""
-        return pd.Series({condition: float(part.surrogates[key]) for condition, part in self.parts.items()})
-
-
-def comparison(task: Task) -> dict[str, Group]:
-    """Artifacts of every condition that the page compares, by group."""
+def comparison(task: Task) -> dict[str, Artifacts]:
+    """Artifacts of every condition that the page compares, by its name."""
     own = task.cfg.condition.name
-    tasks = [task if name == own else task.under(name) for name in task.cfg.conditions or [own]]
-    groups: dict[str, Group] = {}
-    for one in tasks:
-        condition = one.cfg.condition
-        groups.setdefault(condition.group, Group(condition.group, {})).parts[condition.name] = Artifacts(one)
-    return groups
+    names = task.cfg.conditions or [own]
+    return {name: Artifacts(task if name == own else task.under(name)) for name in names}

@@ -1,7 +1,7 @@
 """The paper's claims beside what was measured here, each with a verdict that follows from the numbers.
 
 The words of a claim and its criterion are in ``paper.yaml``; what measures it is a function of its name in
-``claims_training.py`` or ``claims_identification.py``, which asks one group of conditions.
+``claims_training.py`` or ``claims_identification.py``, which asks the artifacts of one condition.
 """
 
 from collections import Counter
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import pandas as pd
 
 from experiments import claims_identification, claims_training
-from experiments.artifacts import SEEDS, Group
+from experiments.artifacts import SEEDS, Artifacts
 from experiments.finding import SIDE_GANS, Judgement
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
@@ -36,14 +36,14 @@ class Claim(NamedTuple):
     paper: str
     criterion: str
     why: str
-    findings: dict[str, Judgement]  # by group of conditions
+    findings: dict[str, Judgement]  # by condition
 
 
-def claims(groups: Mapping[str, Group]) -> list[Claim]:
+def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
     """Every claim, in the order of the paper."""
     judged = []
     for key, words in PAPER["claims"].items():
-        findings = {name: _found(key, group) for name, group in groups.items()}
+        findings = {name: _found(key, made) for name, made in conditions.items()}
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
@@ -52,9 +52,9 @@ def claims(groups: Mapping[str, Group]) -> list[Claim]:
     return judged
 
 
-def _found(key: str, group: Group) -> Judgement:
+def _found(key: str, made: Artifacts) -> Judgement:
     """Judgement of a claim; of one about what is added to the seeds, also where nothing is."""
-    finding, barren = CRITERIA[key](group), barren_variants(group)
+    finding, barren = CRITERIA[key](made), barren_variants(made)
     if key in _SAMPLES and set(SIDE_GANS) <= set(barren):
         return replace(finding, ours=f"{finding.ours}; no sample of the SIDE-GANs' is valid at the end")
     if key not in _ADDED or not barren:
@@ -65,15 +65,14 @@ def _found(key: str, group: Group) -> Judgement:
     return replace(finding, verdict=verdict, ours=f"{nothing}: {added}")
 
 
-def barren_variants(group: Group) -> dict[str, int]:
+def barren_variants(made: Artifacts) -> dict[str, int]:
     """Variants of which no training made anything valid, and how many trajectories were drawn of each."""
-    frame = group.frame("generators")
-    parts = frame[frame.name != SEEDS].groupby("name", sort=False)
+    parts = made.generators[made.generators.name != SEEDS].groupby("name", sort=False)
     return {str(name): int(part.drawn.sum()) for name, part in parts if (part["count"] == 0).all()}
 
 
 def table(judged: list[Claim]) -> pd.DataFrame:
-    """The verdicts on every claim, a column for each group."""
+    """The verdicts on every claim, a column for each condition."""
     rows = [
         {"Claim": claim.text, "Paper": f"{claim.paper} ({claim.where})"}
         | {name: signed(finding) for name, finding in claim.findings.items()}
@@ -83,7 +82,7 @@ def table(judged: list[Claim]) -> pd.DataFrame:
 
 
 def findings(judged: list[Claim]) -> pd.DataFrame:
-    """Grounds of every verdict: its criterion, and what each group measured."""
+    """Grounds of every verdict: its criterion, and what each condition measured."""
     rows = [
         {"Claim": claim.text, "Criterion": claim.criterion}
         | {name: f"{signed(finding)}: {finding.ours}" for name, finding in claim.findings.items()}

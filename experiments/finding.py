@@ -1,4 +1,4 @@
-"""Findings on one claim in one group of conditions, and their words."""
+"""Findings on one claim under one condition, and their words."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.artifacts import Group
-from experiments.verdicts import SEED_SET, TRAINING, UNKNOWN, Interval, interval, together
+from experiments.artifacts import Artifacts
+from experiments.verdicts import TRAINING, UNKNOWN, Interval, interval, together
 from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
@@ -29,24 +29,22 @@ def unknown() -> Judgement:
     return Judgement(UNKNOWN, UNKNOWN)
 
 
-def by_epoch(group: Group, variant: str, key: str) -> pd.DataFrame:
-    """A metric of a variant by epoch (rows), and seed set and training (columns)."""
-    histories = group.frame("histories")
-    part = histories[histories.variant == variant]
-    return part.pivot(index="epoch", columns=[SEED_SET, TRAINING], values=key)
+def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:
+    """A metric of a variant by epoch (rows) and training (columns)."""
+    part = made.histories[made.histories.variant == variant]
+    return part.pivot(index="epoch", columns=TRAINING, values=key)
 
 
-def at(group: Group, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
-    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by seed set and training."""
-    curve = by_epoch(group, variant, key)
+def at(made: Artifacts, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
+    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by training."""
+    curve = by_epoch(made, variant, key)
     begin = min(first, len(curve)) - 1
     return curve.iloc[begin : len(curve) if last is None else max(last, begin + 1)].mean()
 
 
-def against(values: pd.Series, seeds: pd.Series) -> pd.Series:
-    """Logarithm of the ratio of values by seed set and training to a number of the seeds."""
-    sets = values.index.get_level_values(SEED_SET)
-    return np.log(values) - np.log(seeds.loc[sets].to_numpy())
+def against(values: pd.Series, reference: float) -> pd.Series:
+    """Logarithm of the ratio of values by training to a number of the seeds, or of another set."""
+    return np.log(values) - np.log(reference)
 
 
 def words(measured: Interval, form: str = ".3g") -> str:

@@ -11,7 +11,7 @@ import pandas as pd
 
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
-from experiments.verdicts import levels
+from experiments.verdicts import TRAINING
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
@@ -67,7 +67,7 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
     """First epoch after which a generator is reliable, and its best and last valid share."""
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
-        share = part.pivot(index="epoch", columns=levels(part), values="success").fillna(0.0)
+        share = part.pivot(index="epoch", columns=TRAINING, values="success").fillna(0.0)
         reached = share >= RELIABLE
         first = ["never" if pd.isna(x) else f"{x:g}" for x in reached.idxmax().where(reached.any())]
         rows[name] = {

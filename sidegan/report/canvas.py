@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -30,10 +29,8 @@ _VECTORS: dict[Any, Any] = {
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure of this size [inch] on a canvas of its own: no screen, no global state."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    """An empty figure of this size [inch], which needs no screen and no global state."""
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:

@@ -20,7 +20,7 @@ _COLOURS = {
 }
 _LONG = "#ef8a62"
 PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")
-DESK, PATH = "#b59b7c", "#b2182b"  # in pictures of motion
+DESK = "#b59b7c"  # in pictures of motion
 
 
 def colours(names: Iterable[str]) -> dict[str, str]:

@@ -102,7 +102,7 @@ def joints(raw: pd.DataFrame) -> pd.DataFrame:
 
 def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
     """Length, conditioning of the stack and covariance norm of every excitation set."""
-    once = raw.drop_duplicates(["seed", "set", "training", "repeat"])
+    once = raw.drop_duplicates(["set", "training", "repeat"])
     mean = once.groupby("set")[list(_SETS)].mean()
     return formatted(mean.loc[ordered(mean.index)], _SETS).rename(index=title)
 

@@ -10,7 +10,7 @@ from sidegan.errors import ShapeError, StorageError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.canvas import blank, save
 from sidegan.report.document import write_page
-from sidegan.report.motion import Bundle, paths, snapshots
+from sidegan.report.motion import Bundle, paths
 from sidegan.report.viewer import view_of
 from sidegan.validity import Constraints
 
@@ -39,21 +39,10 @@ REFUSALS = {
     ),
     "a figure in a file": (lambda x: save(blank(1, 1), x.file / "nmse"), StorageError, "cannot write"),
     "no sets": (lambda x: paths(x.arm, []), ShapeError, "no sets"),
-    "an empty set": (
-        lambda x: paths(x.arm, [Bundle("a", FAMILY, NONE)]),
-        ShapeError,
-        "no trajectory",
-    ),
     "another family": (
         lambda x: paths(x.arm, [Bundle("a", LONG, ONE)]),
         ShapeError,
         "coefficients are",
-    ),
-    "a film of two": (lambda x: snapshots(x.arm, FAMILY, TWO), ShapeError, "one trajectory, got 2"),
-    "a film of no instant": (
-        lambda x: snapshots(x.arm, FAMILY, ONE, 0),
-        ShapeError,
-        "at least one sample",
     ),
     "nothing to move": (lambda x: view_of(x.free, FAMILY, NONE), ShapeError, "0 trajectories to show"),
     "a title too few": (lambda x: view_of(x.free, FAMILY, TWO, ["a"]), ShapeError, "2 .* and 1 titles"),
