@@ -24,6 +24,7 @@ _LEAST, _MOST = 0.7, 1.2  # width in a page over that for which it is drawn
 _VECTORS: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.sans-serif": ["DejaVu Sans"],  # that comes with matplotlib: its widths are alike everywhere
+    "path.simplify_threshold": 0.5,  # [pt]: a long recording has more points than a screen can show
     "text.parse_math": False,  # a dollar in somebody's name is a dollar
 }
 

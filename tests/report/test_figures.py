@@ -1,5 +1,6 @@
 """Figures of results: what is drawn is what the frame holds."""
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.image import imread
@@ -96,3 +97,9 @@ def test_an_svg_has_words_as_they_are_and_its_own_names_and_bytes(words, recwarn
     assert words in one.text and not recwarn.list
     assert drawn("a") == drawn("a")
     assert one.ids and len(one.ids) == len(set(one.ids)) and not set(one.ids) & set(other.ids)
+
+
+def test_a_long_line_takes_no_more_room_in_an_svg_than_a_screen_can_show():
+    figure, time = blank(11, 2), np.arange(50_000) / 45
+    figure.subplots().plot(time, np.sin(14 * time))
+    assert len(svg(figure, "a", "a")) < 100_000

@@ -23,7 +23,6 @@ def show_checks(recordings: Sequence[CheckedRecording]) -> None:
     """Print the check of recordings, as tables."""
     show(_sampling(recordings), "Recordings")
     show(_joints(recordings), "Joints [rad, m, N·m, N, A]")
-    show(_excitation(recordings), "Share of each base parameter that no other can stand in for")
 
 
 def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
@@ -74,10 +73,3 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows).set_index(["recording", "joint"])
-
-
-def _excitation(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """A row per base parameter, a column per recording."""
-    columns = {one.name: [f"{x:.1%}" for x in one.excitation.alone.tolist()] for one in recordings}
-    names = list(recordings[0].excitation.names)
-    return pd.DataFrame(columns, index=names).rename_axis("base parameter")

@@ -1,9 +1,7 @@
 """Files of an identification: tables, a URDF, a verdict for machines and a report for people."""
 
-import json
 import math
 import platform
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +50,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
-    write_bytes(folder / _MLMODEL, _mlmodel(arm.joint_names).encode())
+    write_bytes(folder / _MLMODEL, _mlmodel().encode())
     write_bytes(folder / REPORT, report_html(identified, origin, files).encode())
 
 
@@ -141,18 +139,8 @@ def _number(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def _mlmodel(joint_names: Sequence[str]) -> str:
+def _mlmodel() -> str:
     """The file by which MLflow loads the Python class from its folder, as a function of tables."""
-    sides = {"inputs": ("q", "dq", "ddq"), "outputs": ("tau",)}
-    columns = {
-        side: [
-            {"type": "double", "name": f"{x}_{name}", "required": True}
-            for x in letters
-            for name in joint_names
-        ]
-        for side, letters in sides.items()
-    }
     function = {"loader_module": Path(_CLASS).stem, "code": ".", "data": "."}
     function |= {"python_version": platform.python_version()}
-    signature = {side: json.dumps(names) for side, names in columns.items()}
-    return yaml.safe_dump({"flavors": {"python_function": function}, "signature": signature}, sort_keys=False)
+    return yaml.safe_dump({"flavors": {"python_function": function}})
