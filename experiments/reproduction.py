@@ -20,7 +20,6 @@ from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
-from sidegan.report.figures import Panel
 from sidegan.report.motion import Bundle
 from sidegan.report.style import colour
 
@@ -67,7 +66,7 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     write_page(template, target, shown, drawn, **_context(conditions, judged))
     tracker.log_artifact(target, "report")
     for name, table in shown.items():
-        text = table.reset_index().astype(str) if any(table.index.names) else table.astype(str)
+        text = table.reset_index().astype(str)
         tracker.log_table(text, name)
         tracker.log_note(f"**{name}**\n\n{export.markdown(text)}")
     for name, row in numbers.items():
@@ -170,12 +169,11 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
     """The figures of a condition, by name."""
     eigen = made.generators[made.generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
-    share = [Panel("success", "valid share")]
     subsets, taught = made.subsets[made.subsets.kept], ("seeds", "seeds trained on")
     return {
         "training": training.figure(made.histories, made.few_seeds, union),
         "nmse": figures.errors(made.errors),
-        "sizes": figures.panels(subsets, taught, share, "variant", columns=1, markers=True),
+        "sizes": figures.panels(subsets, taught, ["success"]),
         **_motion(made),
     }
 

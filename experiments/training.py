@@ -48,8 +48,7 @@ def summary(generators: pd.DataFrame) -> pd.DataFrame:
 
 def means(generators: pd.DataFrame) -> pd.DataFrame:
     """Columns valid, condition, distance and rank, mean over trainings; a row a generator, and the seeds."""
-    valid = generators.success
-    frame = generators.assign(valid=valid.fillna(generators.valid) if "valid" in generators else valid)
+    frame = generators.assign(valid=generators.success.fillna(generators.valid))
     numbers = frame[["valid", "condition", "distance", "rank"]].astype(float)
     return numbers.groupby(frame["name"], sort=False).mean()
 
@@ -59,8 +58,7 @@ def figure(
 ) -> "Figure":
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
     compared = {SEEDS: seeds | {"success": seeds["valid"]}, "union": union or {}}
-    shown = figures.metrics(references=compared)
-    return figures.panels(histories, ("epoch", "epoch"), shown, "variant", columns=3)
+    return figures.panels(histories, ("epoch", "epoch"), figures.METRICS, compared)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:

@@ -71,12 +71,7 @@ def save(figure: Figure, path: Path) -> Path:
 def svg(figure: Figure, name: str, label: str) -> str:
     """The figure as an SVG element for HTML, sharp at any size, whose words are text.
 
-    The same figure gives the same bytes.
-
-    Args:
-        figure: to be drawn.
-        name: that no other element of the page has.
-        label: what is read aloud.
+    The same figure gives the same bytes. No other element of a page has its name; its label is read aloud.
     """
     text = StringIO()
     with rc_context(_VECTORS | {"svg.hashsalt": name}), warnings.catch_warnings():

@@ -18,9 +18,6 @@ class Recorder(Protocol):
     def log_table(self, table: pd.DataFrame, name: str) -> None:
         """Keep a table."""
 
-    def log_artifact(self, path: Path, folder: str | None = None) -> None:
-        """Keep a file below ``folder`` of the run."""
-
     def log_note(self, text: str) -> None:
         """Add Markdown to what is shown of the run first."""
 
@@ -31,8 +28,6 @@ def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) ->
     show(table, caption)
     tracker.log_table(table, path.name)
     tracker.log_note(f"**{caption}**\n\n{markdown(table.reset_index())}")
-    for suffix in (".csv", ".md"):
-        tracker.log_artifact(path.with_suffix(suffix), "tables")
 
 
 def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from sidegan.report.canvas import blank
-from sidegan.report.document import with_index, write_page
+from sidegan.report.document import write_page
 from sidegan.report.export import markdown, show, write_table
 
 TABLE = pd.DataFrame(
@@ -16,7 +16,7 @@ NUMBERS = pd.DataFrame({"time [s]": ["16", "560"], "a|b": ["1|2", "3"]}, index=[
 NUMBERS = NUMBERS.rename_axis("set")
 TEMPLATE = """# Results & verdicts
 
-What **holds** with {{ known.share | number(".0%") }} in {{ 0.0014 | seconds }}.
+What **holds** with {{ known.share | number(".0%") }}.
 
 {% if "t" in tables %}
 {{ table("t", "Table I: nMSE*.") }}
@@ -31,22 +31,16 @@ def test_markdown_has_all_parts_in_order_and_their_files(tmp_path):
     figure, path = blank(1, 1), tmp_path / "docs" / "some report.md"
     figure.subplots().plot([0, 1])
     known = SimpleNamespace(share=0.5)
-    text = write_page(tmp_path / "page.md.j2", path, {"t": TABLE}, {"line": figure}, known=known)
-    assert path.read_text(encoding="utf-8") == text
+    write_page(tmp_path / "page.md.j2", path, {"t": TABLE}, {"line": figure}, known=known)
+    text = path.read_text(encoding="utf-8")
     parts = (
-        "# Results & verdicts", "What **holds** with 50% in 1.4 ms.", "*Table I: nMSE\\*.*",
+        "# Results & verdicts", "What **holds** with 50%.", "*Table I: nMSE\\*.*",
         "| p | 1 ± 2 | <b> |", "| q | — | x y |",
         "![A (line) & more.](some%20report/figures/line.png)", "*A [line] & more.*",
     )  # fmt: skip
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
     assert {file.name for file in path.with_suffix("").rglob("*.*")} == {"t.csv", "t.md", "line.png"}
-
-
-def test_the_index_of_a_table_is_its_first_column_where_it_has_a_name():
-    frame = pd.DataFrame({"a": [1.5, None]})
-    assert markdown(with_index(frame)).splitlines() == ["| a |", "| ---: |", "| 1.5 |", "| — |"]
-    assert markdown(with_index(TABLE)).splitlines()[0] == r"| set | a\|b | note |"
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """The report of an identification as one HTML file that needs nothing else, not even a network."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import yaml
@@ -10,9 +10,9 @@ from markupsafe import Markup
 from sidegan.base.names import plain
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.recording.tables import Numbers
+from sidegan.report.document import web_page
 from sidegan.report.identification import content
 from sidegan.report.identification.content import Origin
-from sidegan.report.web import environment
 
 _RECORDINGS = 12  # that are drawn
 _PAIRS = 8  # that are shown
@@ -20,17 +20,17 @@ _TOGETHER = 0.8  # correlation from which two parameters are hard to tell apart
 _ROUNDING = 1e-12  # below which a number is none, whatever its SI unit
 
 
-def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, str]) -> str:
-    """The report as an HTML document; files are beside it, each by what it holds."""
+def report_html(identified: IdentifiedArm, origin: Origin) -> bytes:
+    """The report as an HTML document."""
     from sidegan.report.canvas import svg  # matplotlib takes a while to import
     from sidegan.report.identification import plots
 
-    web, chosen = environment(), identified.chosen
-    web.filters |= {"number": number}
-    return web.get_template("identification/report.html.jinja").render(
+    chosen = identified.chosen
+    return web_page(
+        "identification/report.html.jinja",
+        {"number": number},
         identified=identified,
         origin=origin,
-        files=files,
         title=f"Identification of {identified.model.arm.name}",
         content=content,
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),

@@ -14,7 +14,7 @@ from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, Identif
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
 from sidegan.identification.trust import certainty
-from sidegan.report.identification.checks import CHECK, write_checks
+from sidegan.report.identification.checks import write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
 from sidegan.report.identification.page import report_html
 from sidegan.robot import write_mjcf, write_urdf
@@ -31,17 +31,6 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     arm = identified.model.arm
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
     drives = identified.drives
-    files = {
-        "parameters with deviations": _TABLE,
-        "parameters with covariance": PARAMETERS,
-        "consistent links": _LINKS,
-        "description with these links and friction": urdf,
-        "the same for MuJoCo, with rotors": mjcf,
-        f"the model to use ({identified.use}) as a Python class": _CLASS,
-        "by which MLflow loads it from this folder": _MLMODEL,
-        "check of the recordings": CHECK,
-        "verdict for machines": VERDICT,
-    }
     write_checks(identified.recordings, folder)
     write_bytes(folder / _TABLE, parameter_table(identified).to_csv(index=False).encode())
     write_bytes(folder / _LINKS, link_table(identified).to_csv(index=False).encode())
@@ -51,7 +40,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
     write_bytes(folder / _MLMODEL, _mlmodel().encode())
-    write_bytes(folder / REPORT, report_html(identified, origin, files).encode())
+    write_bytes(folder / REPORT, report_html(identified, origin))
 
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:

@@ -22,7 +22,6 @@ from sidegan.validity.constraints import DISTANCES
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
 _SHARE = 16_000  # steps of a whole limit
 _LARGEST = 2.0  # share of a limit that can be shown
-_SHOWN = 100  # trajectories at most: some megabytes
 
 
 @dataclass
@@ -51,7 +50,7 @@ def view_of(
     titles: Sequence[str] = (),
     arm: Arm | None = None,
 ) -> View:
-    """View of trajectories with coefficients [rad/s], (B, J, H, 2); of very many, the first.
+    """View of trajectories with coefficients [rad/s], (B, J, H, 2).
 
     Args:
         constraints: the arm in its workspace.
@@ -66,7 +65,7 @@ def view_of(
     count = len(coefficients)
     if count == 0 or (titles and len(titles) != count):
         raise ShapeError(f"there are {count} trajectories to show and {len(titles)} titles")
-    arm, coefficients = arm or constraints.arm, coefficients[:_SHOWN]
+    arm = arm or constraints.arm
     samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
     times = torch.linspace(0.0, family.period, samples + 1, dtype=torch.float64)
     motion = family.roll_out(coefficients.detach().to("cpu", torch.float64), times)
@@ -76,27 +75,21 @@ def view_of(
         "prismatic": arm.prismatic.tolist(),
         "period": family.period,
         "samples": samples,
-        "titles": list(titles[:_SHOWN]) or [str(k + 1) for k in range(len(coefficients))],
-        "total": count,
+        "titles": list(titles) or [str(k + 1) for k in range(count)],
         "checked": constraints.described(),
         "colours": list(PALETTE),
-        "chain": _chain(arm),
+        "chain": {
+            "rotation": arm.rotation.flatten(1).tolist(),  # row by row
+            "translation": arm.translation.tolist(),
+            "axis": arm.axis.tolist(),
+            "tip": arm.tip.tolist(),
+        },
     }
     view = View(head)
     _add_signals(view, arm, constraints, motion)
     _add_closest(view, constraints, motion)
     _add_surfaces(view, constraints)
     return view
-
-
-def _chain(arm: Arm) -> dict[str, Any]:
-    """Placements of the joints: rotations row by row, origins [m], axes, and the end effector [m]."""
-    return {
-        "rotation": arm.rotation.flatten(1).tolist(),
-        "translation": arm.translation.tolist(),
-        "axis": arm.axis.tolist(),
-        "tip": arm.tip.tolist(),
-    }
 
 
 def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion) -> None:

@@ -1,7 +1,7 @@
 """Surfaces small enough for a page: few triangles, short numbers."""
 
+from collections import defaultdict
 from collections.abc import Sequence
-from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,16 +51,15 @@ def _part(mesh: "trimesh.Trimesh") -> Part:
 
 def merged(parts: Sequence[Part]) -> list[Part]:
     """One part for all of a joint and a colour."""
+    from trimesh.util import append_faces
 
-    def key(part: Part) -> tuple[int, Colour]:
-        return part.link, part.colour or (-1.0, -1.0, -1.0)
-
+    groups = defaultdict[tuple[int, Colour | None], list[Part]](list)
+    for part in parts:
+        groups[part.link, part.colour].append(part)
     joined = []
-    for _, group in groupby(sorted(parts, key=key), key):
-        some = list(group)
-        starts = np.cumsum([0, *(len(part.vertices) for part in some)])
-        faces = np.concatenate([part.faces + start for part, start in zip(some, starts)])
-        joined.append(Part(some[0].link, np.concatenate([x.vertices for x in some]), faces, some[0].colour))
+    for (link, colour), some in groups.items():
+        vertices, faces = append_faces([part.vertices for part in some], [part.faces for part in some])
+        joined.append(Part(link, np.asarray(vertices, float), np.asarray(faces, np.int64), colour))
     return joined
 
 
