@@ -2,6 +2,7 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,7 +20,7 @@ from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.long import long_trajectory
 from sidegan.pipeline.stages.plant import plant
-from sidegan.pipeline.stages.pools import SEEDS, pools
+from sidegan.pipeline.stages.pools import SEEDS, ExcitationSet, pools
 from sidegan.pipeline.stages.random import random_set
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
@@ -27,7 +28,7 @@ from sidegan.pipeline.stages.selection import excitation_sets, selection
 from sidegan.pipeline.stages.subsets import on_subset
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, surrogates
-from sidegan.pipeline.task import EXPECTED, FACTS, Task
+from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 
 Report = dict[str, Any]
 
@@ -38,6 +39,8 @@ class Artifacts:
 
     Attributes:
         task: the settings and where their artifacts are.
+        expected: NMSE of every excitation set expected over all noise, by set, training, weighted and joint.
+        plant: NMSE of every excitation set as executed on the plant, by set, training, repeat, ….
         whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
         density: samples of kernel density estimates, a row for each bandwidth.
@@ -52,6 +55,8 @@ class Artifacts:
 
     task: Task
 
+    expected = cached_property(lambda self: self._of_sets(identification, EXPECTED))
+    plant = cached_property(lambda self: self._of_sets(plant))
     whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
     whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
     density = cached_property(lambda self: self.task.frame(density(self.task)))
@@ -68,24 +73,8 @@ class Artifacts:
     @cached_property
     def errors(self) -> pd.DataFrame:
         """NMSE and facts of every excitation set, by set, training, repeat, weighted and joint."""
-        frames = []
-        for one in excitation_sets(self.task):
-            artifact = identification(self.task, one)
-            facts = self.task.frame(artifact, FACTS)
-            frames.append(self.task.frame(artifact).merge(facts, on=["set", "training", "repeat"]))
-        return pd.concat(frames, ignore_index=True)
-
-    @cached_property
-    def expected(self) -> pd.DataFrame:
-        """NMSE of every excitation set expected over all noise, by set, training, weighted and joint."""
-        sets = excitation_sets(self.task)
-        return pd.concat([self.task.frame(identification(self.task, one), EXPECTED) for one in sets])
-
-    @cached_property
-    def plant(self) -> pd.DataFrame:
-        """NMSE of every excitation set as executed on the plant, by set, training, repeat, …."""
-        frames = [self.task.frame(plant(self.task, one)) for one in excitation_sets(self.task)]
-        return pd.concat(frames, ignore_index=True)
+        facts = self._of_sets(identification, FACTS)
+        return self._of_sets(identification).merge(facts, on=["set", "training", "repeat"])
 
     @cached_property
     def histories(self) -> pd.DataFrame:
@@ -152,6 +141,10 @@ class Artifacts:
     def seconds(self, artifact: Artifact) -> float:
         """Wall time in which an artifact was made [s]; not a number where that was not kept."""
         return float(self.costs(artifact)["seconds"])
+
+    def _of_sets(self, made: Callable[[Task, ExcitationSet], Artifact], file: str = RESULTS) -> pd.DataFrame:
+        frames = [self.task.frame(made(self.task, one), file) for one in excitation_sets(self.task)]
+        return pd.concat(frames, ignore_index=True)
 
     def _histories(self, task: Task) -> pd.DataFrame:
         parts = []

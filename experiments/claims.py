@@ -6,25 +6,19 @@ The words of a claim and its criterion are in ``paper.yaml``; what measures it i
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import pandas as pd
 
 from experiments import claims_identification, claims_training
-from experiments.artifacts import SEEDS, Artifacts
-from experiments.finding import SIDE_GANS, Judgement
+from experiments.artifacts import Artifacts
+from experiments.finding import Judgement
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
 
 _SIGNS = {HOLDS: "🟢", PART: "🟡", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
 _PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
 CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
-# Claims about what valid generated trajectories add to the seeds.
-_ADDED = {"diverse_union", "generated_beat_seeds", "real_generated_beat_seeds", "smallest_norm"}
-_ADDED |= {"generated_improve", "more_than_vanilla", "eigen_best", "not_replaced", "not_less"}
-# Claims about samples as they come.
-_SAMPLES = {"vanilla_first", "fitter", "inertial", "diverse_diagonals", "few_seeds_excite", "faster"}
 
 
 class Claim(NamedTuple):
@@ -43,32 +37,13 @@ def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
     """Every claim, in the order of the paper."""
     judged = []
     for key, words in PAPER["claims"].items():
-        findings = {name: _found(key, made) for name, made in conditions.items()}
+        findings = {name: CRITERIA[key](made) for name, made in conditions.items()}
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
         text, criterion, why = (words[part].format(**numbers) for part in ("claim", "criterion", "why"))
         judged.append(Claim(key, text, words["where"], words["paper"], criterion, why, findings))
     return judged
-
-
-def _found(key: str, made: Artifacts) -> Judgement:
-    """Judgement of a claim; of one about what is added to the seeds, also where nothing is."""
-    finding, barren = CRITERIA[key](made), barren_variants(made)
-    if key in _SAMPLES and set(SIDE_GANS) <= set(barren):
-        return replace(finding, ours=f"{finding.ours}; no sample of the SIDE-GANs' is valid at the end")
-    if key not in _ADDED or not barren:
-        return finding
-    nothing = f"no valid draw of {' or '.join(f'{name} (of {n:,})' for name, n in barren.items())}"
-    added = "nothing is added to the seeds" if set(SIDE_GANS) <= set(barren) else finding.ours
-    verdict = NOT if set(SIDE_GANS) <= set(barren) else finding.verdict
-    return replace(finding, verdict=verdict, ours=f"{nothing}: {added}")
-
-
-def barren_variants(made: Artifacts) -> dict[str, int]:
-    """Variants of which no training made anything valid, and how many trajectories were drawn of each."""
-    parts = made.generators[made.generators.name != SEEDS].groupby("name", sort=False)
-    return {str(name): int(part.drawn.sum()) for name, part in parts if (part["count"] == 0).all()}
 
 
 def table(judged: list[Claim]) -> pd.DataFrame:

@@ -1,7 +1,6 @@
 """Criteria of the claims about training, diversity and cost (figure 3, the text, the discussion)."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -15,10 +14,10 @@ from experiments.finding import (
     against,
     at,
     by_epoch,
-    over_both,
     ratios,
     shares,
     unknown,
+    unless_same,
     words,
 )
 from experiments.training import EARLY, RELIABLE
@@ -26,6 +25,7 @@ from experiments.verdicts import (
     HOLDS,
     NOT,
     TRAINING,
+    UNKNOWN,
     above,
     below,
     beside,
@@ -83,9 +83,11 @@ def _against_vanilla(
 ) -> Judgement:
     """Vanilla's metric over the SIDE-GANs', of all samples and of the valid alone, in the same epochs."""
     everything, valid = (_gains(made, one, first, last) for one in (key, f"{key}_valid"))
-    found = over_both(everything, valid, judge)
-    numbers = {"epochs": EARLY, "late": _LATE}
-    return replace(found, ours=f"vanilla's over theirs: {found.ours}", numbers=numbers)
+    valid = {name: x.dropna() for name, x in valid.items()}  # without what was never valid
+    verdict, other = (together(map(judge, x.values())) for x in (everything, valid))
+    other = other if all(map(len, valid.values())) else UNKNOWN
+    ours = f"vanilla's over theirs: of all samples {ratios(everything)}; of the valid alone {ratios(valid)}"
+    return Judgement(verdict, ours + unless_same(verdict, other), {"epochs": EARLY, "late": _LATE})
 
 
 def _gains(made: Artifacts, key: str, first: int, last: int | None = None) -> dict[str, pd.Series]:
@@ -108,9 +110,7 @@ def _traded(made: Artifacts) -> Judgement:
     other = together(together((lost[n], above(of_valid[n].dropna()))) for n in SIDE_GANS)
     ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later: "
     ours += f"of all samples {ratios(gained)}, of the valid alone {ratios(of_valid)}"
-    if other != verdict:
-        ours += f", by which the verdict would be: {other}"
-    return Judgement(verdict, ours, {"epochs": EARLY})
+    return Judgement(verdict, ours + unless_same(verdict, other), {"epochs": EARLY})
 
 
 def _comparable(made: Artifacts) -> Judgement:

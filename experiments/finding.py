@@ -1,6 +1,6 @@
 """Findings on one claim under one condition, and their words."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.verdicts import TRAINING, UNKNOWN, Interval, interval, together
+from experiments.verdicts import TRAINING, UNKNOWN, Interval, interval
 from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
@@ -62,25 +62,9 @@ def shares(log_odds: Mapping[str, pd.Series], form: str = ".0%") -> str:
     return "; ".join(f"{name} {words(interval(x).share(), form)}" for name, x in log_odds.items())
 
 
-def over_both(
-    everything: Mapping[str, pd.Series],
-    valid: Mapping[str, pd.Series],
-    judge: Callable[[pd.Series], str],
-) -> Judgement:
-    """A verdict on ratios over all samples, and over the valid alone in its evidence.
-
-    Args:
-        everything: logarithms of ratios by name, of all samples.
-        valid: the same of the valid ones; without what was never valid.
-        judge: the verdict on one of them.
-    """
-    known = {name: x.dropna() for name, x in valid.items()}
-    verdict, other = (together(map(judge, x.values())) for x in (everything, known))
-    other = other if all(map(len, known.values())) else UNKNOWN
-    ours = f"of all samples {ratios(everything)}; of the valid alone {ratios(known)}"
-    if other != verdict:
-        ours += f", by which the verdict would be: {other}"
-    return Judgement(verdict, ours)
+def unless_same(verdict: str, other: str) -> str:
+    """A verdict by other numbers, in words, where it is another one."""
+    return "" if other == verdict else f", by which the verdict would be: {other}"
 
 
 def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:

@@ -85,7 +85,6 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
         "confidence": CONFIDENCE,
         "described": {name: described(made) for name, made in conditions.items()},
         "checked": checked(conditions),
-        "barren": {name: claims.barren_variants(made) for name, made in conditions.items()},
         "verdicts": {
             name: claims.counted(claim.findings[name].verdict for claim in judged) for name in conditions
         },
@@ -160,7 +159,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "table3": exp2.table3(made.whole_facts),
         "whole": exp2.errors(made.whole_errors),
         "density": comparisons.densities(made.density),
-        "timing": comparisons.costs(comparisons.durations(made)),
+        "timing": comparisons.timing(made),
     }
     return shown | {name: table for name, (table, _) in exp2.tables2(made.whole_errors, made.cfg).items()}
 

@@ -1,10 +1,13 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
 
 from experiments import verdicts
-from experiments.finding import over_both, ratios, shares
+from experiments.claims_training import CRITERIA
+from experiments.finding import ratios, shares
 from experiments.verdicts import (
     HOLDS,
     NOT,
@@ -106,12 +109,17 @@ def test_intervals_of_shares_cover_the_truth_as_often_as_they_say():
 
 
 def test_a_verdict_says_where_the_valid_alone_would_give_another():
-    torn = over_both({"eigen": effect(1.0)}, {"eigen": effect(-1.0)}, above)
-    assert torn.verdict == HOLDS and torn.ours.endswith(f"by which the verdict would be: {NOT}")
-    assert "of all samples" in torn.ours and "of the valid alone" in torn.ours
-    one = over_both({"eigen": effect(1.0)}, {"eigen": effect(2.0)}, above)
-    assert one.verdict == HOLDS and "by which" not in one.ours
-    nothing = over_both({"eigen": effect(1.0)}, {"eigen": effect(1.0) * np.nan}, above)
+    def judged(valid):
+        rows = [
+            {"variant": name, "training": k, "epoch": 1, "condition": every + k, "condition_valid": alone}
+            for name, every, alone in (("vanilla", 1e3, 2e3), ("eigen", 10, valid), ("diagonal", 10, valid))
+            for k in range(3)
+        ]
+        return CRITERIA["fitter"](SimpleNamespace(histories=pd.DataFrame(rows)))
+
+    one, torn, nothing = judged(1e3), judged(1e4), judged(np.nan)
+    assert one.verdict == torn.verdict == nothing.verdict == HOLDS and "by which" not in one.ours
+    assert torn.ours.endswith(f"by which the verdict would be: {NOT}")
     assert nothing.ours.endswith(UNKNOWN) and "nothing to measure" in nothing.ours
 
 
