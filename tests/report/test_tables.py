@@ -1,10 +1,11 @@
 """Tables of results for people, and the words and colours that they share with figures."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from sidegan.report import tables
-from sidegan.report.style import colour, seconds
+from sidegan.report.style import NOT_MEASURED, colour, seconds
 
 SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
 KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
@@ -44,7 +45,6 @@ def test_sets_are_in_the_papers_order_and_unknown_ones_last():
         ([1e-7, 3e-7], "2e-7 ± 1.4e-7"),
         ([84.4, 270.4], "180 ± 130"),  # no more digits than the deviation has
         ([187.1, 189.1], "188 ± 1.4"),
-        ([4210.0, 4214.0], "4210 ± 2.8"),
         ([-0.3, 0.76], "0.23 ± 0.75"),
         ([60.4882, 60.8134], "60.7 ± 0.23"),  # rounded once
         ([-90.0, 98.0], "0 ± 130"),
@@ -77,14 +77,7 @@ def test_generators_show_what_is_known():
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
 
 
-DURATIONS = {
-    4e-5: "40 µs",
-    1.4e-3: "1.4 ms",
-    2: "2 s",
-    360: "6 min",
-    14 * 3600: "14 h",
-    float("nan"): "not measured",
-}
+DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h", np.nan: NOT_MEASURED}
 
 
 @pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())
