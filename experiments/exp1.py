@@ -6,6 +6,7 @@ Source: Jegorova et al. 2020, section V-C.
 from collections.abc import Collection
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from experiments import training
@@ -80,7 +81,7 @@ def factors(raw: pd.DataFrame, expected: pd.DataFrame, trained: Collection[str])
             name = f"{drawn}, weighted" if weighted else drawn
             generated = [key for key in tables.ordered(list(errors)) if key in trained]
             ratios = {key: _of_several(log_ratio(errors["seeds"], errors[key])) for key in generated}
-            rows[name] = {tables.title(key): words(interval(x).exp()) for key, x in ratios.items()}
+            rows[name] = {tables.title(key): words(interval(x).turned(np.exp)) for key, x in ratios.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeds over")
 
 

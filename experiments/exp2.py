@@ -57,12 +57,9 @@ def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
 
 def tables2(results: pd.DataFrame, config: Config) -> dict[str, tuple[pd.DataFrame, str]]:
     """Table II by name, unweighted and weighted as far as there are such results, with its weighting."""
-    kinds = {"table2": False, "table2_weighted": True}
-    parts = {name: (results[results.weighted == weighted], weighted) for name, weighted in kinds.items()}
     return {
-        name: (table2(part, config), tables.weighting(weighted))
-        for name, (part, weighted) in parts.items()
-        if len(part)
+        "table2_weighted" if weighted else "table2": (table2(part, config), tables.weighting(bool(weighted)))
+        for weighted, part in results.groupby("weighted")
     }
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.special import expit
 
 from experiments.artifacts import Artifacts
 from experiments.verdicts import TRAINING, UNKNOWN, Interval, interval
@@ -59,7 +60,7 @@ def words(measured: Interval, form: str = ".3g") -> str:
 
 def shares(log_odds: Mapping[str, pd.Series], form: str = ".0%") -> str:
     """Shares and their intervals, which lie within 0 and 100 %, of their log odds by name."""
-    return "; ".join(f"{name} {words(interval(x).share(), form)}" for name, x in log_odds.items())
+    return "; ".join(f"{name} {words(interval(x).turned(expit), form)}" for name, x in log_odds.items())
 
 
 def unless_same(verdict: str, other: str) -> str:
@@ -74,4 +75,4 @@ def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
 
 def ratios(effects: Mapping[str, pd.Series]) -> str:
     """Geometric means of ratios and their intervals, of their logarithms by name."""
-    return "; ".join(f"{name} {words(interval(x).exp())} ×" for name, x in effects.items())
+    return "; ".join(f"{name} {words(interval(x).turned(np.exp))} ×" for name, x in effects.items())

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from scipy import stats
-from scipy.special import expit, logit
+from scipy.special import logit
 
 from sidegan.report.style import NOT_MEASURED
 
@@ -28,15 +28,7 @@ class Interval(NamedTuple):
     mean: float
     high: float
 
-    def exp(self) -> "Interval":
-        """Of a ratio, from that of its logarithm."""
-        return self._turned(np.exp)
-
-    def share(self) -> "Interval":
-        """Of a share, from that of its log odds."""
-        return self._turned(expit)
-
-    def _turned(self, back: Callable[[float], float]) -> "Interval":
+    def turned(self, back: Callable[[float], float]) -> "Interval":
         """Of what a growing function makes of it; what has no ends gets none."""
         low, mean, high = (float(back(x)) for x in self)
         return Interval(low, mean, high) if np.isfinite(self.low) else self._replace(mean=mean)

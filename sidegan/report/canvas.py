@@ -18,7 +18,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from sidegan.base.names import plain
 from sidegan.base.storage import replacing
 
-Place = Literal["outside lower center", "outside upper left"]
 _METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # none of it
 _LEAST, _MOST = 0.7, 1.2  # width in a page over that for which it is drawn
 _VECTORS: dict[Any, Any] = {
@@ -51,13 +50,13 @@ def logarithmic(axis: Axes) -> None:
     axis.yaxis.set_minor_formatter(NullFormatter())
 
 
-def legend(figure: Figure, handles: Mapping[str, Any], place: Place = "outside lower center") -> None:
-    """One legend outside of all panels; none for a single unnamed line."""
+def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
+    """One legend below all panels; none for a single unnamed line."""
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
-        style = {"loc": place, "ncols": columns, "fontsize": 9, "frameon": False}
-        figure.legend(list(handles.values()), list(handles), **style)
+        names, style = list(handles), {"ncols": columns, "fontsize": 9, "frameon": False}
+        figure.legend(list(handles.values()), names, loc="outside lower center", **style)
 
 
 def save(figure: Figure, path: Path) -> Path:

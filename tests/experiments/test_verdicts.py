@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
+from scipy.special import expit
 
 from experiments import verdicts
 from experiments.claims_training import CRITERIA
@@ -75,7 +76,7 @@ def test_a_claim_about_several_holds_of_each_or_in_part():
 @pytest.mark.parametrize("values", [(1.0, 1.0, 0.97), (0.0, 0.02, 0.3), (1.0, 1.0, 1.0)])
 def test_intervals_of_shares_stay_within_nothing_and_all(values):
     share = pd.Series(values, pd.Index(range(3), name="training"))
-    low, middle, high = interval(log_odds(share, 1000)).share()
+    low, middle, high = interval(log_odds(share, 1000)).turned(expit)
     assert 0 < low <= middle <= high < 1
     assert share.min() - 5e-4 <= middle <= share.max() + 5e-4
     assert "-" not in shares({"eigen": log_odds(share, 1000)})
@@ -93,7 +94,7 @@ def test_intervals_of_shares_cover_the_truth_as_often_as_they_say():
         odds = 2.0 + rng.standard_normal(6)  # of each training
         drawn = rng.binomial(1000, 1 / (1 + np.exp(-odds)))
         share = pd.Series(drawn / 1000, pd.Index(range(6), name="training"))
-        low, _, high = interval(log_odds(share, 1000)).share()
+        low, _, high = interval(log_odds(share, 1000)).turned(expit)
         hits += low < 1 / (1 + np.exp(-2.0)) < high
     assert hits >= 0.92 * 400
 

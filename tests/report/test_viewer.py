@@ -15,7 +15,7 @@ import trimesh
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.viewer import view_of, write_view
-from sidegan.report.viewer.surfaces import arm_parts, fewer, packed, region_surface
+from sidegan.report.viewer.surfaces import fewer, region_surface
 from sidegan.robot.looks import Part
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.report.builders import some
@@ -65,7 +65,7 @@ def test_positions_and_shares_are_those_of_the_motion(planar, shown, coefficient
     head, arrays = shown
     times = torch.linspace(0, 8, head["samples"] + 1, dtype=torch.float64)
     motion = FAMILY.roll_out(coefficients, times)
-    shares = {name: arrays[name].reshape(3, -1, 2) / head["steps"] for name in head["signals"]}
+    shares = {name: arrays[name].reshape(3, -1, 2) for name in head["signals"]}
     scales = {name: np.array(signal["scale"]) for name, signal in head["signals"].items()}
     position = np.array(head["middle"]) + shares["position"] * scales["position"]
     np.testing.assert_allclose(position, motion.position, atol=2e-4)
@@ -118,14 +118,6 @@ def test_too_many_triangles_become_fewer_that_stay_where_they_were():
     (less,) = fewer([whole])
     assert 20_000 < len(less.faces) <= 120_000
     np.testing.assert_allclose(np.linalg.norm(less.vertices, axis=1), 0.1, atol=1e-3)
-
-
-def test_a_packed_surface_is_the_surface(planar):
-    for part in (part for parts in arm_parts(planar) for part in parts):
-        head, vertices, faces = packed(part)
-        back = np.array(head["low"]) + vertices * np.array(head["step"])
-        np.testing.assert_allclose(back, part.vertices, atol=1e-5)
-        assert faces.max() < len(vertices)
 
 
 def test_surfaces_of_regions_look_outwards_and_hold_them():

@@ -87,7 +87,7 @@ def _style(axis: Axes) -> None:
 
 
 def _with_legend(figure: Figure, axis: Axes) -> Figure:
-    """The figure with the names of what is drawn on one of its axes above all."""
+    """The figure with the names of what is drawn on one of its axes."""
     handles, labels = axis.get_legend_handles_labels()
-    canvas.legend(figure, dict(zip(labels, handles)), "outside upper left")
+    canvas.legend(figure, dict(zip(labels, handles)))
     return figure

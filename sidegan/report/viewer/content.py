@@ -14,14 +14,12 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.style import PALETTE
-from sidegan.report.viewer.surfaces import arm_parts, packed, region_surface
+from sidegan.report.viewer.surfaces import arm_parts, region_surface
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane
 from sidegan.validity.constraints import DISTANCES
 
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
-_SHARE = 16_000  # steps of a whole limit
-_LARGEST = 2.0  # share of a limit that can be shown
 
 
 @dataclass
@@ -93,7 +91,7 @@ def view_of(
 
 
 def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion) -> None:
-    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) steps each."""
+    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) each."""
     middle = (arm.position_upper + arm.position_lower) / 2
     signals = {
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
@@ -107,10 +105,8 @@ def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion)
         largest = values.abs().amax((0, 1)).clamp_min(1e-9)
         limited = torch.isfinite(limit) if limit is not None else torch.zeros_like(largest, dtype=torch.bool)
         scale = largest if limit is None else torch.where(limited, limit, largest)
-        share = (values / scale).clamp(-_LARGEST, _LARGEST)
         view.head["signals"][name] = {"scale": scale.tolist(), "limited": limited.tolist()}
-        view.arrays[name] = (share * _SHARE).round().numpy().astype(np.int16)
-    view.head["steps"] = _SHARE
+        view.arrays[name] = (values / scale).numpy().astype(np.float32)
 
 
 def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
@@ -137,8 +133,6 @@ def _add_surfaces(view: View, constraints: Constraints) -> None:
     for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
         view.head[kind] = []
         for k, part in enumerate(parts):
-            head, vertices, faces = packed(part)
-            view.head[kind].append(head)
-            view.arrays[f"{kind}{k}v"] = vertices
-            few = len(vertices) <= np.iinfo(np.uint16).max
-            view.arrays[f"{kind}{k}f"] = faces.astype(np.uint16 if few else np.uint32)
+            view.head[kind].append({"link": part.link, "colour": part.colour})
+            view.arrays[f"{kind}{k}v"] = part.vertices.astype(np.float32)
+            view.arrays[f"{kind}{k}f"] = part.faces.astype(np.uint32)
