@@ -77,12 +77,6 @@ def test_verdicts_follow_from_the_numbers(artifacts, factor, beaten, share, draw
     assert found["vanilla_fails"].verdict == NOT and "after epoch 1" in found["vanilla_fails"].ours
 
 
-def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
-    kept = artifacts.subsets[artifacts.subsets.kept]
-    sizes = {size: set(part.variant) for size, part in kept.groupby("seeds")}
-    assert sizes == {20: set(artifacts.cfg.gan) - {"vanilla"}, 40: set(artifacts.cfg.gan)}
-
-
 def test_a_density_estimate_of_too_few_seeds_is_refused(page, outputs, tmp_path):
     few = tiny(f"outputs={outputs}", "stages=[density]", "subset=10", experiment="reproduction")
     with pytest.raises(ConfigError, match="more seeds than coefficients: 10 and 12"):

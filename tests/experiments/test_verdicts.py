@@ -88,17 +88,6 @@ def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():
     assert shares({"eigen": alone}) == "eigen 62% (no interval: one alone)"
 
 
-def test_intervals_of_shares_cover_the_truth_as_often_as_they_say():
-    hits, rng = 0, np.random.default_rng(0)
-    for _ in range(400):
-        odds = 2.0 + rng.standard_normal(6)  # of each training
-        drawn = rng.binomial(1000, 1 / (1 + np.exp(-odds)))
-        share = pd.Series(drawn / 1000, pd.Index(range(6), name="training"))
-        low, _, high = interval(log_odds(share, 1000)).turned(expit)
-        hits += low < 1 / (1 + np.exp(-2.0)) < high
-    assert hits >= 0.92 * 400
-
-
 def test_a_verdict_says_where_the_valid_alone_would_give_another():
     def judged(valid):
         rows = [
