@@ -70,9 +70,7 @@ def errors(raw: pd.DataFrame) -> Figure:
     parts = raw.groupby("weighted")
     for axis, (weighted, part) in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts):
         groups = part.groupby(["joint", "set"]).nmse
-        mean, low, high = (
-            x.unstack().loc[joints, names] for x in (groups.mean(), groups.min(), groups.max())
-        )
+        mean, low, high = (groups.agg(one).unstack().loc[joints, names] for one in ("mean", "min", "max"))
         mean.plot.bar(
             ax=axis,
             yerr=np.stack([(mean - low).T, (high - mean).T], 1),

@@ -1,6 +1,5 @@
 """Colours and words that the figures and pages share."""
 
-import math
 import zlib
 
 from sidegan.base.names import plain
@@ -30,6 +29,6 @@ def colour(name: str) -> str:
 
 def seconds(duration: float) -> str:
     """A duration in the unit that people would say: ``1.4 ms``, ``6 min``, ``14 h``."""
-    units = (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3))
-    unit, size = next(((unit, size) for unit, size in units if duration >= size), ("µs", 1e-6))
-    return NOT_MEASURED if math.isnan(duration) else f"{plain(duration / size)} {unit}"
+    units = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3, "µs": 1e-6}
+    unit = next((unit for unit, size in units.items() if duration >= size), "µs")
+    return f"{plain(duration / units[unit])} {unit}"

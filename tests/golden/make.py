@@ -131,7 +131,6 @@ def identified(name: str) -> dict[str, Any]:
     else:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
     one = identify_arm(arm, [training], [held_out], terms, settings(EstimationSettings, "identify/default"))
-    vars(one)["forward"] = {}  # simulated motions: a second of them makes a per mille of rounding
     return _flat(verdict(one))
 
 

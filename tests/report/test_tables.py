@@ -1,11 +1,10 @@
 """Tables of results for people, and the words and colours that they share with figures."""
 
-import numpy as np
 import pandas as pd
 import pytest
 
 from sidegan.report import tables
-from sidegan.report.style import NOT_MEASURED, colour, seconds
+from sidegan.report.style import colour, seconds
 
 SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
 KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
@@ -77,7 +76,7 @@ def test_generators_show_what_is_known():
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
 
 
-DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h", np.nan: NOT_MEASURED}
+DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h"}
 
 
 @pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())

@@ -24,7 +24,7 @@ _RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many
 
 @dataclass
 class View:
-    """A page's content: plain values, and arrays that go with them."""
+    """A page's content: plain values, and arrays of four-byte numbers that go with them."""
 
     head: dict[str, Any]
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -33,11 +33,9 @@ class View:
         """The plain values with a list of the arrays, and these as text (deflated, base 64)."""
         chunks, table, offset = [], {}, 0
         for name, x in self.arrays.items():
-            data = np.ascontiguousarray(x).tobytes()
-            data += bytes(-len(data) % 4)
             table[name] = [x.dtype.name, offset, int(x.size)]
-            chunks.append(data)
-            offset += len(data)
+            chunks.append(x.tobytes())
+            offset += x.nbytes
         return {**self.head, "arrays": table}, base64.b64encode(zlib.compress(b"".join(chunks), 9)).decode()
 
 
@@ -119,7 +117,7 @@ def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
         return
     used, which = torch.unique(which, return_inverse=True)
     view.head["pairs"] = [names[k] for k in used.tolist()]
-    view.arrays["pair"] = which.numpy().astype(np.uint16).reshape(batch, samples)
+    view.arrays["pair"] = which.numpy().astype(np.uint32).reshape(batch, samples)
     view.arrays["distance"] = distance.numpy().astype(np.float32)
 
 

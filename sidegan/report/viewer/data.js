@@ -5,7 +5,7 @@ async function readData() {
   const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
   const plain = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   const buffer = await new Response(plain).arrayBuffer();
-  const kinds = { uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
+  const kinds = { uint32: Uint32Array, float32: Float32Array };
   const arrays = {};
   for (const [name, [kind, offset, size]] of Object.entries(head.arrays))
     arrays[name] = new kinds[kind](buffer, offset, size);
