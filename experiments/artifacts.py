@@ -2,7 +2,8 @@
 
 import math
 from collections import defaultdict
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,14 +21,12 @@ from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import SEEDS, excitation_sets, pools, selection
+from sidegan.pipeline.stages.selection import SEEDS, ExcitationSet, excitation_sets, pools, selection
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, on_subset, surrogates
-from sidegan.pipeline.task import EXPECTED, FACTS, Task
+from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 
 Report = dict[str, Any]
-
-_OF_FIRST = {"subsets"}  # frames of the first condition of a group alone
 
 
 @dataclass(frozen=True)
@@ -36,6 +35,8 @@ class Artifacts:
 
     Attributes:
         task: the settings and where their artifacts are.
+        expected: NMSE of every excitation set expected over all noise, by set, training, weighted and joint.
+        plant: NMSE of every excitation set as executed on the plant, by set, training, repeat, ….
         whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
         density: samples of kernel density estimates, a row for each bandwidth.
@@ -50,6 +51,8 @@ class Artifacts:
 
     task: Task
 
+    expected = cached_property(lambda self: self._of_sets(identification, EXPECTED))
+    plant = cached_property(lambda self: self._of_sets(plant))
     whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
     whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
     density = cached_property(lambda self: self.task.frame(density(self.task)))
@@ -65,25 +68,9 @@ class Artifacts:
 
     @cached_property
     def errors(self) -> pd.DataFrame:
-        """NMSE and facts of every excitation set, by seed, set, training, repeat, weighted and joint."""
-        frames = []
-        for one in excitation_sets(self.task):
-            artifact = identification(self.task, one)
-            facts = self.task.frame(artifact, FACTS)
-            frames.append(self.task.frame(artifact).merge(facts, on=["set", "training", "repeat"]))
-        return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
-
-    @cached_property
-    def expected(self) -> pd.DataFrame:
-        """NMSE of every excitation set expected over all noise, by set, training, weighted and joint."""
-        sets = excitation_sets(self.task)
-        return pd.concat([self.task.frame(identification(self.task, one), EXPECTED) for one in sets])
-
-    @cached_property
-    def plant(self) -> pd.DataFrame:
-        """NMSE of every excitation set as executed on the plant, by seed, set, training, repeat, …."""
-        frames = [self.task.frame(plant(self.task, one)) for one in excitation_sets(self.task)]
-        return pd.concat(frames, ignore_index=True).assign(seed=self.cfg.seed)
+        """NMSE and facts of every excitation set, by set, training, repeat, weighted and joint."""
+        facts = self._of_sets(identification, FACTS)
+        return self._of_sets(identification).merge(facts, on=["set", "training", "repeat"])
 
     @cached_property
     def histories(self) -> pd.DataFrame:
@@ -151,6 +138,10 @@ class Artifacts:
         """Wall time in which an artifact was made [s]; not a number where that was not kept."""
         return float(self.costs(artifact)["seconds"])
 
+    def _of_sets(self, made: Callable[[Task, ExcitationSet], Artifact], file: str = RESULTS) -> pd.DataFrame:
+        frames = [self.task.frame(made(self.task, one), file) for one in excitation_sets(self.task)]
+        return pd.concat(frames, ignore_index=True)
+
     def _histories(self, task: Task) -> pd.DataFrame:
         parts = []
         for name, variant in task.cfg.gan.items():
@@ -163,48 +154,8 @@ class Artifacts:
         return pd.concat(parts, ignore_index=True)
 
 
-@dataclass(frozen=True)
-class Group:
-    """Conditions that differ in their seed set alone, whose trainings count together.
-
-    Attributes:
-        name: of the group, for people.
-        parts: artifacts of each of its conditions, by name.
-    """
-
-    name: str
-    parts: dict[str, Artifacts]
-
-    @property
-    def first(self) -> Artifacts:
-        """Artifacts of its first condition."""
-        return next(iter(self.parts.values()))
-
-    _frames: dict[str, pd.DataFrame] = field(default_factory=dict, repr=False, compare=False)
-
-    def frame(self, name: str) -> pd.DataFrame:
-        """A frame of ``Artifacts`` over the conditions that make it, with their names as ``seed_set``."""
-        if name not in self._frames:
-            parts = list(self.parts.items())[: 1 if name in _OF_FIRST else None]
-            frames = [getattr(part, name).assign(seed_set=condition) for condition, part in parts]
-            self._frames[name] = pd.concat(frames, ignore_index=True)
-        return self._frames[name]
-
-    def seeds(self, key: str) -> pd.Series:
-        """A number of the seed set, by condition."""
-        return pd.Series({condition: float(part.seeds[key]) for condition, part in self.parts.items()})
-
-    def predictor(self, key: str) -> pd.Series:
-        """A number of the surrogates that variants learn from, by condition."""
-        return pd.Series({condition: float(part.surrogates[key]) for condition, part in self.parts.items()})
-
-
-def comparison(task: Task) -> dict[str, Group]:
-    """Artifacts of every condition that the page compares, by group."""
+def comparison(task: Task) -> dict[str, Artifacts]:
+    """Artifacts of every condition that the page compares, by its name."""
     own = task.cfg.condition.name
-    tasks = [task if name == own else task.under(name) for name in task.cfg.conditions or [own]]
-    groups: dict[str, Group] = {}
-    for one in tasks:
-        condition = one.cfg.condition
-        groups.setdefault(condition.group, Group(condition.group, {})).parts[condition.name] = Artifacts(one)
-    return groups
+    names = task.cfg.conditions or [own]
+    return {name: Artifacts(task if name == own else task.under(name)) for name in names}

@@ -1,30 +1,24 @@
 """The paper's claims beside what was measured here, each with a verdict that follows from the numbers.
 
 The words of a claim and its criterion are in ``paper.yaml``; what measures it is a function of its name in
-``claims_training.py`` or ``claims_identification.py``, which asks one group of conditions.
+``claims_training.py`` or ``claims_identification.py``, which asks the artifacts of one condition.
 """
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import NamedTuple
 
 import pandas as pd
 
 from experiments import claims_identification, claims_training
-from experiments.artifacts import SEEDS, Group
-from experiments.finding import SIDE_GANS, Judgement
+from experiments.artifacts import Artifacts
+from experiments.finding import Judgement
 from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
 
 _SIGNS = {HOLDS: "🟢", PART: "🟡", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
 _PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
 CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
-# Claims about what valid generated trajectories add to the seeds.
-_ADDED = {"diverse_union", "generated_beat_seeds", "real_generated_beat_seeds", "smallest_norm"}
-_ADDED |= {"generated_improve", "more_than_vanilla", "eigen_best", "not_replaced", "not_less"}
-# Claims about samples as they come.
-_SAMPLES = {"vanilla_first", "fitter", "inertial", "diverse_diagonals", "few_seeds_excite", "faster"}
 
 
 class Claim(NamedTuple):
@@ -36,14 +30,14 @@ class Claim(NamedTuple):
     paper: str
     criterion: str
     why: str
-    findings: dict[str, Judgement]  # by group of conditions
+    findings: dict[str, Judgement]  # by condition
 
 
-def claims(groups: Mapping[str, Group]) -> list[Claim]:
+def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
     """Every claim, in the order of the paper."""
     judged = []
     for key, words in PAPER["claims"].items():
-        findings = {name: _found(key, group) for name, group in groups.items()}
+        findings = {name: CRITERIA[key](made) for name, made in conditions.items()}
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
@@ -52,28 +46,8 @@ def claims(groups: Mapping[str, Group]) -> list[Claim]:
     return judged
 
 
-def _found(key: str, group: Group) -> Judgement:
-    """Judgement of a claim; of one about what is added to the seeds, also where nothing is."""
-    finding, barren = CRITERIA[key](group), barren_variants(group)
-    if key in _SAMPLES and set(SIDE_GANS) <= set(barren):
-        return replace(finding, ours=f"{finding.ours}; no sample of the SIDE-GANs' is valid at the end")
-    if key not in _ADDED or not barren:
-        return finding
-    nothing = f"no valid draw of {' or '.join(f'{name} (of {n:,})' for name, n in barren.items())}"
-    added = "nothing is added to the seeds" if set(SIDE_GANS) <= set(barren) else finding.ours
-    verdict = NOT if set(SIDE_GANS) <= set(barren) else finding.verdict
-    return replace(finding, verdict=verdict, ours=f"{nothing}: {added}")
-
-
-def barren_variants(group: Group) -> dict[str, int]:
-    """Variants of which no training made anything valid, and how many trajectories were drawn of each."""
-    frame = group.frame("generators")
-    parts = frame[frame.name != SEEDS].groupby("name", sort=False)
-    return {str(name): int(part.drawn.sum()) for name, part in parts if (part["count"] == 0).all()}
-
-
 def table(judged: list[Claim]) -> pd.DataFrame:
-    """The verdicts on every claim, a column for each group."""
+    """The verdicts on every claim, a column for each condition."""
     rows = [
         {"Claim": claim.text, "Paper": f"{claim.paper} ({claim.where})"}
         | {name: signed(finding) for name, finding in claim.findings.items()}
@@ -83,7 +57,7 @@ def table(judged: list[Claim]) -> pd.DataFrame:
 
 
 def findings(judged: list[Claim]) -> pd.DataFrame:
-    """Grounds of every verdict: its criterion, and what each group measured."""
+    """Grounds of every verdict: its criterion, and what each condition measured."""
     rows = [
         {"Claim": claim.text, "Criterion": claim.criterion}
         | {name: f"{signed(finding)}: {finding.ours}" for name, finding in claim.findings.items()}

@@ -6,16 +6,14 @@ from functools import partial
 import pandas as pd
 
 from experiments import exp2
-from experiments.artifacts import Group
+from experiments.artifacts import Artifacts
 from experiments.finding import GANS, SIDE_GANS, Judgement, listed, ratios
-from experiments.verdicts import REPEAT, SEED_SET, TRAINING, above, by_set, log_ratio, not_below, together
-
-_LEVELS = [SEED_SET, TRAINING, REPEAT]
+from experiments.verdicts import REPEAT, TRAINING, above, by_set, log_ratio, not_below, together
 
 
-def _short_beat_long(group: Group, frame: str) -> Judgement:
+def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
     """Whether the seeds' error is below that of every reading of the single long trajectory."""
-    nmse, cfg = _table1(group, frame), group.first.cfg
+    nmse, cfg = _table1(made, frame), made.cfg
     effects = {
         f"{h} harmonics": log_ratio(nmse[f"long-{h}"], nmse["seeds"]) for h in sorted(cfg.long.harmonics)
     }
@@ -30,60 +28,56 @@ def _short_beat_long(group: Group, frame: str) -> Judgement:
     )
 
 
-def _generated_beat_seeds(group: Group, frame: str) -> Judgement:
+def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
     """Whether the error of seeds and generated ones is below that of the seeds."""
-    nmse = _table1(group, frame)
+    nmse = _table1(made, frame)
     effects = {n: log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
     ours = f"error of the seeds over theirs: {ratios(effects)}"
-    if frame == "errors" and len(group.frame("expected")):
-        sure = _table1(group, "expected")
+    if frame == "errors" and len(made.expected):
+        sure = _table1(made, "expected")
         over_all = {n: log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
         ours += f"; expected over all noise: {ratios(over_all)}"
-    return Judgement(_all_above(effects), ours, {"count": group.first.cfg.selection.count})
+    return Judgement(_all_above(effects), ours, {"count": made.cfg.selection.count})
 
 
-def _generated_improve(group: Group) -> Judgement:
-    gains = {n: _gain(group, n, min) for n in GANS}
-    return Judgement(_all_above(gains), f"[%] {listed(gains)}")
-
-
-def _more_than_vanilla(group: Group) -> Judgement:
-    vanilla = _gain(group, "vanilla", min)
-    gains = {n: _gain(group, n, min) - vanilla for n in SIDE_GANS}
-    return Judgement(_all_above(gains), f"[percentage points] {listed(gains)}")
-
-
-def _eigen_best(group: Group) -> Judgement:
-    more = _gain(group, "eigen", min) - _gain(group, "diagonal", min)
-    return Judgement(above(more), f"[percentage points over diagonal] {listed({'eigen': more})}")
-
-
-def _not_replaced(group: Group) -> Judgement:
-    gains = {n: _gain(group, n, max) for n in GANS}
-    most = max(group.first.cfg.replication.replicas)
+def _improve(made: Artifacts, which: Callable[[list[int]], int]) -> Judgement:
+    """Whether every variant improves on the seeds measured least or most often."""
+    gains = {n: _gain(made, n, which) for n in GANS}
+    most = max(made.cfg.replication.replicas)
     return Judgement(_all_above(gains), f"[%] {listed(gains)}", {"most": most})
 
 
-def _not_less(group: Group) -> Judgement:
-    replicas = group.first.cfg.replication.replicas
-    change = {n: _gain(group, n, max) - _gain(group, n, min) for n in GANS}
+def _more_than_vanilla(made: Artifacts) -> Judgement:
+    vanilla = _gain(made, "vanilla", min)
+    gains = {n: _gain(made, n, min) - vanilla for n in SIDE_GANS}
+    return Judgement(_all_above(gains), f"[percentage points] {listed(gains)}")
+
+
+def _eigen_best(made: Artifacts) -> Judgement:
+    more = _gain(made, "eigen", min) - _gain(made, "diagonal", min)
+    return Judgement(above(more), f"[percentage points over diagonal] {listed({'eigen': more})}")
+
+
+def _not_less(made: Artifacts) -> Judgement:
+    replicas = made.cfg.replication.replicas
+    change = {n: _gain(made, n, max) - _gain(made, n, min) for n in GANS}
     verdict = together(map(not_below, change.values()))
     return Judgement(verdict, f"[percentage points, ×{max(replicas)} − ×{min(replicas)}] {listed(change)}")
 
 
-def _smallest_norm(group: Group) -> Judgement:
+def _smallest_norm(made: Artifacts) -> Judgement:
     """Whether eigen's covariance norm is below that of every other set of Table III."""
-    facts = group.frame("whole_facts")
+    facts = made.whole_facts
     per_sample = facts.assign(covariance_norm=facts.covariance_norm * facts.samples)
-    effects, otherwise = _over_eigen(group, facts), _all_above(_over_eigen(group, per_sample))
+    effects, otherwise = _over_eigen(made, facts), _all_above(_over_eigen(made, per_sample))
     ours = f"theirs over eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
     return Judgement(_all_above(effects), ours)
 
 
-def _over_eigen(group: Group, frame: pd.DataFrame) -> dict[str, pd.Series]:
+def _over_eigen(made: Artifacts, frame: pd.DataFrame) -> dict[str, pd.Series]:
     """Logarithms of the ratios of covariance norms to eigen's, by set of the paper's table."""
-    norms = by_set(frame, "covariance_norm", group.first.cfg.gan)
-    most = f"seeds ×{max(group.first.cfg.replication.replicas)}"  # which the paper's table does not have
+    norms = by_set(frame, "covariance_norm", made.cfg.gan)
+    most = f"seeds ×{max(made.cfg.replication.replicas)}"  # which the paper's table does not have
     return {n: log_ratio(x, norms["eigen"]) for n, x in norms.items() if n not in ("eigen", most)}
 
 
@@ -91,28 +85,28 @@ def _all_above(effects: Mapping[str, pd.Series]) -> str:
     return together(above(x) for x in effects.values())
 
 
-def _table1(group: Group, frame: str) -> dict[str, pd.Series]:
+def _table1(made: Artifacts, frame: str) -> dict[str, pd.Series]:
     """Unweighted nMSE of experiment 1, mean over joints, by set."""
-    raw = group.frame(frame)
-    return by_set(raw[~raw.weighted.astype(bool)], "nmse", group.first.cfg.gan)
+    raw = getattr(made, frame)
+    return by_set(raw[~raw.weighted.astype(bool)], "nmse", made.cfg.gan)
 
 
-def _gain(group: Group, name: str, which: Callable[[list[int]], int]) -> pd.Series:
+def _gain(made: Artifacts, name: str, which: Callable[[list[int]], int]) -> pd.Series:
     """Unweighted improvement [%] over the seeds measured least or most often, mean over joints."""
-    errors, replicas = group.frame("whole_errors"), which(group.first.cfg.replication.replicas)
+    errors, replicas = made.whole_errors, which(made.cfg.replication.replicas)
     part = exp2.improvement(errors[~errors.weighted], name, f"seeds ×{replicas}")
-    return part.groupby(_LEVELS).improvement.mean()
+    return part.groupby([TRAINING, REPEAT]).improvement.mean()
 
 
-CRITERIA: dict[str, Callable[[Group], Judgement]] = {
+CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "short_beat_long": partial(_short_beat_long, frame="errors"),
     "generated_beat_seeds": partial(_generated_beat_seeds, frame="errors"),
     "real_short_beat_long": partial(_short_beat_long, frame="plant"),
     "real_generated_beat_seeds": partial(_generated_beat_seeds, frame="plant"),
-    "generated_improve": _generated_improve,
+    "generated_improve": partial(_improve, which=min),
     "more_than_vanilla": _more_than_vanilla,
     "eigen_best": _eigen_best,
-    "not_replaced": _not_replaced,
+    "not_replaced": partial(_improve, which=max),
     "not_less": _not_less,
     "smallest_norm": _smallest_norm,
 }

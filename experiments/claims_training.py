@@ -1,32 +1,31 @@
 """Criteria of the claims about training, diversity and cost (figure 3, the text, the discussion)."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from scipy.special import logit
 
-from experiments.artifacts import Group
+from experiments.artifacts import Artifacts
 from experiments.finding import (
     SIDE_GANS,
     Judgement,
     against,
     at,
     by_epoch,
-    over_both,
     ratios,
     shares,
     unknown,
+    unless_same,
     words,
 )
 from experiments.training import EARLY, RELIABLE
 from experiments.verdicts import (
     HOLDS,
     NOT,
-    SEED_SET,
     TRAINING,
+    UNKNOWN,
     above,
     below,
     beside,
@@ -50,150 +49,147 @@ _LATE = 40  # epochs after which the paper compares
 _ORDERS = 1e4  # times faster that are four orders of magnitude
 
 
-def _predictor(group: Group) -> Judgement:
-    accuracy = group.predictor("accuracy_paper")
-    truth = {name: _odds(group, at(group, name, "success", _LATE)) for name in SIDE_GANS}
-    ours = (
-        f"{accuracy.mean():.1%} on held-out seeds and faulty samples; truly valid of what it then accepts: "
-    )
-    verdict = HOLDS if (accuracy >= _ACCURATE).all() else NOT
+def _predictor(made: Artifacts) -> Judgement:
+    accuracy = float(made.surrogates["accuracy_paper"])
+    truth = {name: _odds(made, at(made, name, "success", _LATE)) for name in SIDE_GANS}
+    ours = f"{accuracy:.1%} on held-out seeds and faulty samples; truly valid of what it then accepts: "
+    verdict = HOLDS if accuracy >= _ACCURATE else NOT
     return Judgement(verdict, ours + shares(truth), {"accurate": _ACCURATE})
 
 
-def _reliable(group: Group) -> Judgement:
-    early = {name: _odds(group, at(group, name, "success", EARLY, EARLY)) for name in SIDE_GANS}
+def _reliable(made: Artifacts) -> Judgement:
+    early = {name: _odds(made, at(made, name, "success", EARLY, EARLY)) for name in SIDE_GANS}
     ours = f"{shares(early)} valid after {EARLY} epochs"
     verdict = together(above(x, logit(RELIABLE)) for x in early.values())
     return Judgement(verdict, ours, {"epochs": EARLY, "reliable": RELIABLE})
 
 
-def _vanilla_fails(group: Group) -> Judgement:
-    curve = by_epoch(group, "vanilla", "success")
-    best, end = (_odds(group, x) for x in (curve.max(), curve.iloc[-1]))
+def _vanilla_fails(made: Artifacts) -> Judgement:
+    curve = by_epoch(made, "vanilla", "success")
+    best, end = (_odds(made, x) for x in (curve.max(), curve.iloc[-1]))
     said = [shares({"vanilla": x}) for x in (best, end)]
     epochs = ", ".join(str(epoch) for epoch in sorted(set(curve.idxmax())))
     ours = f"at best {said[0]} valid (after epoch {epochs}), at the end {said[1]}"
     return Judgement(below(best, logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
 
 
-def _odds(group: Group, success: pd.Series) -> pd.Series:
-    """Log odds of valid shares of a group's generators."""
-    return log_odds(success, group.first.cfg.evaluation)
+def _odds(made: Artifacts, success: pd.Series) -> pd.Series:
+    """Log odds of valid shares of generators."""
+    return log_odds(success, made.cfg.evaluation)
 
 
 def _against_vanilla(
-    group: Group, key: str, judge: Callable[[pd.Series], str], first: int, last: int | None = None
+    made: Artifacts, key: str, judge: Callable[[pd.Series], str], first: int, last: int | None = None
 ) -> Judgement:
     """Vanilla's metric over the SIDE-GANs', of all samples and of the valid alone, in the same epochs."""
-    everything, valid = (_gains(group, one, first, last) for one in (key, f"{key}_valid"))
-    found = over_both(everything, valid, judge)
-    numbers = {"epochs": EARLY, "late": _LATE}
-    return replace(found, ours=f"vanilla's over theirs: {found.ours}", numbers=numbers)
+    everything, valid = (_gains(made, one, first, last) for one in (key, f"{key}_valid"))
+    valid = {name: x.dropna() for name, x in valid.items()}  # without what was never valid
+    verdict, other = (together(map(judge, x.values())) for x in (everything, valid))
+    other = other if all(map(len, valid.values())) else UNKNOWN
+    ours = f"vanilla's over theirs: of all samples {ratios(everything)}; of the valid alone {ratios(valid)}"
+    return Judgement(verdict, ours + unless_same(verdict, other), {"epochs": EARLY, "late": _LATE})
 
 
-def _gains(group: Group, key: str, first: int, last: int | None = None) -> dict[str, pd.Series]:
+def _gains(made: Artifacts, key: str, first: int, last: int | None = None) -> dict[str, pd.Series]:
     """Log ratio of vanilla's metric to each SIDE-GAN's, training by training."""
-    vanilla = np.log(at(group, "vanilla", key, first, last))
-    return {name: vanilla - np.log(at(group, name, key, first, last)) for name in SIDE_GANS}
+    vanilla = np.log(at(made, "vanilla", key, first, last))
+    return {name: vanilla - np.log(at(made, name, key, first, last)) for name in SIDE_GANS}
 
 
-def _traded(group: Group) -> Judgement:
-    early = {n: _odds(group, at(group, n, "success", EARLY, EARLY)) for n in SIDE_GANS}
-    late = {n: _odds(group, at(group, n, "success", _TRADING)) for n in SIDE_GANS}
+def _traded(made: Artifacts) -> Judgement:
+    early = {n: _odds(made, at(made, n, "success", EARLY, EARLY)) for n in SIDE_GANS}
+    late = {n: _odds(made, at(made, n, "success", _TRADING)) for n in SIDE_GANS}
     lost = {n: above(early[n] - late[n]) for n in SIDE_GANS}
 
     def smaller(name: str, key: str) -> pd.Series:
         """Logarithm of how many times smaller a metric is than early on."""
-        return np.log(at(group, name, key, EARLY, EARLY)) - np.log(at(group, name, key, _TRADING))
+        return np.log(at(made, name, key, EARLY, EARLY)) - np.log(at(made, name, key, _TRADING))
 
     gained, of_valid = ({n: smaller(n, k) for n in SIDE_GANS} for k in ("condition", "condition_valid"))
     verdict = together(together((lost[n], above(gained[n]))) for n in SIDE_GANS)
     other = together(together((lost[n], above(of_valid[n].dropna()))) for n in SIDE_GANS)
     ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later: "
     ours += f"of all samples {ratios(gained)}, of the valid alone {ratios(of_valid)}"
-    if other != verdict:
-        ours += f", by which the verdict would be: {other}"
-    return Judgement(verdict, ours, {"epochs": EARLY})
+    return Judgement(verdict, ours + unless_same(verdict, other), {"epochs": EARLY})
 
 
-def _comparable(group: Group) -> Judgement:
+def _comparable(made: Artifacts) -> Judgement:
     effects = {
-        f"{name}, {key}": against(at(group, name, key, _LATE), group.seeds(key))
+        f"{name}, {key}": against(at(made, name, key, _LATE), made.seeds[key])
         for name in SIDE_GANS
         for key in ("nearest", "rank")
     }
     verdict = together(above(x, np.log(_COMPARABLE)) for x in effects.values())
-    distance = {n: against(at(group, n, "distance", _LATE), group.seeds("distance")) for n in SIDE_GANS}
+    distance = {n: against(at(made, n, "distance", _LATE), made.seeds["distance"]) for n in SIDE_GANS}
     ours = f"shares of the seeds': {ratios(effects)}; mean distance: {ratios(distance)}"
     return Judgement(verdict, ours, {"comparable": _COMPARABLE, "late": _LATE})
 
 
-def _inertial(group: Group) -> Judgement:
-    effects = {n: -x for n, x in _gains(group, "distance_diagonal", 1).items()}
+def _inertial(made: Artifacts) -> Judgement:
+    effects = {n: -x for n, x in _gains(made, "distance_diagonal", 1).items()}
     verdict = together(map(not_below, effects.values()))
     return Judgement(verdict, f"over vanilla's, all epochs: {ratios(effects)}")
 
 
-def _diverse_diagonals(group: Group) -> Judgement:
-    seeds = group.seeds("distance_diagonal")
-    effects = {n: against(at(group, n, "distance_diagonal", _LATE), seeds) for n in SIDE_GANS}
+def _diverse_diagonals(made: Artifacts) -> Judgement:
+    seeds = made.seeds["distance_diagonal"]
+    effects = {n: against(at(made, n, "distance_diagonal", _LATE), seeds) for n in SIDE_GANS}
     verdict = together(above(x, np.log(_MORE)) for x in effects.values())
     return Judgement(verdict, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
 
 
-def _diverse_union(group: Group) -> Judgement:
-    frame, effects = group.frame("generators"), {}
+def _diverse_union(made: Artifacts) -> Judgement:
+    frame, effects = made.generators, {}
     for name in SIDE_GANS:
-        part = frame[frame.name == name].set_index([SEED_SET, TRAINING]).union_distance_diagonal
-        effects[name] = against(part.astype(float), group.seeds("distance_diagonal"))
+        part = frame[frame.name == name].set_index(TRAINING).union_distance_diagonal
+        effects[name] = against(part.astype(float), made.seeds["distance_diagonal"])
     return Judgement(together(above(x) for x in effects.values()), f"of the seeds': {ratios(effects)}")
 
 
-def _density_fails(group: Group) -> Judgement:
-    share = float(group.first.density.sort_values("bandwidth").success.iloc[-1])
-    measured = proportion(share, group.first.cfg.discussion.draws)
+def _density_fails(made: Artifacts) -> Judgement:
+    share = float(made.density.sort_values("bandwidth").success.iloc[-1])
+    measured = proportion(share, made.cfg.discussion.draws)
     return Judgement(beside(measured, _FAILS), f"{words(measured, '.2%')} valid at Scott's bandwidth")
 
 
-def _few_seeds_fail(group: Group) -> Judgement:
-    kept, smallest = _few(group, "success")
-    odds = {n: _odds(group, x) for n, x in kept.items()}
+def _few_seeds_fail(made: Artifacts) -> Judgement:
+    kept, smallest = _few(made, "success")
+    odds = {n: _odds(made, x) for n, x in kept.items()}
     verdict = together(below(x, logit(_FEW)) for x in odds.values())
     return Judgement(verdict, f"{shares(odds)} valid", {"seeds": smallest, "few": _FEW})
 
 
-def _few_seeds_excite(group: Group) -> Judgement:
-    condition, smallest = _few(group, "condition")
-    random = pd.Series({one: float(part.random["condition"]) for one, part in group.parts.items()})
-    effects = {n: against(x, random) for n, x in condition.items()}
-    seeds = {n: against(x, group.seeds("condition")) for n, x in condition.items()}
+def _few_seeds_excite(made: Artifacts) -> Judgement:
+    condition, smallest = _few(made, "condition")
+    effects = {n: against(x, made.random["condition"]) for n, x in condition.items()}
+    seeds = {n: against(x, made.seeds["condition"]) for n, x in condition.items()}
     ours = f"cond(YᵀY) over that of random valid ones: {ratios(effects)}; over the seeds': {ratios(seeds)}"
     return Judgement(together(map(below, effects.values())), ours, {"seeds": smallest})
 
 
-def _few(group: Group, key: str) -> tuple[dict[str, pd.Series], int]:
+def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
     """A metric of the kept epoch on the smallest subset of the seeds, by variant, and its size."""
-    frame = group.frame("subsets")
+    frame = made.subsets
     smallest = int(frame.seeds.min())
     part = frame[frame.seeds == smallest]
-    kept = part[part.kept].set_index([SEED_SET, TRAINING])
+    kept = part[part.kept].set_index(TRAINING)
     return {n: kept[kept.variant == n][key] for n in SIDE_GANS}, smallest
 
 
-def _faster(group: Group) -> Judgement:
-    seed, one = group.first.seed_seconds, group.first.speed["generation_seconds"]
+def _faster(made: Artifacts) -> Judgement:
+    seed, one = made.seed_seconds, made.speed["generation_seconds"]
     if np.isnan(seed):
         return unknown()
     return _measured(seed / one, _ORDERS, f"{seconds(one)} against {seconds(seed)} ({seed / one:,.0f} ×)")
 
 
-def _checked(group: Group) -> Judgement:
-    rate = group.first.speed["valid_per_second"]
+def _checked(made: Artifacts) -> Judgement:
+    rate = made.speed["valid_per_second"]
     return _measured(rate, 1 / PAPER["seconds"]["checked"], f"{plain(rate)} /s")
 
 
-def _grows(group: Group) -> Judgement:
-    exponent = group.first.speed["growth"]
+def _grows(made: Artifacts) -> Judgement:
+    exponent = made.speed["growth"]
     return _measured(
         exponent, 3.0, f"cost of an evaluation grows with the {exponent:.2f}th power of its length"
     )
@@ -205,7 +201,7 @@ def _measured(value: float, enough: float, text: str) -> Judgement:
     return Judgement(HOLDS if value > enough else NOT, text)
 
 
-CRITERIA: dict[str, Callable[[Group], Judgement]] = {
+CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "predictor": _predictor,
     "reliable": _reliable,
     "vanilla_fails": _vanilla_fails,

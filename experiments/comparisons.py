@@ -54,8 +54,8 @@ def longs(artifacts: Artifacts) -> pd.DataFrame:
     return table.rename_axis("single long trajectory")
 
 
-def durations(artifacts: Artifacts) -> pd.DataFrame:
-    """Each time of the paper's text beside ours [s], by key: what, ours, paper; NaN where not measured."""
+def timing(artifacts: Artifacts) -> pd.DataFrame:
+    """Each time of the paper's text beside ours, for people."""
     speed, task, seed = artifacts.speed, artifacts.task, artifacts.seed_seconds
     walls = [artifacts.seconds(trained(task, name, k)) for name, k in generators(task)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
@@ -69,12 +69,7 @@ def durations(artifacts: Artifacts) -> pd.DataFrame:
         "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),
     }
     frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
-    frame["paper"] = pd.Series(PAPER["seconds"], dtype=float).reindex(frame.index)
-    return frame
-
-
-def costs(frame: pd.DataFrame) -> pd.DataFrame:
-    """Times beside the paper's, for people."""
+    frame["paper"] = pd.Series(PAPER["seconds"], dtype=float)
     table = tables.formatted(frame.assign(ratio=frame.paper / frame.ours), COLUMNS["timing"])
-    name = COLUMNS["timing"]["ours"][0]
-    return table.assign(**{name: table[name].replace("—", NOT_MEASURED)}).set_index("what")
+    ours = COLUMNS["timing"]["ours"][0]
+    return table.assign(**{ours: table[ours].replace("—", NOT_MEASURED)}).set_index("what")

@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.artifacts import Artifacts
 from experiments.pages import leave
-from experiments.verdicts import levels
+from experiments.verdicts import REPEAT, TRAINING
 from experiments.words import PAPER
 from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config
@@ -49,7 +49,7 @@ def summary(artifacts: Artifacts) -> pd.DataFrame:
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
     """Improvement [%] over a reference set by training, repeat and joint."""
-    keys = [key for key in ("seed_set", "repeat", "joint") if key in part]
+    keys = ["repeat", "joint"]
     base = part[part["set"] == reference][[*keys, "nmse"]]
     both = part[part["set"] == name].merge(base, on=keys, suffixes=("", "_reference"))
     return both.assign(improvement=100 * (1 - both.nmse / both.nmse_reference))
@@ -57,12 +57,9 @@ def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
 
 def tables2(results: pd.DataFrame, config: Config) -> dict[str, tuple[pd.DataFrame, str]]:
     """Table II by name, unweighted and weighted as far as there are such results, with its weighting."""
-    kinds = {"table2": False, "table2_weighted": True}
-    parts = {name: (results[results.weighted == weighted], weighted) for name, weighted in kinds.items()}
     return {
-        name: (table2(part, config), tables.weighting(weighted))
-        for name, (part, weighted) in parts.items()
-        if len(part)
+        "table2_weighted" if weighted else "table2": (table2(part, config), tables.weighting(bool(weighted)))
+        for weighted, part in results.groupby("weighted")
     }
 
 
@@ -73,7 +70,7 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
         for replicas in config.replication.replicas:
             gain = improvement(part, name, f"seeds ×{replicas}")
             joints = gain.groupby("joint").improvement.mean()
-            trainings = gain.groupby(levels(gain)).improvement.mean()
+            trainings = gain.groupby(TRAINING).improvement.mean()
             cells = rows.setdefault(tables.title(name), {})
             cells[f"×{replicas}"] = tables.spread(joints)
             if len(trainings) > 1:
@@ -88,7 +85,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
     for name in tables.ordered(facts["set"].unique()):
         part = facts[facts["set"] == name]
         rows[tables.title(name)] = {
-            "‖diag P‖": tables.spread(part.groupby(levels(part)).covariance_norm.mean()),
+            "‖diag P‖": tables.spread(part.groupby(TRAINING).covariance_norm.mean()),
             "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
             "paper": PAPER["table3"].get(name, "—"),
         }
@@ -100,7 +97,7 @@ def errors(results: pd.DataFrame) -> pd.DataFrame:
     rows: dict[str, dict[str, str]] = {}
     for name in tables.ordered(results["set"].unique()):
         own = results[results["set"] == name]
-        mean = {w: p.groupby(levels(p, "repeat")).nmse.mean() for w, p in own.groupby("weighted")}
+        mean = {w: p.groupby([TRAINING, REPEAT]).nmse.mean() for w, p in own.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
         rows[tables.title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

@@ -1,14 +1,15 @@
-"""Findings on one claim in one group of conditions, and their words."""
+"""Findings on one claim under one condition, and their words."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.special import expit
 
-from experiments.artifacts import Group
-from experiments.verdicts import SEED_SET, TRAINING, UNKNOWN, Interval, interval, together
+from experiments.artifacts import Artifacts
+from experiments.verdicts import TRAINING, UNKNOWN, Interval, interval
 from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
@@ -29,24 +30,22 @@ def unknown() -> Judgement:
     return Judgement(UNKNOWN, UNKNOWN)
 
 
-def by_epoch(group: Group, variant: str, key: str) -> pd.DataFrame:
-    """A metric of a variant by epoch (rows), and seed set and training (columns)."""
-    histories = group.frame("histories")
-    part = histories[histories.variant == variant]
-    return part.pivot(index="epoch", columns=[SEED_SET, TRAINING], values=key)
+def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:
+    """A metric of a variant by epoch (rows) and training (columns)."""
+    part = made.histories[made.histories.variant == variant]
+    return part.pivot(index="epoch", columns=TRAINING, values=key)
 
 
-def at(group: Group, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
-    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by seed set and training."""
-    curve = by_epoch(group, variant, key)
+def at(made: Artifacts, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
+    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by training."""
+    curve = by_epoch(made, variant, key)
     begin = min(first, len(curve)) - 1
     return curve.iloc[begin : len(curve) if last is None else max(last, begin + 1)].mean()
 
 
-def against(values: pd.Series, seeds: pd.Series) -> pd.Series:
-    """Logarithm of the ratio of values by seed set and training to a number of the seeds."""
-    sets = values.index.get_level_values(SEED_SET)
-    return np.log(values) - np.log(seeds.loc[sets].to_numpy())
+def against(values: pd.Series, reference: float) -> pd.Series:
+    """Logarithm of the ratio of values by training to a number of the seeds, or of another set."""
+    return np.log(values) - np.log(reference)
 
 
 def words(measured: Interval, form: str = ".3g") -> str:
@@ -61,28 +60,12 @@ def words(measured: Interval, form: str = ".3g") -> str:
 
 def shares(log_odds: Mapping[str, pd.Series], form: str = ".0%") -> str:
     """Shares and their intervals, which lie within 0 and 100 %, of their log odds by name."""
-    return "; ".join(f"{name} {words(interval(x).share(), form)}" for name, x in log_odds.items())
+    return "; ".join(f"{name} {words(interval(x).turned(expit), form)}" for name, x in log_odds.items())
 
 
-def over_both(
-    everything: Mapping[str, pd.Series],
-    valid: Mapping[str, pd.Series],
-    judge: Callable[[pd.Series], str],
-) -> Judgement:
-    """A verdict on ratios over all samples, and over the valid alone in its evidence.
-
-    Args:
-        everything: logarithms of ratios by name, of all samples.
-        valid: the same of the valid ones; without what was never valid.
-        judge: the verdict on one of them.
-    """
-    known = {name: x.dropna() for name, x in valid.items()}
-    verdict, other = (together(map(judge, x.values())) for x in (everything, known))
-    other = other if all(map(len, known.values())) else UNKNOWN
-    ours = f"of all samples {ratios(everything)}; of the valid alone {ratios(known)}"
-    if other != verdict:
-        ours += f", by which the verdict would be: {other}"
-    return Judgement(verdict, ours)
+def unless_same(verdict: str, other: str) -> str:
+    """A verdict by other numbers, in words, where it is another one."""
+    return "" if other == verdict else f", by which the verdict would be: {other}"
 
 
 def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
@@ -92,4 +75,4 @@ def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
 
 def ratios(effects: Mapping[str, pd.Series]) -> str:
     """Geometric means of ratios and their intervals, of their logarithms by name."""
-    return "; ".join(f"{name} {words(interval(x).exp())} ×" for name, x in effects.items())
+    return "; ".join(f"{name} {words(interval(x).turned(np.exp))} ×" for name, x in effects.items())

@@ -2,34 +2,34 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, training
-from experiments.artifacts import SEEDS, Artifacts, Group, comparison
-from experiments.pages import Page, publish
+from experiments.artifacts import SEEDS, Artifacts, comparison
 from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
+from sidegan.base.storage import write_json
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import figures, motion, tables
-from sidegan.report.figures import Panel
+from sidegan.report import export, figures, motion, tables
+from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
 from sidegan.report.style import colour
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
-_DRAWS = ["seed_set", "training", "repeat"]
+NAME = "reproduction"  # of the page, its template, and the folder of its tables and figures
 _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 
-# Tables of all groups together, with the rows of them that are on the page; all where none are named.
+# Tables of all conditions together, with the rows of them that are on the page; all where none are named.
 _JOINED: dict[str, tuple[str, ...]] = {
     "generators": (),
     "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.PLANT),
@@ -44,7 +44,7 @@ _SEEDS = {
     "gradient": "by gradients, the better optimiser",
 }
 
-Groups = Mapping[str, Group]
+Conditions = Mapping[str, Artifacts]
 
 collect = comparison
 
@@ -54,44 +54,41 @@ def check(task: Task) -> None:
     comparison(task)
 
 
-def present(groups: Groups, folder: Path, tracker: Tracker) -> None:
+def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, its tables, figures and metrics; record the page."""
-    artifacts = next(iter(groups.values())).first
-    judged = claims.claims(groups)
-    context = {
-        "groups": groups,
+    first, judged = next(iter(conditions.values())), claims.claims(conditions)
+    target = Path(first.cfg.publish or folder) / f"{NAME}.md"
+    template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
+    shown, numbers = _all_tables(conditions, judged), metrics(conditions)
+    drawn = {
+        f"{name}-{key}": figure for name, made in conditions.items() for key, figure in _figures(made).items()
+    }
+    write_page(template, target, shown, drawn, **_context(conditions, judged))
+    tracker.log_artifact(target, "report")
+    for name, table in shown.items():
+        text = table.reset_index().astype(str)
+        tracker.log_table(text, name)
+        tracker.log_note(f"**{name}**\n\n{export.markdown(text)}")
+    for name, row in numbers.items():
+        write_json(target.with_suffix("") / "metrics" / f"{name}.json", row)
+        tracker.log_metrics({f"{name}/{key}": x for key, x in row.items()})
+
+
+def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, Any]:
+    """What the template names besides tables and figures."""
+    artifacts = next(iter(conditions.values()))
+    return {
+        "conditions": conditions,
         "artifacts": artifacts,
         "cfg": artifacts.cfg,
         "paper": PAPER,
-        "reliable": training.RELIABLE,
         "confidence": CONFIDENCE,
-        "claims": judged,
-        "signed": claims.signed,
-        "described": {name: described(group.first) for name, group in groups.items()},
-        "checked": checked(groups),
-        "barren": {name: claims.barren_variants(group) for name, group in groups.items()},
+        "described": {name: described(made) for name, made in conditions.items()},
+        "checked": checked(conditions),
         "verdicts": {
-            name: claims.counted(claim.findings[name].verdict for claim in judged) for name in groups
+            name: claims.counted(claim.findings[name].verdict for claim in judged) for name in conditions
         },
     }
-    firsts = {name: group.first for name, group in groups.items()}
-    of_seeds: dict[str, str] = {}  # the first condition of each seed set
-    for name, one in firsts.items():
-        of_seeds.setdefault(seed_set(one.task).digest, name)
-    shown = {
-        "claims": claims.table(judged),
-        "findings": claims.findings(judged),
-        "seeds": comparisons.seed_sets(firsts),
-    }
-    of_groups = {name: _tables(group) for name, group in groups.items()}
-    shown |= {key: _joined(key, of_groups) for key in _JOINED}
-    shown["density"] = _joined("density", {name: of_groups[name] for name in of_seeds.values()})
-    drawn: dict[str, Figure] = {}
-    for name, group in groups.items():
-        shown |= {f"{name}-{key}": table for key, table in of_groups[name].items()}
-        drawn |= {f"{name}-{key}": figure for key, figure in _figures(group).items()}
-    page = Page("reproduction", shown, drawn, metrics(groups), context)
-    publish(page, Path(artifacts.cfg.publish or folder), tracker)
 
 
 def described(artifacts: Artifacts) -> str:
@@ -101,32 +98,47 @@ def described(artifacts: Artifacts) -> str:
     return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {'their' if published else 'our'} recipe."
 
 
-def checked(groups: Groups) -> dict[str, list[str]]:
-    """Definitions of valid, each with the groups that use it."""
+def checked(conditions: Conditions) -> dict[str, list[str]]:
+    """Definitions of valid, each with the conditions that use it."""
     words: dict[str, list[str]] = {}
-    for name, group in groups.items():
-        words.setdefault(group.first.task.constraints.described(), []).append(name)
+    for name, made in conditions.items():
+        words.setdefault(made.task.constraints.described(), []).append(name)
     return words
 
 
-def metrics(groups: Groups) -> dict[str, dict[str, float]]:
+def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
     """The numbers that a later run is compared by, of the seeds and every variant, mean over trainings."""
     rows = {}
-    for group_name, group in groups.items():
-        raw, facts = group.frame("errors"), group.frame("whole_facts")
-        nmse = raw[~raw.weighted].groupby("set").nmse.mean()
-        norms = facts.groupby("set").covariance_norm.mean().rename({"seeds ×1": SEEDS})
-        for name, mean in training.means(group.frame("generators")).to_dict("index").items():
+    for condition, made in conditions.items():
+        nmse = made.errors[~made.errors.weighted].groupby("set").nmse.mean()
+        norms = made.whole_facts.groupby("set").covariance_norm.mean().rename({"seeds ×1": SEEDS})
+        for name, mean in training.means(made.generators).to_dict("index").items():
             row = mean | {"nMSE": nmse[str(name)], "‖diag P‖ [1e-9]": 1e9 * norms[str(name)]}
-            rows[f"{group_name}-{name}"] = {
+            rows[f"{condition}-{name}"] = {
                 str(k): float(f"{x:.4g}") for k, x in row.items() if np.isfinite(x)
             }
     return rows
 
 
-def _joined(key: str, of_groups: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
-    """One table of all groups, with the rows that ``_JOINED`` names, and the paper's own once at the end."""
-    parts, kept = {name: shown[key] for name, shown in of_groups.items()}, _JOINED.get(key)
+def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, pd.DataFrame]:
+    """The page's tables by name, and those that it links to."""
+    own = {name: _tables(made) for name, made in conditions.items()}
+    of_seeds: dict[str, str] = {}  # the first condition of each seed set
+    for name, made in conditions.items():
+        of_seeds.setdefault(seed_set(made.task).digest, name)
+    return {
+        "claims": claims.table(judged),
+        "findings": claims.findings(judged),
+        "seeds": comparisons.seed_sets(conditions),
+        **{key: _joined(key, own) for key in _JOINED},
+        "density": _joined("density", {name: own[name] for name in of_seeds.values()}),
+        **{f"{name}-{key}": table for name, shown in own.items() for key, table in shown.items()},
+    }
+
+
+def _joined(key: str, own: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
+    """One table of all conditions, with the rows of ``_JOINED``, and the paper's own once at the end."""
+    parts, kept = {name: shown[key] for name, shown in own.items()}, _JOINED.get(key)
     wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
     joined = pd.concat(wanted, names=["condition"])
     first = next(iter(parts.values()))
@@ -135,38 +147,33 @@ def _joined(key: str, of_groups: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd
     return pd.concat([joined, paper.set_axis(index)]).fillna("—")
 
 
-def _tables(group: Group) -> dict[str, pd.DataFrame]:
-    """The tables of a group of conditions, by name."""
-    raw, whole, cfg = group.frame("errors"), group.frame("whole_errors"), group.first.cfg
+def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
+    """The tables of a condition, by name."""
     shown = {
-        "generators": tables.generators(group.frame("generators")),
-        "epochs": training.speed(group.frame("histories")),
-        "table1": exp1.table1(raw, group.frame("plant"), _DRAWS, group.frame("expected")),
-        "factors": exp1.factors(raw, group.frame("expected"), cfg.gan),
-        "sets": tables.excitation_sets(raw),
-        "long": comparisons.longs(group.first),
-        "table3": exp2.table3(group.frame("whole_facts")),
-        "whole": exp2.errors(whole),
-        "density": comparisons.densities(group.first.density),
-        "timing": comparisons.costs(comparisons.durations(group.first)),
+        "generators": tables.generators(made.generators),
+        "epochs": training.speed(made.histories),
+        "table1": exp1.table1(made.errors, made.plant, made.expected),
+        "factors": exp1.factors(made.errors, made.expected, made.cfg.gan),
+        "sets": tables.excitation_sets(made.errors),
+        "long": comparisons.longs(made),
+        "table3": exp2.table3(made.whole_facts),
+        "whole": exp2.errors(made.whole_errors),
+        "density": comparisons.densities(made.density),
+        "timing": comparisons.timing(made),
     }
-    return shown | {name: table for name, (table, _) in exp2.tables2(whole, cfg).items()}
+    return shown | {name: table for name, (table, _) in exp2.tables2(made.whole_errors, made.cfg).items()}
 
 
-def _figures(group: Group) -> dict[str, "Figure"]:
-    """The figures of a group of conditions, by name."""
-    generators, raw = group.frame("generators"), group.frame("errors")
-    eigen = generators[generators.name == "eigen"]
+def _figures(made: Artifacts) -> dict[str, "Figure"]:
+    """The figures of a condition, by name."""
+    eigen = made.generators[made.generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
-    measured = pd.DataFrame([part.few_seeds for part in group.parts.values()]).mean()
-    seeds = {str(key): float(x) for key, x in measured.items()}
-    share = [Panel("success", "valid share")]
-    subsets, taught = group.frame("subsets"), ("seeds", "seeds trained on")
+    subsets, taught = made.subsets[made.subsets.kept], ("seeds", "seeds trained on")
     return {
-        "training": training.figure(group.frame("histories"), seeds, union),
-        "nmse": figures.errors(raw),
-        "sizes": figures.panels(subsets[subsets.kept], taught, share, "variant", columns=1, markers=True),
-        **_motion(group.first),
+        "training": training.figure(made.histories, made.few_seeds, union),
+        "nmse": figures.errors(made.errors),
+        "sizes": figures.panels(subsets, taught, ["success"]),
+        **_motion(made),
     }
 
 
@@ -186,7 +193,6 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
     return {
         "traces": motion.paths(task.arm, traces),
         "stacked": motion.paths(task.arm, stacked),
-        "snapshots": motion.snapshots(task.arm, family, generated[:1]),
     }
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
-from experiments.verdicts import levels
+from experiments.verdicts import TRAINING
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
@@ -48,8 +48,7 @@ def summary(generators: pd.DataFrame) -> pd.DataFrame:
 
 def means(generators: pd.DataFrame) -> pd.DataFrame:
     """Columns valid, condition, distance and rank, mean over trainings; a row a generator, and the seeds."""
-    valid = generators.success
-    frame = generators.assign(valid=valid.fillna(generators.valid) if "valid" in generators else valid)
+    frame = generators.assign(valid=generators.success.fillna(generators.valid))
     numbers = frame[["valid", "condition", "distance", "rank"]].astype(float)
     return numbers.groupby(frame["name"], sort=False).mean()
 
@@ -59,15 +58,14 @@ def figure(
 ) -> "Figure":
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
     compared = {SEEDS: seeds | {"success": seeds["valid"]}, "union": union or {}}
-    shown = figures.metrics(references=compared)
-    return figures.panels(histories, ("epoch", "epoch"), shown, "variant", columns=3)
+    return figures.panels(histories, ("epoch", "epoch"), figures.METRICS, compared)
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:
     """First epoch after which a generator is reliable, and its best and last valid share."""
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
-        share = part.pivot(index="epoch", columns=levels(part), values="success").fillna(0.0)
+        share = part.pivot(index="epoch", columns=TRAINING, values="success").fillna(0.0)
         reached = share >= RELIABLE
         first = ["never" if pd.isna(x) else f"{x:g}" for x in reached.idxmax().where(reached.any())]
         rows[name] = {

@@ -1,8 +1,7 @@
-"""Verdicts from intervals: what many trainings, seed sets and noise draws together say of a claim.
+"""Verdicts from intervals: what many trainings and noise draws together say of a claim.
 
-An effect is a series of numbers with the levels ``seed_set``, ``training`` and
-``repeat`` (noise draws) in its index, as far as it has them. Trainings and noise draws both add to the
-variance of its mean.
+An effect is a series of numbers with the levels ``training`` and ``repeat`` (noise draws) in its index, as
+far as it has them. Both add to the variance of its mean.
 """
 
 from collections.abc import Callable, Collection, Iterable
@@ -11,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from scipy import stats
-from scipy.special import expit, logit
+from scipy.special import logit
 
 from sidegan.report.style import NOT_MEASURED
 
@@ -19,7 +18,7 @@ HOLDS, PART, NOT = "holds", "holds in part", "does not hold"
 UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
 UNKNOWN = NOT_MEASURED
 CONFIDENCE = 0.95
-SEED_SET, TRAINING, REPEAT = "seed_set", "training", "repeat"
+TRAINING, REPEAT = "training", "repeat"
 
 
 class Interval(NamedTuple):
@@ -29,23 +28,10 @@ class Interval(NamedTuple):
     mean: float
     high: float
 
-    def exp(self) -> "Interval":
-        """Of a ratio, from that of its logarithm."""
-        return self._turned(np.exp)
-
-    def share(self) -> "Interval":
-        """Of a share, from that of its log odds."""
-        return self._turned(expit)
-
-    def _turned(self, back: Callable[[float], float]) -> "Interval":
+    def turned(self, back: Callable[[float], float]) -> "Interval":
         """Of what a growing function makes of it; what has no ends gets none."""
         low, mean, high = (float(back(x)) for x in self)
         return Interval(low, mean, high) if np.isfinite(self.low) else self._replace(mean=mean)
-
-
-def levels(frame: pd.DataFrame, *more: str) -> list[str]:
-    """Columns that identify single trainings, and others after them, as far as a frame has them."""
-    return [key for key in (SEED_SET, TRAINING, *more) if key in frame]
 
 
 def interval(effect: pd.Series) -> Interval:
@@ -56,7 +42,8 @@ def interval(effect: pd.Series) -> Interval:
     no spread, so that the interval is all numbers.
     """
     values = effect.dropna()
-    means = [values.groupby(levels).mean() for levels in _units(values)]
+    levels = [name for name in (TRAINING, REPEAT) if name in values.index.names]
+    means = [values.groupby(level).mean() for level in levels]
     fewest = min((len(x) for x in means), default=0)
     if fewest < 2:
         return Interval(-np.inf, float(values.mean()), np.inf)
@@ -67,8 +54,9 @@ def interval(effect: pd.Series) -> Interval:
 
 
 def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str, pd.Series]:
-    """Mean of a column for every set by seed set and repeat, and by training where something was trained."""
-    mean = frame.groupby(["set", *levels(frame, REPEAT)])[key].mean()
+    """Mean of a column for every set by repeat, and by training where something was trained."""
+    levels = [name for name in (TRAINING, REPEAT) if name in frame]
+    mean = frame.groupby(["set", *levels])[key].mean()
     parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
     return {name: x if name in trained else _untrained(x) for name, x in parts.items()}
 
@@ -94,14 +82,10 @@ def proportion(share: float, draws: int) -> Interval:
 
 
 def above(effect: pd.Series, bound: float | None = None) -> str:
-    """Whether an effect's mean lies above zero, or a bound, in its whole interval and on every seed set."""
+    """Whether an effect's mean lies above zero, or a bound, with its whole interval."""
     bound, undecided = (0.0, UNDECIDED) if bound is None else (bound, OPEN)
     low, _, high = interval(effect)
-    levels = [SEED_SET] if SEED_SET in effect.index.names else []
-    means = effect.groupby(levels).mean() if levels else pd.Series([effect.mean()])
-    if low > bound and (means > bound).all():
-        return HOLDS
-    return NOT if high < bound and (means < bound).all() else undecided
+    return HOLDS if low > bound else NOT if high < bound else undecided
 
 
 def below(effect: pd.Series, bound: float | None = None) -> str:
@@ -145,10 +129,3 @@ def _matched(values: pd.Series, other: pd.Series) -> pd.Series:
     if other.index.nlevels == 1:
         return pd.Series(values.item(), other.index)
     return values.reindex(other.droplevel(TRAINING).index).set_axis(other.index)
-
-
-def _units(values: pd.Series) -> list[list[str]]:
-    """Levels that identify single trainings and single noise draws, as far as an effect has them."""
-    names = set(values.index.names)
-    shared = [SEED_SET] if SEED_SET in names else []
-    return [[*shared, level] for level in (TRAINING, REPEAT) if level in names]

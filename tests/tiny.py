@@ -2,7 +2,6 @@
 
 import re
 from functools import cache
-from pathlib import Path
 
 from hydra import compose, initialize_config_dir
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
@@ -35,8 +34,6 @@ TINY = (
     "identification.rate=20",
 )
 
-
-OTHERS = f"hydra.searchpath=[file://{Path(__file__).parent}/conf]"  # conditions of the tests' own
 
 # What keeps an experiment small besides; artifacts that several tests use are made with these settings alone.
 SMALL = {

@@ -22,7 +22,6 @@ class Condition:
     """Condition of a comparison: a recipe in a workspace, on one seed set."""
 
     name: str
-    group: str  # conditions of a group differ in their seed set alone: their trainings count together
 
 
 @dataclass(frozen=True)

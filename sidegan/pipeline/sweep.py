@@ -29,7 +29,7 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
     """
     import pandas as pd
 
-    from sidegan.report.tables import spread_or_dash
+    from sidegan.report.tables import spread
 
     jobs = [
         pd.read_csv(folder / RESULTS).assign(**_overrides(folder))
@@ -44,7 +44,7 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
     keys = [*swept, "name"]
     numbers = [key for key in both.columns if key not in settings and key != "name"]
     rows = [
-        dict(zip(keys, group)) | {key: spread_or_dash(part[key].dropna()) for key in numbers}
+        dict(zip(keys, group)) | {key: spread(part[key]) for key in numbers}
         for group, part in both.groupby(keys, sort=False, dropna=False)
     ]
     return pd.DataFrame(rows).set_index(keys)

@@ -11,7 +11,6 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -19,21 +18,19 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from sidegan.base.names import plain
 from sidegan.base.storage import replacing
 
-Place = Literal["outside lower center", "outside upper left"]
 _METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # none of it
 _LEAST, _MOST = 0.7, 1.2  # width in a page over that for which it is drawn
 _VECTORS: dict[Any, Any] = {
     "svg.fonttype": "none",
     "font.sans-serif": ["DejaVu Sans"],  # that comes with matplotlib: its widths are alike everywhere
+    "path.simplify_threshold": 0.5,  # [pt]: a long recording has more points than a screen can show
     "text.parse_math": False,  # a dollar in somebody's name is a dollar
 }
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure of this size [inch] on a canvas of its own: no screen, no global state."""
-    figure = Figure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    """An empty figure of this size [inch], which needs no screen and no global state."""
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
@@ -53,13 +50,13 @@ def logarithmic(axis: Axes) -> None:
     axis.yaxis.set_minor_formatter(NullFormatter())
 
 
-def legend(figure: Figure, handles: Mapping[str, Any], place: Place = "outside lower center") -> None:
-    """One legend outside of all panels; none for a single unnamed line."""
+def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
+    """One legend below all panels; none for a single unnamed line."""
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
-        style = {"loc": place, "ncols": columns, "fontsize": 9, "frameon": False}
-        figure.legend(list(handles.values()), list(handles), **style)
+        names, style = list(handles), {"ncols": columns, "fontsize": 9, "frameon": False}
+        figure.legend(list(handles.values()), names, loc="outside lower center", **style)
 
 
 def save(figure: Figure, path: Path) -> Path:
@@ -73,12 +70,7 @@ def save(figure: Figure, path: Path) -> Path:
 def svg(figure: Figure, name: str, label: str) -> str:
     """The figure as an SVG element for HTML, sharp at any size, whose words are text.
 
-    The same figure gives the same bytes.
-
-    Args:
-        figure: to be drawn.
-        name: that no other element of the page has.
-        label: what is read aloud.
+    The same figure gives the same bytes. No other element of a page has its name; its label is read aloud.
     """
     text = StringIO()
     with rc_context(_VECTORS | {"svg.hashsalt": name}), warnings.catch_warnings():

@@ -1,6 +1,6 @@
-"""A page as GitHub-flavoured Markdown, from a template, with its tables and figures as files beside it."""
+"""Pages from templates: Markdown with its tables and figures as files beside it, and HTML as one file."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -8,9 +8,9 @@ from urllib.parse import quote
 import pandas as pd
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from sidegan.base.names import plain
 from sidegan.base.storage import write_bytes
 from sidegan.report.export import markdown, write_table
-from sidegan.report.style import number, seconds
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -22,12 +22,12 @@ def write_page(
     tables: Mapping[str, pd.DataFrame],
     figures: Mapping[str, "Figure"],
     **context: Any,
-) -> str:
+) -> None:
     """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
 
     The template calls ``table(name, caption)`` and ``figure(name, caption)``, or ``link(name, caption)`` for
     a table that is not shown; the cells of tables are formatted already. Whatever else it names is the
-    context, and numbers are formatted by ``number(".3g")`` and ``seconds``. The Markdown is returned.
+    context, and numbers are formatted by ``number(".3g")``.
     """
     assets = target.with_suffix("")
 
@@ -37,7 +37,7 @@ def write_page(
 
     def table(name: str, caption: str) -> str:
         link(name, caption)
-        return f"{_caption(caption)}\n\n{markdown(with_index(tables[name]))}"
+        return f"{_caption(caption)}\n\n{markdown(tables[name].reset_index())}"
 
     def figure(name: str, caption: str) -> str:
         from sidegan.report.canvas import save
@@ -46,25 +46,30 @@ def write_page(
         words = caption.replace("[", "(").replace("]", ")")
         return f"![{words}]({quote(picture.as_posix())})\n\n{_caption(caption)}"
 
-    environment = Environment(
-        loader=FileSystemLoader(path.parent),
+    words = {"table": table, "link": link, "figure": figure, "tables": tables, "figures": figures}
+    environment = templates(path.parent, html=False)  # HTML in Markdown is shown and not obeyed
+    environment.filters |= {"number": plain}
+    text = environment.get_template(path.name).render(**words, **context)
+    write_bytes(target, text.encode())
+
+
+def templates(folder: Path, html: bool) -> Environment:
+    """Templates below a folder; what they do not know is an error."""
+    return Environment(
+        loader=FileSystemLoader(folder),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
-        autoescape=False,  # it is Markdown; HTML in it is shown and not obeyed
+        autoescape=html,
     )
-    environment.filters |= {"number": number, "seconds": seconds}
-    environment.globals |= {"table": table, "link": link, "figure": figure}
-    text = environment.get_template(path.name).render(tables=tables, figures=figures, **context)
-    write_bytes(target, text.encode())
-    return text
 
 
-def with_index(table: pd.DataFrame) -> pd.DataFrame:
-    """A table whose index is its first column, unless that is a nameless range."""
-    nameless = isinstance(table.index, pd.RangeIndex) and table.index.name is None
-    return table if nameless else table.reset_index()
+def web_page(name: str, filters: Mapping[str, Callable[..., str]] | None = None, **context: Any) -> bytes:
+    """An HTML page that is one file, by a template of this room; nothing in it comes from the network."""
+    environment = templates(Path(__file__).parent, html=True)
+    environment.filters |= filters or {}
+    return environment.get_template(name).render(**context).encode()
 
 
 def _caption(text: str) -> str:

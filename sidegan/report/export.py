@@ -18,9 +18,6 @@ class Recorder(Protocol):
     def log_table(self, table: pd.DataFrame, name: str) -> None:
         """Keep a table."""
 
-    def log_artifact(self, path: Path, folder: str | None = None) -> None:
-        """Keep a file below ``folder`` of the run."""
-
     def log_note(self, text: str) -> None:
         """Add Markdown to what is shown of the run first."""
 
@@ -31,8 +28,6 @@ def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) ->
     show(table, caption)
     tracker.log_table(table, path.name)
     tracker.log_note(f"**{caption}**\n\n{markdown(table.reset_index())}")
-    for suffix in (".csv", ".md"):
-        tracker.log_artifact(path.with_suffix(suffix), "tables")
 
 
 def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:
@@ -43,11 +38,15 @@ def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:
 
 def markdown(table: pd.DataFrame) -> str:
     """A Markdown table without its index; columns of numbers line up on the right."""
-    text = table.astype(object).where(table.notna(), "—").astype(str)
-    text = text.map(lambda cell: " ".join(cell.replace("|", "\\|").splitlines()))
+    text = _cells(table).map(lambda cell: " ".join(cell.replace("|", "\\|").splitlines()))
     rules = ["---:" if text[name].map(_is_number).all() else "---" for name in text]
     rows = [[str(name).replace("|", "\\|") for name in text], rules, *text.to_numpy().tolist()]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def _cells(table: pd.DataFrame) -> pd.DataFrame:
+    """Cells as text, with a dash for what is unknown."""
+    return table.map(lambda cell: "—" if pd.isna(cell) else str(cell))
 
 
 def _is_number(cell: str) -> bool:
@@ -59,7 +58,7 @@ def show(table: pd.DataFrame, caption: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    rows = table.reset_index().astype(str)
+    rows = _cells(table.reset_index())
     drawn = Table()
     for i, column in enumerate(rows.columns):
         drawn.add_column(str(column), justify="left" if i == 0 else "right", overflow="fold")

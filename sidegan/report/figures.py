@@ -1,83 +1,66 @@
 """Figures from the results of runs, with matplotlib."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from sidegan.report.canvas import blank, legend, logarithmic, tidy
-from sidegan.report.style import colour, colours
+from sidegan.report.style import colour
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
-_METRICS = ("success", "condition", "distance", "rank", "nearest", "distance_diagonal")
+METRICS = ("success", "condition", "distance", "rank", "nearest", "distance_diagonal")  # of a generator
 _LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
-
-
-class Panel(NamedTuple):
-    """One column and how it is drawn."""
-
-    key: str
-    label: str  # for people
-    log: bool = False  # whether the axis is logarithmic
-    references: Mapping[str, float] = {}  # dashed lines, by the set whose value they are
-    share: bool = False  # of a whole, so that the axis ends at one
-
-
-def metrics(references: Mapping[str, Mapping[str, float]]) -> list[Panel]:
-    """A panel for each metric of a generator, with the values of the sets that it is compared with."""
-    panels = []
-    for key in _METRICS:
-        compared = {name: x[key] for name, x in references.items() if x.get(key) is not None}
-        panels.append(Panel(key, NAMES[key], key == "condition", compared, key == "success"))
-    return panels
+_FEW = 10  # points of a line that are marked
 
 
 def panels(
     frame: pd.DataFrame,
     across: tuple[str, str],
-    shown: Sequence[Panel],
-    group: str,
-    columns: int = 2,
-    markers: bool = False,
+    shown: Sequence[str],
+    references: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
-    """Columns of a frame over another one, a panel each; a group is a line of means with its range behind.
+    """Metrics of variants over a column, a panel each; of a variant a line of means with its range behind.
 
     Args:
-        frame: a row per result.
+        frame: a row per result, with its ``variant``.
         across: the column across, and its name for people.
-        shown: the columns up.
-        group: the column that tells colours apart.
-        columns: panels beside each other.
-        markers: a dot at every result.
+        shown: the metrics.
+        references: the same metrics of sets that they are compared with, dashed.
     """
-    (key, label), columns = across, min(columns, len(shown))
+    (key, label), columns = across, min(3, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
-    shades = colours(frame[group].astype(str))
+    variants = ordered(frame.variant.unique())
     handles: dict[str, Any] = {}
-    for axis, panel in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
-        drawn = frame.dropna(subset=[key, panel.key])
-        for name, part in drawn.groupby(group, sort=False):
-            line = part.groupby(key)[panel.key].agg(["mean", "min", "max"])
-            dots = {"marker": "o", "markersize": 4} if markers or len(line) == 1 else {}
-            style: dict[str, Any] = {"color": shades[str(name)]}
-            if (line["max"] > line["min"]).any():
-                axis.fill_between(line.index, line["min"], line["max"], **style, alpha=0.2, linewidth=0)
-            (handles[str(name)],) = axis.plot(line["mean"], **style, **dots, linewidth=1.5)
-        for name, value in panel.references.items():
-            shade = shades.get(name, colour(name))
-            handles[name] = axis.axhline(value, color=shade, linestyle="--", linewidth=1.3)
-        if panel.log:
+    for axis, metric in zip(figure.subplots(rows, columns, squeeze=False).ravel(), shown):
+        for name, part in frame.dropna(subset=[key, metric]).groupby("variant", sort=False):
+            handles[str(name)] = _line(axis, part.groupby(key)[metric].agg(["mean", "min", "max"]), str(name))
+        for name, values in references.items():
+            if values.get(metric) is not None:
+                handles[name] = axis.axhline(values[metric], color=colour(name), ls="--", lw=1.3)
+        if metric == "condition":
             logarithmic(axis)
-        if panel.share:
+        if metric == "success":
             axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
-        axis.set_title(panel.label, fontsize=10)
+        axis.set_title(NAMES[metric], fontsize=10)
         axis.set_xlabel(label, fontsize=9)
         tidy(axis)
-    legend(figure, {name: handles[name] for name in [*shades, *handles] if name in handles})
+    legend(figure, {name: handles[name] for name in [*variants, *handles] if name in handles})
     return figure
+
+
+def _line(axis: Axes, line: pd.DataFrame, name: str) -> Line2D:
+    """Means of a variant with their range behind."""
+    if (line["max"] > line["min"]).any():
+        axis.fill_between(line.index, line["min"], line["max"], color=colour(name), alpha=0.2, linewidth=0)
+    marker = "o" if len(line) < _FEW else ""
+    return axis.plot(line["mean"], color=colour(name), marker=marker, markersize=4, linewidth=1.5)[0]
 
 
 def errors(raw: pd.DataFrame) -> Figure:
@@ -87,9 +70,7 @@ def errors(raw: pd.DataFrame) -> Figure:
     parts = raw.groupby("weighted")
     for axis, (weighted, part) in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts):
         groups = part.groupby(["joint", "set"]).nmse
-        mean, low, high = (
-            x.unstack().loc[joints, names] for x in (groups.mean(), groups.min(), groups.max())
-        )
+        mean, low, high = (groups.agg(one).unstack().loc[joints, names] for one in ("mean", "min", "max"))
         mean.plot.bar(
             ax=axis,
             yerr=np.stack([(mean - low).T, (high - mean).T], 1),

@@ -1,4 +1,4 @@
-"""Pictures of motion in space, with matplotlib: paths of the end effector, the arm on its way.
+"""Paths of the end effector in space, with matplotlib.
 
 Source: Jegorova et al. 2020, figure 2.
 """
@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 from matplotlib import colormaps
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import LightSource
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
@@ -20,19 +18,16 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.tables import Numbers
-from sidegan.report.style import DESK, PATH
+from sidegan.report.style import DESK
 from sidegan.robot import Arm
-from sidegan.robot.looks import capsule_surface
-from sidegan.validity.capsules import capsule_axes, place_points
+from sidegan.validity.capsules import place_points
 
 _RATE = 25.0  # [Hz] of a drawn path
 _ROOM = 0.02  # [m] around what is drawn, at least
 _COLUMNS = 4
 _TIME = "viridis"
 _VIEW = {"elev": 22.0, "azim": -58.0}
-_LIGHT = LightSource(azdeg=-58, altdeg=50)
-_FADING = 0.16  # opacity that is left of a pose at the next one
-_FLAT = 0.93  # height of a panel over its width
+_WIDTH, _HEIGHT = 2.9, 2.697  # [inch] of a panel
 
 
 class Bundle(NamedTuple):
@@ -48,13 +43,13 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
     """A panel per bundle with the end effector's path along its trajectories, all to one scale.
 
     Raises:
-        ShapeError: when there is no bundle, or one has no trajectory or does not fit its family.
+        ShapeError: when there is no bundle, or one does not fit its family.
     """
     if not bundles:
         raise ShapeError("there are no sets to draw")
     drawn = [tip_paths(arm, bundle.family, bundle.coefficients) for bundle in bundles]
     figure = Figure()
-    panels = _panels(figure, 2.9, [bundle.title for bundle in bundles], _COLUMNS, bounds(drawn))
+    panels = _panels(figure, [bundle.title for bundle in bundles], bounds(drawn))
     for axis, bundle, some in zip(panels, bundles, drawn):
         if bundle.colour is None:
             for path in some:
@@ -65,48 +60,16 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
     return figure
 
 
-def snapshots(arm: Arm, family: Trajectory, coefficients: Tensor, count: int = 6) -> Figure:
-    """The arm's capsules at instants of one trajectory, those before fading behind, with the path so far.
-
-    The ends of the period, where the arm is at home, are left out. Coefficients [rad/s] are (1, J, H, 2).
-
-    Raises:
-        ShapeError: when there is not exactly one trajectory, it does not fit the family, or count is none.
-    """
-    if len(coefficients) != 1:
-        raise ShapeError(f"snapshots are of one trajectory, got {len(coefficients)}")
-    path, times = tip_paths(arm, family, coefficients)[0], family.grid(count)
-    positions = family.derivative(coefficients.to("cpu", torch.float64), times, 0)[0]
-    arms, figure = [arm_surface(arm, q) for q in positions], Figure()
-    shades = colormaps[_TIME](np.linspace(0.1, 0.8, count))[:, :3]
-    limits, titles = bounds([path, *arms]), [f"{t:.1f} s" for t in times]
-    for k, axis in enumerate(_panels(figure, 3.0, titles, _COLUMNS - 1, limits)):
-        visible = [(arms[i], shades[i], _FADING ** (k - i)) for i in range(max(0, k - 2), k + 1)]
-        axis.add_collection3d(_surfaces(visible), autolim=False)
-        so_far = path[: 1 + round(len(path) * float(times[k]) / family.period)]
-        axis.plot(*so_far.T, color=PATH, linewidth=1.0, zorder=3)
-    return figure
-
-
 def tip_paths(arm: Arm, family: Trajectory, coefficients: Tensor) -> Numbers:
     """End effector's positions [m], (B, T, 3), over one period.
 
     Raises:
-        ShapeError: when there is no trajectory, or one does not fit the family or is not finite.
+        ShapeError: when one does not fit the family or is not finite.
     """
-    if len(coefficients) == 0:
-        raise ShapeError("there is no trajectory to draw")
     motion = family.roll_out(coefficients.to("cpu", torch.float64), family.times(_RATE))
     q = motion.position.flatten(0, 1).T
     tips = place_points(arm, q, arm.tip[None], torch.tensor([arm.joints - 1]))[:, 0]
     return tips.T.unflatten(0, motion.position.shape[:2]).numpy()
-
-
-def arm_surface(arm: Arm, position: Tensor) -> Numbers:
-    """Triangles [m], (N, 3, 3), of the capsules at one joint position [rad or m], (J,)."""
-    a, b = (ends[..., 0].T.numpy() for ends in capsule_axes(arm, position[:, None]))
-    each = [capsule_surface(*capsule) for capsule in zip(a, b, arm.capsules.radius.tolist())]
-    return np.concatenate([np.zeros((0, 3, 3)), *(vertices[faces] for vertices, faces in each)])
 
 
 def bounds(points: Sequence[Numbers]) -> Numbers:
@@ -120,15 +83,6 @@ def bounds(points: Sequence[Numbers]) -> Numbers:
     return np.stack([low, high])
 
 
-def _surfaces(visible: Sequence[tuple[Numbers, Numbers, float]]) -> Poly3DCollection:
-    """Arms (triangles, colour, opacity) as one collection, which sorts all their faces by depth."""
-    faces = np.concatenate([triangles for triangles, _, _ in visible])
-    paints = [np.tile([*shade, opacity], (len(triangles), 1)) for triangles, shade, opacity in visible]
-    return Poly3DCollection(
-        faces, facecolors=np.concatenate(paints), shade=True, lightsource=_LIGHT, linewidths=0, zorder=2
-    )
-
-
 def _timed(axis: Axes3D, path: Numbers) -> None:
     """A path whose colour tells the time."""
     shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
@@ -137,16 +91,13 @@ def _timed(axis: Axes3D, path: Numbers) -> None:
     axis.plot(*path[:1].T, "o", color="black", markersize=3, zorder=4)
 
 
-def _panels(
-    figure: Figure, size: float, titles: Sequence[str], most: int, limits: Numbers
-) -> Iterator[Axes3D]:
-    """Square panels of this size [inch] in space, axes of equal scale within limits [m], the desk drawn."""
+def _panels(figure: Figure, titles: Sequence[str], limits: Numbers) -> Iterator[Axes3D]:
+    """Panels in space, axes of equal scale within limits [m], the desk drawn."""
     # Without automatic layout, which knows nothing of the labels of axes in space.
-    columns = min(most, len(titles))
+    columns = min(_COLUMNS, len(titles))
     rows = -(-len(titles) // columns)
-    FigureCanvasAgg(figure)
-    figure.set_size_inches(columns * size + 0.3, rows * size * _FLAT + 0.2)
-    above, right = 0.36 / (rows * size * _FLAT), 0.5 / (columns * size)
+    figure.set_size_inches(columns * _WIDTH + 0.3, rows * _HEIGHT + 0.2)
+    above, right = 0.36 / (rows * _HEIGHT), 0.5 / (columns * _WIDTH)
     figure.subplots_adjust(0.01, 0.12 / rows, 1 - right, 1 - above, wspace=0.14, hspace=0.24)
     (x, y, _), (right, back, _) = limits
     desk = [[(x, y, 0.0), (right, y, 0.0), (right, back, 0.0), (x, back, 0.0)]]

@@ -57,10 +57,14 @@ def title(name: str) -> str:
 
 
 def spread(values: pd.Series) -> str:
-    """Mean ± standard deviation in two digits, the mean as exactly, three at most; a single value alone."""
-    mean, deviation = float(values.mean()), float(values.std())
-    if len(values) < 2:
-        return plain(mean)
+    """Mean ± standard deviation in two digits, the mean as exactly, three at most, of what is known.
+
+    A single value stands alone, a dash for none.
+    """
+    known = values.dropna().astype(float)
+    mean, deviation = float(known.mean()), float(known.std())
+    if len(known) < 2:
+        return plain(mean) if len(known) else "—"
     if mean and 0 < deviation < math.inf and (place := _place(deviation) - 1) > _place(mean) - 2:
         mean = round(mean, -place)
     return f"{plain(mean)} ± {plain(deviation, '.2g')}"
@@ -69,12 +73,6 @@ def spread(values: pd.Series) -> str:
 def _place(value: float) -> int:
     """Power of ten of a number's first digit."""
     return math.floor(math.log10(abs(value)))
-
-
-def spread_or_dash(values: pd.Series | None) -> str:
-    """Mean ± standard deviation of what is known, a dash when nothing is."""
-    numbers = pd.Series(dtype=float) if values is None else values.dropna().astype(float)
-    return spread(numbers) if len(numbers) else "—"
 
 
 def weighting(weighted: bool) -> str:
@@ -102,20 +100,19 @@ def joints(raw: pd.DataFrame) -> pd.DataFrame:
 
 def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
     """Length, conditioning of the stack and covariance norm of every excitation set."""
-    once = raw.drop_duplicates(["seed", "set", "training", "repeat"])
+    once = raw.drop_duplicates(["set", "training", "repeat"])
     mean = once.groupby("set")[list(_SETS)].mean()
     return formatted(mean.loc[ordered(mean.index)], _SETS).rename(index=title)
 
 
 def generators(frame: pd.DataFrame) -> pd.DataFrame:
     """Validity, fitness and diversity of the seeds and of every generator, over its trainings."""
-    share = frame.get("valid_share", pd.Series(index=frame.index, dtype=float))
     rows = frame.assign(
-        valid_share=share.fillna(frame.get("valid")),
-        condition_valid=frame.get("condition_valid", frame.condition).fillna(frame.condition),
+        valid_share=frame.valid_share.fillna(frame.valid),
+        condition_valid=frame.condition_valid.fillna(frame.condition),
     )
     cells = {
-        str(name): {label: spread_or_dash(part[key]) for key, label in NAMES.items() if key in part}
-        for name, part in rows.drop(columns="success", errors="ignore").groupby("name", sort=False)
+        str(name): {label: spread(part[key]) for key, label in NAMES.items() if key in part}
+        for name, part in rows.drop(columns="success").groupby("name", sort=False)
     }
     return pd.DataFrame.from_dict(cells, orient="index").loc[ordered(cells)].rename_axis("generator")

@@ -25,4 +25,4 @@ def page(outputs, tmp_path_factory):
 def artifacts(outputs, page):
     """What that run left."""
     config = tiny(f"outputs={outputs}", *OWN, experiment="reproduction")
-    return reproduction.collect(Task(config, Store(outputs)))["ours"].first
+    return reproduction.collect(Task(config, Store(outputs)))["ours"]

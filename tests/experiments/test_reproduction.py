@@ -6,25 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments import reproduction
-from experiments.artifacts import Artifacts, Group
+from experiments.artifacts import Artifacts
 from experiments.claims import claims
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED
 from experiments.words import PAPER
 from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
-from tests.tiny import OTHERS, TINY, tiny
+from tests.tiny import tiny
 
 
-def judged(artifacts, **frames):
-    """What was found of every claim, by its key, where some frames are others."""
-    group = Group(
-        "ours", {"ours": artifacts}, {name: x.assign(seed_set="ours") for name, x in frames.items()}
-    )
-    return {claim.key: claim.findings["ours"] for claim in claims({"ours": group})}
+def judged(artifacts, **changed):
+    """What was found of every claim, by its key, where the task or some frames are others."""
+    planted = Artifacts(artifacts.task)
+    planted.__dict__.update(artifacts.__dict__ | changed)
+    return {claim.key: claim.findings["ours"] for claim in claims({"ours": planted})}
 
 
 def test_the_page_has_the_tables_and_figures_that_it_links_to(page, artifacts):
@@ -33,16 +28,11 @@ def test_the_page_has_the_tables_and_figures_that_it_links_to(page, artifacts):
     links = [link.partition("#")[0] for link in links]
     beside = {"decisions.md"}  # in docs/, where the page is published
     assert set(links) > beside and all((page / link).is_file() for link in set(links) - beside)
-    tables = {path.stem for path in page.rglob("*.csv")}
     joined = {"claims", "findings", "seeds", "factors", "generators", "table1", "table2", "table3", "density"}
-    assert (
-        joined | {f"ours-{name}" for name in ("table1", "timing", "sets", "long", "epochs", "whole")}
-        <= tables
-    )
-    metrics = page / "reproduction" / "metrics"
-    seeds, eigen = (
-        json.loads((metrics / f"ours-{name}.json").read_text("utf-8")) for name in ("seeds", "eigen")
-    )
+    own = {f"ours-{name}" for name in ("table1", "timing", "sets", "long", "epochs", "whole")}
+    assert joined | own <= {path.stem for path in page.rglob("*.csv")}
+    files = (page / "reproduction" / "metrics" / f"ours-{name}.json" for name in ("seeds", "eigen"))
+    seeds, eigen = (json.loads(file.read_text("utf-8")) for file in files)
     assert seeds["valid"] == 1 and seeds["‖diag P‖ [1e-9]"] > eigen["‖diag P‖ [1e-9]"] > 0
     norms = artifacts.whole_facts.groupby("set").covariance_norm.mean()
     assert seeds["‖diag P‖ [1e-9]"] == pytest.approx(1e9 * norms["seeds ×1"], rel=1e-3)
@@ -52,7 +42,7 @@ def test_the_page_has_the_tables_and_figures_that_it_links_to(page, artifacts):
 @pytest.fixture(scope="module")
 def usual(artifacts):
     """Every claim as the run has it."""
-    return claims({"ours": Group("ours", {"ours": artifacts})})
+    return claims({"ours": artifacts})
 
 
 def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
@@ -61,16 +51,6 @@ def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
     for claim in usual:
         assert "{" not in claim.text + claim.why + claim.criterion and claim.where and claim.paper
         assert claim.findings["ours"].ours and claim.why.endswith(".")
-
-
-def test_conditions_that_differ_in_their_seeds_are_one_group(tmp_path):
-    names = "conditions=[ours,ours_second]"
-    config = tiny(f"outputs={tmp_path}", names, experiment="reproduction")
-    task = Task(config, Store(tmp_path), (OTHERS, "+experiment=reproduction", *TINY, names))
-    (group,) = reproduction.collect(task).values()
-    assert {name: part.cfg.seed for name, part in group.parts.items()} == {"ours": 0, "ours_second": 1}
-    made = [seed_set(part.task).digest for part in group.parts.values()]
-    assert made[0] == seed_set(task).digest != made[1]
 
 
 @pytest.mark.parametrize(
@@ -84,36 +64,17 @@ def test_verdicts_follow_from_the_numbers(artifacts, factor, beaten, share, draw
     nmse = noise * np.where(errors["set"].str.startswith("long"), factor, 1.0)
     best = (histories.variant == "vanilla") * np.where(histories.epoch == 1, 0.9, 0.0)
     success = histories.success.where(histories.variant != "vanilla", best)
-    discussion = replace(artifacts.cfg.discussion, draws=draws)
-    planted = Artifacts(artifacts.task.with_settings(discussion=discussion))
-    planted.__dict__["density"] = artifacts.density.assign(success=share)
-    found = judged(planted, errors=errors.assign(nmse=nmse), histories=histories.assign(success=success))
+    fewer = replace(artifacts.cfg.discussion, draws=draws)
+    found = judged(
+        artifacts,
+        task=artifacts.task.with_settings(discussion=fewer),
+        density=artifacts.density.assign(success=share),
+        errors=errors.assign(nmse=nmse),
+        histories=histories.assign(success=success),
+    )
     assert found["short_beat_long"].verdict == beaten
     assert found["density_fails"].verdict == failed
     assert found["vanilla_fails"].verdict == NOT and "after epoch 1" in found["vanilla_fails"].ours
-
-
-def test_what_made_nothing_valid_adds_nothing_to_the_seeds(artifacts, usual):
-    def barren(*names):
-        frame = artifacts.generators
-        empty = frame["name"].isin(names)
-        count, drawn = frame["count"].where(~empty, 0), frame.drawn.where(~empty, 500)
-        return judged(artifacts, generators=frame.assign(count=count, drawn=drawn))
-
-    found = {claim.key: claim.findings["ours"] for claim in usual}
-    one, every = barren("vanilla"), barren("vanilla", "eigen", "diagonal")
-    assert one["generated_improve"].verdict == found["generated_improve"].verdict
-    assert "no valid draw of vanilla (of 1,000): " in one["generated_improve"].ours
-    for key in ("generated_improve", "smallest_norm", "real_generated_beat_seeds"):
-        assert every[key].verdict == NOT and "nothing is added to the seeds" in every[key].ours
-    assert every["short_beat_long"] == found["short_beat_long"]
-    assert every["faster"].verdict == found["faster"].verdict and every["faster"].ours != found["faster"].ours
-
-
-def test_a_smaller_seed_set_is_a_part_of_the_whole(artifacts):
-    kept = artifacts.subsets[artifacts.subsets.kept]
-    sizes = {size: set(part.variant) for size, part in kept.groupby("seeds")}
-    assert sizes == {20: set(artifacts.cfg.gan) - {"vanilla"}, 40: set(artifacts.cfg.gan)}
 
 
 def test_a_density_estimate_of_too_few_seeds_is_refused(page, outputs, tmp_path):

@@ -132,7 +132,6 @@ def identified(name: str) -> dict[str, Any]:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
     options = settings(EstimationSettings, "experiment/identify:identify")
     one = identify_arm(arm, [training], [held_out], terms, options)
-    vars(one)["forward"] = {}  # simulated motions: a second of them makes a per mille of rounding
     return _flat(verdict(one))
 
 

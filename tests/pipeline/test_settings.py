@@ -67,7 +67,8 @@ def test_the_scale_reaches_the_other_groups_whatever_their_choice():
 
 
 def test_a_condition_is_a_recipe_on_a_seed_set_and_the_command_overrides_it():
-    assert configured("condition=ours").condition.group == "ours"
+    ours, gradient = (configured(f"condition={name}") for name in ("ours", "gradient"))
+    assert ours.gan == gradient.gan and gradient.seeds.method == "gradient" and ours.seeds.method == "paper"
     chosen = configured("seeds=gradient", "condition=ours", "condition.name=theirs", "seed=7")
     assert (chosen.seeds.method, chosen.condition.name, chosen.seed) == ("gradient", "theirs", 7)
     assert configured("condition=ours", "gan=eigen").gan.keys() == {"eigen"}

@@ -2,16 +2,14 @@
 
 import numpy as np
 import pinocchio
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from matplotlib.image import imread
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.report import motion
 from sidegan.report.canvas import save
-from sidegan.report.motion import Bundle, arm_surface, bounds, tip_paths
+from sidegan.report.motion import Bundle, bounds, paths, tip_paths
 from sidegan.robot.looks import capsule_surface
 from tests.oracle import chain_model
 from tests.report.builders import some
@@ -47,12 +45,6 @@ def test_a_capsules_surface_is_at_its_radius_and_faces_outwards(a, b, radius):
     assert len(np.unique(faces)) == len(vertices)
 
 
-def test_an_arms_surface_holds_all_its_capsules(arm):
-    triangles = arm_surface(arm, torch.zeros(7, dtype=torch.float64))
-    assert len(triangles) >= 8 * len(arm.capsules.radius)
-    assert triangles[..., 2].max() > 1.0  # upright at home
-
-
 def test_bounds_hold_all_points_and_the_foot_of_the_arm_on_the_desk():
     points = np.array([[0.5, 0.2, 0.3], [0.6, 0.4, 1.0]])
     low, high = bounds([points])
@@ -60,23 +52,12 @@ def test_bounds_hold_all_points_and_the_foot_of_the_arm_on_the_desk():
     assert bounds([points - [0, 0, 2]])[0, 2] < -1.7  # below the desk is drawn, too
 
 
-def test_bundles_have_a_panel_each_at_one_scale(planar):
+def test_bundles_have_a_panel_each_at_one_scale_and_the_same_give_the_same_file(planar, tmp_path):
     traces = [Bundle(f"trajectory {k}", FAMILY, c[None]) for k, c in enumerate(some(FAMILY, 5))]
     long = Bundle("long\n12 s", LONG, some(LONG, 1), "#b2182b")
-    sets = [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")]
-    for bundles in (traces, sets):
-        figure = motion.paths(planar, bundles)
+    for bundles in (traces, [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")]):
+        figure = paths(planar, bundles)
         assert [axis.get_title() for axis in figure.axes] == [bundle.title for bundle in bundles]
         assert len({axis.get_xlim() + axis.get_zlim() for axis in figure.axes}) == 1
-
-
-def test_snapshots_have_a_panel_per_instant_and_can_be_written(planar, tmp_path):
-    figure = motion.snapshots(planar, FAMILY, some(FAMILY, 1), count=4)
-    assert [axis.get_title() for axis in figure.axes] == ["0.5 s", "1.5 s", "2.5 s", "3.5 s"]
-    assert np.ptp(imread(save(figure, tmp_path / "snapshots"))[..., :3]) > 0.5
-
-
-def test_the_same_figure_gives_the_same_file(planar, tmp_path):
-    shown = [Bundle("eigen", FAMILY, some(FAMILY, 1))]
-    first, second = (save(motion.paths(planar, shown), tmp_path / name) for name in ("a", "b"))
-    assert first.read_bytes() == second.read_bytes()
+        first, second = save(figure, tmp_path / "a"), save(paths(planar, bundles), tmp_path / "b")
+        assert first.read_bytes() == second.read_bytes() and np.ptp(imread(first)[..., :3]) > 0.5

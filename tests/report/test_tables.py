@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from sidegan.report import tables
-from sidegan.report.style import colours, seconds
+from sidegan.report.style import colour, seconds
 
 SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
 KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
@@ -37,20 +37,20 @@ def test_sets_are_in_the_papers_order_and_unknown_ones_last():
 @pytest.mark.parametrize(
     ("values", "expected"),
     [
-        ([0.123456], "0.123"),
+        ([], "—"),
+        ([0.123456, None], "0.123"),
         ([1, 3], "2 ± 1.4"),
         ([0.001, 0.001], "0.001 ± 0"),
         ([1e-7, 3e-7], "2e-7 ± 1.4e-7"),
         ([84.4, 270.4], "180 ± 130"),  # no more digits than the deviation has
         ([187.1, 189.1], "188 ± 1.4"),
-        ([4210.0, 4214.0], "4210 ± 2.8"),
         ([-0.3, 0.76], "0.23 ± 0.75"),
         ([60.4882, 60.8134], "60.7 ± 0.23"),  # rounded once
         ([-90.0, 98.0], "0 ± 130"),
     ],
 )
 def test_a_spread_is_the_mean_and_the_sample_deviation(values, expected):
-    assert tables.spread(pd.Series(values)) == expected
+    assert tables.spread(pd.Series(values, dtype=float)) == expected
 
 
 def test_joints_keep_their_order_and_take_the_unweighted_mean(raw):
@@ -76,14 +76,7 @@ def test_generators_show_what_is_known():
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
 
 
-DURATIONS = {
-    4e-5: "40 µs",
-    1.4e-3: "1.4 ms",
-    2: "2 s",
-    360: "6 min",
-    14 * 3600: "14 h",
-    float("nan"): "not measured",
-}
+DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h"}
 
 
 @pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())
@@ -91,9 +84,6 @@ def test_durations_are_said_as_people_do(duration, expected):
     assert seconds(duration) == expected
 
 
-def test_sets_have_their_own_colour_and_other_groups_one_each():
-    sets = colours(["eigen", "long-210", "seeds"])
-    assert list(sets) == ["long-210", "seeds", "eigen"]
-    assert sets["eigen"] == colours(["eigen"])["eigen"]
-    others = colours(["gradient", "gaco", "eigen", "gaco"])
-    assert list(others) == ["gradient", "gaco", "eigen"] and len(set(others.values())) == 3
+def test_sets_have_their_own_colour_and_others_one_each():
+    names = ["eigen", "long-6", "long-210", "seeds", "vanilla", "mine"]
+    assert len({colour(name) for name in names}) == len(names)

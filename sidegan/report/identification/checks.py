@@ -1,4 +1,4 @@
-"""The check of recordings, as a file and as tables on the terminal."""
+"""The check of recordings, as a file and as a table on the terminal."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,32 +20,8 @@ def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
 
 
 def show_checks(recordings: Sequence[CheckedRecording]) -> None:
-    """Print the check of recordings, as tables."""
-    show(_sampling(recordings), "Recordings")
+    """Print what each joint did in recordings."""
     show(_joints(recordings), "Joints [rad, m, N·m, N, A]")
-
-
-def _sampling(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """A row per recording: its clock, and what is kept of it."""
-    rows = {}
-    for recording in recordings:
-        raw, grid, repeated = recording.statistics, recording.grid, recording.repeated
-        rows[recording.name] = {
-            "use": recording.role,
-            "samples": raw.samples,
-            "seconds": f"{raw.duration:.4g}",
-            "rate [Hz]": f"{1 / raw.step:.4g}",
-            "jitter": f"{raw.jitter:.1%}",
-            "gaps": len(raw.gaps),
-            "duplicates": raw.duplicates,
-            "corrupt": len(raw.corrupt),
-            "bandwidth [Hz]": f"{grid.bandwidth:.3g}",
-            "cut-off [Hz]": f"{grid.cutoff:.3g}",
-            "kept": recording.kept,
-            "lag [ms]": f"{1e3 * recording.delay.seconds:.3g}",
-            "repetitions": "—" if repeated is None else f"{sum(repeated.counts.values())}",
-        }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("recording")
 
 
 def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:

@@ -1,7 +1,7 @@
 """The report of an identification as one HTML file that needs nothing else, not even a network."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import yaml
@@ -10,43 +10,35 @@ from markupsafe import Markup
 from sidegan.base.names import plain
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.recording.tables import Numbers
+from sidegan.report.document import web_page
 from sidegan.report.identification import content
 from sidegan.report.identification.content import Origin
-from sidegan.report.web import environment
 
-_BAR = 70  # [px] of a relative deviation of 100 %
-_MOST = 10.0  # relative deviation beyond which the number says no more
+_RECORDINGS = 12  # that are drawn
 _PAIRS = 8  # that are shown
 _TOGETHER = 0.8  # correlation from which two parameters are hard to tell apart
 _ROUNDING = 1e-12  # below which a number is none, whatever its SI unit
 
 
-def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, str]) -> str:
-    """The report as an HTML document; files are beside it, each by what it holds."""
+def report_html(identified: IdentifiedArm, origin: Origin) -> bytes:
+    """The report as an HTML document."""
     from sidegan.report.canvas import svg  # matplotlib takes a while to import
     from sidegan.report.identification import plots
 
-    web = environment()
-    web.filters |= {"number": number, "percent": percent, "bar": _bar}
-    title, covariance = f"Identification of {identified.model.arm.name}", identified.chosen.covariance.numpy()
-    return web.get_template("identification/report.html.jinja").render(
+    chosen = identified.chosen
+    return web_page(
+        "identification/report.html.jinja",
+        {"number": number},
         identified=identified,
         origin=origin,
-        files=files,
-        title=title,
+        title=f"Identification of {identified.model.arm.name}",
         content=content,
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
-        shown=plots.predicted(identified),
-        pairs=hard_to_tell_apart(correlation_of(covariance), identified.chosen.names),
-        correlation=correlation_of(covariance),
+        drawn=[*identified.validation, *identified.training][:_RECORDINGS],
+        pairs=hard_to_tell_apart(chosen.covariance.numpy(), chosen.names),
         plots=plots,
         svg=lambda *drawn: Markup(svg(*drawn)),
     )
-
-
-def _bar(share: float) -> int:
-    """Width of a bar [px]."""
-    return round(_BAR * min(share, 1.0)) if math.isfinite(share) else _BAR
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -56,29 +48,13 @@ def number(value: float, digits: int = 4) -> str:
     return plain(value if abs(value) > _ROUNDING else 0.0, f".{digits}g")
 
 
-def percent(share: float) -> str:
-    """A share for people: ``12 %``, ``0.8 %``, ``> 1000 %``, or a dash where there is none."""
-    if not math.isfinite(share):
-        return "—"
-    if share > _MOST:
-        return f"> {100 * _MOST:.0f} %"
-    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
-
-
-def correlation_of(covariance: Numbers) -> Numbers:
-    """Correlation (P, P) of a covariance; a parameter without variance is correlated with none."""
+def hard_to_tell_apart(covariance: Numbers, names: Sequence[str]) -> list[str]:
+    """Pairs of parameters whose errors go together, a sentence each, the worst first."""
     deviation = np.sqrt(np.diag(covariance))
     scale = np.where(deviation > 0, deviation, 1.0)
-    correlation = covariance / scale / scale[:, None]
-    np.fill_diagonal(correlation, 1.0)
-    return np.clip(correlation, -1.0, 1.0)
-
-
-def hard_to_tell_apart(correlation: Numbers, names: Sequence[str]) -> list[str]:
-    """Pairs of parameters whose errors go together, a sentence each, the worst first."""
-    upper = np.triu(np.abs(correlation), 1)
-    rows, columns = np.nonzero(upper >= _TOGETHER)
-    worst = np.argsort(-upper[rows, columns], kind="stable")[:_PAIRS]
+    correlation = np.triu(covariance / scale / scale[:, None], 1)
+    rows, columns = np.nonzero(np.abs(correlation) >= _TOGETHER)
+    worst = np.argsort(-np.abs(correlation[rows, columns]), kind="stable")[:_PAIRS]
     sentences = []
     for i, j in zip(rows[worst], columns[worst]):
         better = "difference" if correlation[i, j] > 0 else "sum"

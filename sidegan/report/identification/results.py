@@ -15,7 +15,7 @@ from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
-from sidegan.report.identification.checks import CHECK, write_checks
+from sidegan.report.identification.checks import write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
 from sidegan.report.identification.page import report_html
 from sidegan.robot import write_mjcf, write_urdf
@@ -32,17 +32,6 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     arm = identified.model.arm
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
     drives = identified.drives
-    files = {
-        "parameters with deviations": _TABLE,
-        "parameters with covariance": PARAMETERS,
-        "consistent links": _LINKS,
-        "description with these links and friction": urdf,
-        "the same for MuJoCo, with rotors": mjcf,
-        f"the model to use ({identified.use}) as a Python class": _CLASS,
-        "by which MLflow loads it from this folder": _MLMODEL,
-        "check of the recordings": CHECK,
-        "verdict for machines": VERDICT,
-    }
     write_checks(identified.recordings, folder)
     write_bytes(folder / _TABLE, parameter_table(identified).to_csv(index=False).encode())
     write_bytes(folder / _LINKS, link_table(identified).to_csv(index=False).encode())
@@ -52,7 +41,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
     write_bytes(folder / _MLMODEL, _mlmodel(arm.joint_names).encode())
-    write_bytes(folder / REPORT, report_html(identified, origin, files).encode())
+    write_bytes(folder / REPORT, report_html(identified, origin))
 
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
@@ -141,16 +130,12 @@ def _number(value: float) -> float | None:
 
 def _mlmodel(joint_names: Sequence[str]) -> str:
     """The file by which MLflow loads the Python class from its folder, as a function of tables."""
-    sides = {"inputs": ("q", "dq", "ddq"), "outputs": ("tau",)}
+    states = [f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in joint_names]
+    sides = {"inputs": states, "outputs": [f"tau_{name}" for name in joint_names]}
     columns = {
-        side: [
-            {"type": "double", "name": f"{x}_{name}", "required": True}
-            for x in letters
-            for name in joint_names
-        ]
-        for side, letters in sides.items()
+        side: json.dumps([{"type": "double", "name": name, "required": True} for name in names])
+        for side, names in sides.items()
     }
     function = {"loader_module": Path(_CLASS).stem, "code": ".", "data": "."}
     function |= {"python_version": platform.python_version()}
-    signature = {side: json.dumps(names) for side, names in columns.items()}
-    return yaml.safe_dump({"flavors": {"python_function": function}, "signature": signature}, sort_keys=False)
+    return yaml.safe_dump({"flavors": {"python_function": function}, "signature": columns}, sort_keys=False)

@@ -14,20 +14,17 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.style import PALETTE
-from sidegan.report.viewer.surfaces import arm_parts, packed, region_surface
+from sidegan.report.viewer.surfaces import arm_parts, region_surface
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane
 from sidegan.validity.constraints import DISTANCES
 
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
-_SHARE = 16_000  # steps of a whole limit
-_LARGEST = 2.0  # share of a limit that can be shown
-_SHOWN = 100  # trajectories at most: some megabytes
 
 
 @dataclass
 class View:
-    """A page's content: plain values, and arrays that go with them."""
+    """A page's content: plain values, and arrays of four-byte numbers that go with them."""
 
     head: dict[str, Any]
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)
@@ -36,11 +33,9 @@ class View:
         """The plain values with a list of the arrays, and these as text (deflated, base 64)."""
         chunks, table, offset = [], {}, 0
         for name, x in self.arrays.items():
-            data = np.ascontiguousarray(x).tobytes()
-            data += bytes(-len(data) % 4)
             table[name] = [x.dtype.name, offset, int(x.size)]
-            chunks.append(data)
-            offset += len(data)
+            chunks.append(x.tobytes())
+            offset += x.nbytes
         return {**self.head, "arrays": table}, base64.b64encode(zlib.compress(b"".join(chunks), 9)).decode()
 
 
@@ -51,7 +46,7 @@ def view_of(
     titles: Sequence[str] = (),
     arm: Arm | None = None,
 ) -> View:
-    """View of trajectories with coefficients [rad/s], (B, J, H, 2); of very many, the first.
+    """View of trajectories with coefficients [rad/s], (B, J, H, 2).
 
     Args:
         constraints: the arm in its workspace.
@@ -66,7 +61,7 @@ def view_of(
     count = len(coefficients)
     if count == 0 or (titles and len(titles) != count):
         raise ShapeError(f"there are {count} trajectories to show and {len(titles)} titles")
-    arm, coefficients = arm or constraints.arm, coefficients[:_SHOWN]
+    arm = arm or constraints.arm
     samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
     times = torch.linspace(0.0, family.period, samples + 1, dtype=torch.float64)
     motion = family.roll_out(coefficients.detach().to("cpu", torch.float64), times)
@@ -76,11 +71,15 @@ def view_of(
         "prismatic": arm.prismatic.tolist(),
         "period": family.period,
         "samples": samples,
-        "titles": list(titles[:_SHOWN]) or [str(k + 1) for k in range(len(coefficients))],
-        "total": count,
+        "titles": list(titles) or [str(k + 1) for k in range(count)],
         "checked": constraints.described(),
         "colours": list(PALETTE),
-        "chain": _chain(arm),
+        "chain": {
+            "rotation": arm.rotation.flatten(1).tolist(),  # row by row
+            "translation": arm.translation.tolist(),
+            "axis": arm.axis.tolist(),
+            "tip": arm.tip.tolist(),
+        },
     }
     view = View(head)
     _add_signals(view, arm, constraints, motion)
@@ -89,18 +88,8 @@ def view_of(
     return view
 
 
-def _chain(arm: Arm) -> dict[str, Any]:
-    """Placements of the joints: rotations row by row, origins [m], axes, and the end effector [m]."""
-    return {
-        "rotation": arm.rotation.flatten(1).tolist(),
-        "translation": arm.translation.tolist(),
-        "axis": arm.axis.tolist(),
-        "tip": arm.tip.tolist(),
-    }
-
-
 def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion) -> None:
-    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) steps each."""
+    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) each."""
     middle = (arm.position_upper + arm.position_lower) / 2
     signals = {
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
@@ -114,10 +103,8 @@ def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion)
         largest = values.abs().amax((0, 1)).clamp_min(1e-9)
         limited = torch.isfinite(limit) if limit is not None else torch.zeros_like(largest, dtype=torch.bool)
         scale = largest if limit is None else torch.where(limited, limit, largest)
-        share = (values / scale).clamp(-_LARGEST, _LARGEST)
         view.head["signals"][name] = {"scale": scale.tolist(), "limited": limited.tolist()}
-        view.arrays[name] = (share * _SHARE).round().numpy().astype(np.int16)
-    view.head["steps"] = _SHARE
+        view.arrays[name] = (values / scale).numpy().astype(np.float32)
 
 
 def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
@@ -130,7 +117,7 @@ def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
         return
     used, which = torch.unique(which, return_inverse=True)
     view.head["pairs"] = [names[k] for k in used.tolist()]
-    view.arrays["pair"] = which.numpy().astype(np.uint16).reshape(batch, samples)
+    view.arrays["pair"] = which.numpy().astype(np.uint32).reshape(batch, samples)
     view.arrays["distance"] = distance.numpy().astype(np.float32)
 
 
@@ -144,8 +131,6 @@ def _add_surfaces(view: View, constraints: Constraints) -> None:
     for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
         view.head[kind] = []
         for k, part in enumerate(parts):
-            head, vertices, faces = packed(part)
-            view.head[kind].append(head)
-            view.arrays[f"{kind}{k}v"] = vertices
-            few = len(vertices) <= np.iinfo(np.uint16).max
-            view.arrays[f"{kind}{k}f"] = faces.astype(np.uint16 if few else np.uint32)
+            view.head[kind].append({"link": part.link, "colour": part.colour})
+            view.arrays[f"{kind}{k}v"] = part.vertices.astype(np.float32)
+            view.arrays[f"{kind}{k}f"] = part.faces.astype(np.uint32)

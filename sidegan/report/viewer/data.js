@@ -5,7 +5,7 @@ async function readData() {
   const bytes = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
   const plain = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
   const buffer = await new Response(plain).arrayBuffer();
-  const kinds = { int16: Int16Array, uint16: Uint16Array, uint32: Uint32Array, float32: Float32Array };
+  const kinds = { uint32: Uint32Array, float32: Float32Array };
   const arrays = {};
   for (const [name, [kind, offset, size]] of Object.entries(head.arrays))
     arrays[name] = new kinds[kind](buffer, offset, size);
@@ -17,7 +17,7 @@ function share(data, name, trajectory, sample, joint) {
   const joints = data.joints.length, row = trajectory * (data.samples + 1);
   const low = Math.min(Math.floor(sample), data.samples - 1), part = sample - low;
   const x = data.arrays[name], at = (row + low) * joints + joint;
-  return (x[at] * (1 - part) + x[at + joints] * part) / data.steps;
+  return x[at] * (1 - part) + x[at + joints] * part;
 }
 
 function positions(data, trajectory, sample) {

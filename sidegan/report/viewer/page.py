@@ -13,40 +13,34 @@ from markupsafe import Markup
 
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ArtifactError
+from sidegan.report.document import web_page
 from sidegan.report.viewer.content import View
-from sidegan.report.web import environment
 
 Steps = Sequence[tuple[str, str]]
 _ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # of trimesh, with three.js in it
 
 
 def write_view(view: View, path: Path, table: pd.DataFrame | None = None, steps: Steps = ()) -> None:
-    """Write a view as one HTML file that needs no network; see ``view_html``."""
-    write_bytes(path, view_html(view, table, steps).encode())
-
-
-def view_html(view: View, table: pd.DataFrame | None = None, steps: Steps = ()) -> str:
-    """A view as an HTML document.
+    """Write a view as one HTML file that needs no network.
 
     Args:
         view: of the arm and its trajectories.
+        path: of the file.
         table: a row per trajectory, what it asks of the arm.
         steps: what to do with them, a sentence and a command each.
     """
     head, arrays = view.packed()
-    return (
-        environment()
-        .get_template("viewer/viewer.html.jinja")
-        .render(
-            title=f"Trajectories of {view.head['name']}",
-            view=view.head,
-            table=None if table is None else table.reset_index(),
-            steps=steps,
-            data=Markup(script_json(head)),
-            arrays=Markup(arrays),
-            library=Markup(three_js()),
-        )
+    page = web_page(
+        "viewer/viewer.html.jinja",
+        title=f"Trajectories of {view.head['name']}",
+        view=view.head,
+        table=None if table is None else table.reset_index(),
+        steps=steps,
+        data=Markup(script_json(head)),
+        arrays=Markup(arrays),
+        library=Markup(three_js()),
     )
+    write_bytes(path, page)
 
 
 def script_json(value: object) -> str:

@@ -31,7 +31,7 @@ class Space {
 
   surfaces(kind, material) {
     return this.data[kind].map((head, k) => {
-      const mesh = new THREE.Mesh(geometry(this.data.arrays, `${kind}${k}`, head), material(head));
+      const mesh = new THREE.Mesh(geometry(this.data.arrays, `${kind}${k}`), material(head));
       mesh.castShadow = kind === "arm";
       mesh.receiveShadow = kind === "arm";
       (head.link < 0 ? this.base : this.joints[head.link]).add(mesh);
@@ -183,13 +183,13 @@ function edges(shape, colour) {
   return new THREE.LineSegments(new THREE.EdgesGeometry(shape, 25), new THREE.LineBasicMaterial({ color: linear(colour) }));
 }
 
-// Triangles from short numbers; shading is smooth but across creases.
-function geometry(arrays, name, { low, step }) {
-  const steps = arrays[`${name}v`], faces = arrays[`${name}f`], count = faces.length;
+// Triangles whose shading is smooth but across creases.
+function geometry(arrays, name) {
+  const vertices = arrays[`${name}v`], faces = arrays[`${name}f`], count = faces.length;
   const corners = new Float32Array(3 * count), flat = new Float32Array(count), around = new Map();
   const a = new THREE.Vector3(), b = new THREE.Vector3(), c = new THREE.Vector3();
   for (let i = 0; i < count; i++)
-    for (let k = 0; k < 3; k++) corners[3 * i + k] = low[k] + step[k] * steps[3 * faces[i] + k];
+    for (let k = 0; k < 3; k++) corners[3 * i + k] = vertices[3 * faces[i] + k];
   for (let f = 0; f < count; f += 3) {
     [a, b, c].forEach((point, k) => point.fromArray(corners, 3 * (f + k)));
     b.sub(a).cross(c.sub(a)).toArray(flat, f); // as long as twice the area

@@ -1,11 +1,10 @@
-"""Surfaces small enough for a page: few triangles, short numbers."""
+"""Surfaces small enough for a page."""
 
+from collections import defaultdict
 from collections.abc import Sequence
-from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sidegan.robot import Arm
 from sidegan.robot.looks import Colour, Part, capsule_surface, visual_parts
@@ -16,8 +15,6 @@ if TYPE_CHECKING:  # slow to import
 
 _TRIANGLES = 120_000  # of an arm; more are merged
 _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and the factor to the next ones
-_THIN = 1e-6  # [m] below which a surface has no thickness
-_STEPS = 65_535  # of a coordinate within its surface's box
 
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
@@ -51,16 +48,15 @@ def _part(mesh: "trimesh.Trimesh") -> Part:
 
 def merged(parts: Sequence[Part]) -> list[Part]:
     """One part for all of a joint and a colour."""
+    from trimesh.util import append_faces
 
-    def key(part: Part) -> tuple[int, Colour]:
-        return part.link, part.colour or (-1.0, -1.0, -1.0)
-
+    groups = defaultdict[tuple[int, Colour | None], list[Part]](list)
+    for part in parts:
+        groups[part.link, part.colour].append(part)
     joined = []
-    for _, group in groupby(sorted(parts, key=key), key):
-        some = list(group)
-        starts = np.cumsum([0, *(len(part.vertices) for part in some)])
-        faces = np.concatenate([part.faces + start for part, start in zip(some, starts)])
-        joined.append(Part(some[0].link, np.concatenate([x.vertices for x in some]), faces, some[0].colour))
+    for (link, colour), some in groups.items():
+        vertices, faces = append_faces([part.vertices for part in some], [part.faces for part in some])
+        joined.append(Part(link, np.asarray(vertices, float), np.asarray(faces, np.int64), colour))
     return joined
 
 
@@ -87,11 +83,3 @@ def _clustered(part: Part, size: float) -> Part:
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
     first, _ = unique_rows(np.sort(faces, axis=1)) if len(faces) else (slice(0), None)
     return Part(part.link, means, faces[first], part.colour)
-
-
-def packed(part: Part) -> tuple[dict[str, Any], NDArray[np.uint16], NDArray[np.int64]]:
-    """A surface in short numbers: its box, vertices (V, 3) as steps within it, and faces (F, 3)."""
-    low, high = part.vertices.min(0), part.vertices.max(0)
-    step = np.maximum(high - low, _THIN) / _STEPS
-    head = {"link": part.link, "colour": part.colour, "low": low.tolist(), "step": step.tolist()}
-    return head, np.rint((part.vertices - low) / step).astype(np.uint16), part.faces
