@@ -109,6 +109,8 @@ def _in_si(file: str, table: Table, name: str, where: Sequence[str], columns: Co
     parts = [table.numbers(column) for column in where]
     if len({len(x) for x in parts}) > 1:
         raise RecordingError(f"{file}: columns {', '.join(where)} are not of the same length")
+    if any(x.ndim > 2 for x in parts):
+        raise RecordingError(f"{file}: column {', '.join(where)} holds more than a number in each row")
     x = np.column_stack(parts)
     if name == "time" and len(parts) > 1:
         x = x @ _OF_SECONDS[:, None] / columns.units.factor("time")

@@ -37,7 +37,7 @@ def test_everything_is_told(identified, read):
     for words in (
         "Identification of planar2", verdict, *identified.trust.reasons, "Use the consistent model",
         "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
-        "forearm", "nMSE, validation", "verdict.json", "method: x", "sidegan.run identify",
+        "forearm", "nMSE, validation", "method: x", "sidegan.run identify",
     ):  # fmt: skip
         assert words in read.text, words
     order = (verdict, "1 gap", "750 samples", "stands for")
