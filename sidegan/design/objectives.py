@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
-from sidegan.design.problem import HOPELESS, Problem
+from sidegan.design.problem import Problem
+from sidegan.kernels import HOPELESS
 
 
 def log_condition(x: Tensor) -> Tensor:

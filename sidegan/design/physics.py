@@ -12,12 +12,13 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.design.goal import HIGHEST, LOWEST, SHARPNESS
 from sidegan.design.information import weighted_gram
 from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
-from sidegan.design.problem import HOPELESS, Problem
+from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
+from sidegan.kernels import HOPELESS
+from sidegan.kernels.goals import HIGHEST, LOWEST, SHARPNESS
 from sidegan.motion.operations import extremes
 from sidegan.motion.threads import eigh
 

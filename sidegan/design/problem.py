@@ -7,12 +7,12 @@ from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
+from sidegan.kernels import HOPELESS
 from sidegan.motion.dynamics import RigidBody, gram_of
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.robot import HIGHER
 from sidegan.validity import Constraints
 
-HOPELESS = 1e12  # stands for an infinite condition number: optimisers take finite numbers only
 _LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
 _AT_ONCE = 2_000  # states whose regressor stays near the processor
 

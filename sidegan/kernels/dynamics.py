@@ -68,7 +68,7 @@ class Limits(NamedTuple):
     room: Array  # to both sides of it [rad or m], (J,)
     speed: Array  # largest [rad/s or m/s], (J,)
     torque: Array  # largest [N·m or N], (J,); infinite where it does not matter
-    parameters: Array  # that torques follow from, (10 J,)
+    parameters: Array  # that torques follow from, (1, 1, 10 J)
 
 
 class Room(NamedTuple):
@@ -208,7 +208,7 @@ def _pass_down(child: Lanes, child_wrench: Lanes, wrench: Lanes, width: int) -> 
 
 @kernel
 def _along(axis: Vector, slides: bool, wrench: Lanes, torque: Lanes, width: int) -> None:
-    """What of a wrench the joint feels."""
+    """Part of a wrench that the joint feels."""
     for n in range(min(width, LANES)):
         torque[n] = dot(axis, load(wrench, 0, n) if slides else load(wrench, 3, n))
 
@@ -361,7 +361,7 @@ def beyond(x: float, limit: float, reserve: float) -> float:
 
 @kernel_in_any_order
 def keep(limits: Limits, work: Room, lanes: int) -> float:
-    """What the torques of a block cost; puts its slopes in them in their place."""
+    """Cost of the torques of a block, whose slopes take their place."""
     total = 0.0
     for i in range(len(limits.torque)):
         torque, most = work.torque[i], limits.torque[i]

@@ -56,9 +56,7 @@ def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
         y = dynamics.aligned(size, joints * regressor.SPAN)
         motion, room = _states(*(x[k] for x in states)), dynamics.room(joints)
         signals = information.signals_for(rigid, count, 0)
-        information.weighted_grams(
-            chain, motion, of_links, (rigid, signals), np.ones(joints), grams[k], room, y
-        )
+        information.weighted_grams(chain, motion, of_links, (rigid, signals), grams[k], room, y)
 
     share(work, batch, count)
     return torch.from_numpy(grams)
