@@ -143,19 +143,16 @@ def _end_of(matrix: Array, count: int, k: int) -> int:
 
 
 @part
-def _ends(scale: float, work: Room) -> None:
-    """Eigenpairs at both ends of the spectrum of the inner matrix over its scale."""
+def _ends(work: Room) -> None:
+    """Eigenpairs at both ends of the spectrum of the inner matrix, which ``whole`` is too."""
     size, whole, count = len(work.inner), work.whole[0], len(work.values[0])
-    for i in range(size):
-        for j in range(size):
-            whole[i, j] = work.inner[i, j] / scale
     if size > count:
         eigen.extremes(work.whole, LOWEST, work.values, work.vectors, work.sound, work.rows, work.shifts)
         if work.sound[0]:
             return
         for i in range(size):
             for j in range(size):
-                whole[i, j] = work.inner[i, j] / scale
+                whole[i, j] = work.inner[i, j]
     all_eigenpairs(whole, work.product)
     for k in range(count):
         i = _end_of(whole, count, k)
@@ -166,11 +163,15 @@ def _ends(scale: float, work: Room) -> None:
 
 @kernel
 def _condition(goal: Goal, subspace: Array, work: Room) -> float:
-    """Smooth log condition number of the inner matrix; writes its directions."""
-    size, scale = len(subspace), 0.0
+    """Smooth log condition number of the whole matrix; writes its directions."""
+    size, scale, whole = len(subspace), 0.0, work.whole[0]
     for i in range(size):
-        scale = max(scale, work.inner[i, i])
-    _ends(scale, work)
+        scale = max(scale, whole[i, i])
+    for i in range(size):
+        for j in range(size):
+            whole[i, j] /= scale
+            work.inner[i, j] = whole[i, j]
+    _ends(work)
     value = _smooth_ratio(work.values[0], work.slopes)
     for k in range(len(work.values[0])):
         work.weights[k] = goal.amount * work.slopes[k] / scale
@@ -295,9 +296,6 @@ def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float
         for j in range(len(gram)):
             work.whole[0, i, j] = goal.prior[i, j] + runs * goal.amount * work.inner[i, j]
     if goal.kind == CONDITION:
-        for i in range(len(gram)):
-            for j in range(len(gram)):
-                work.inner[i, j] = work.whole[0, i, j]
         return _condition(goal, subspace, work), len(work.values[0])
     if not factorise(work.whole[0]):
         return np.inf, 0

@@ -22,7 +22,6 @@ from sidegan.kernels.dynamics import (
     keep,
     pull,
     push,
-    rest,
     step_of,
 )
 from sidegan.kernels.dynamics import Room as Lanes
@@ -181,7 +180,6 @@ def weighted_grams(
     weights W are of joints. There is room in y for the regressor, (P, J · SPAN).
     """
     count, size, first, roots = states.shape[3], len(columns.kinds), columns.first, terms[0].roots
-    rest(chain.gravity, work.links[0])
     for b in range(len(grams)):
         gram = grams[b]
         write_signals(terms[0], states, b, terms[1])
@@ -217,7 +215,6 @@ def weighted_slopes(
     (sets, weights), count, cost, roots = directions, states.shape[3], 0.0, terms[0].roots
     for e in range(len(terms[1].pushes)):
         clear(terms[1].pushes[e])
-    rest(chain.gravity, work.links[0])
     step = step_of(count)
     for start in range(0, count, step):
         block = 0, start, min(step, count - start)

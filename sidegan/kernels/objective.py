@@ -70,7 +70,7 @@ def room(plan: Plan) -> Room:
         dynamics.aligned(5, 1, joints, samples),
         dynamics.aligned(5, 1, joints, finer),
         dynamics.aligned(joints, finer),
-        dynamics.room(joints),
+        dynamics.room(plan.chain),
         dynamics.aligned(size, joints * regressor.SPAN),
         np.zeros((1, size, size)),
         goal,

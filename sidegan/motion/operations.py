@@ -33,10 +33,10 @@ def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
     parts = [torch.empty(0)] * threads
 
     def work(k: int) -> None:
-        motion, room = _states(*(x[k][None] for x in cuts)), dynamics.room(joints)
+        motion, room = _states(*(x[k][None] for x in cuts)), dynamics.room(chain)
         samples = motion.shape[3]
         y = np.zeros((len(columns), joints * (samples + dynamics.LANES)))
-        span = regressor.rows(chain, motion, of_links, room, y)
+        span = regressor.rows_of(chain, motion, (0, 0, samples), of_links, room, y)
         parts[k] = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))[:, :, :samples]
 
     each(work, threads)
@@ -54,7 +54,7 @@ def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
 
     def work(k: slice) -> None:
         y = dynamics.aligned(size, joints * regressor.SPAN)
-        motion, room = _states(*(x[k] for x in states)), dynamics.room(joints)
+        motion, room = _states(*(x[k] for x in states)), dynamics.room(chain)
         signals = information.signals_for(rigid, count, 0)
         information.weighted_grams(chain, motion, of_links, (rigid, signals), grams[k], room, y)
 
@@ -68,7 +68,7 @@ def torques(chain: Chain, states: States, sets: Tensor) -> Tensor:
     torque = np.empty((batch, sets.shape[1], joints, count))
 
     def work(k: slice) -> None:
-        motion, room = _states(*(x[k] for x in states)), dynamics.room(joints)
+        motion, room = _states(*(x[k] for x in states)), dynamics.room(chain)
         dynamics.torques(chain, motion, parameters[k], torque[k], room)
 
     share(work, batch, count)
@@ -87,7 +87,7 @@ def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tenso
         motion = _states(*(x[k][None] for x in parts[:3]))
         y = dynamics.aligned(size, joints * regressor.SPAN)
         pulled = array(parts[3][k].T)[None]
-        regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.room(joints), y)
+        regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.room(chain), y)
 
     each(work, threads)
     return torch.from_numpy(products.sum(0))
