@@ -204,9 +204,11 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
             continue
         most = evenly = -np.inf
         if not sure:
+            most = _reached(model.pair_reach, p, work.motion)
+            if _capsules_apart(shapes, ends, p, max(least[COLLISION], most)):
+                continue
             _, k, f, g = ordered(shapes, p)
             evenly = here.half * fastest(work.twist, (f, g), row(ends[2], k), shapes.size[k])
-            most = _reached(model.pair_reach, p, work.motion)
             most = min(most, evenly + bend(model.pair_reach, p, (f, g), work.motion, here.half))
         need = max(least[COLLISION], most)
         if _capsules_apart(shapes, ends, p, need):
