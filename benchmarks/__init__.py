@@ -1,4 +1,4 @@
-r"""How fast the parts are, in one table: rates in CPU time on one thread, beside Pinocchio and FIGAROH.
+r"""How fast the parts are, in one table: CPU time on one thread, beside Pinocchio.
 
     pytest benchmarks --benchmark-only                  # some minutes
     pytest benchmarks --benchmark-only -k regressor     # a part of it
@@ -9,8 +9,6 @@ slower by a fifth fails the command:
     cd old && pytest benchmarks --benchmark-only --benchmark-storage=/tmp/speed --benchmark-save=old
     cd new && pytest benchmarks --benchmark-only --benchmark-storage=/tmp/speed --benchmark-compare \
         --benchmark-compare-fail=median:20%
-
-FIGAROH's rows need ``pip install figaroh``, which sidegan does not depend on.
 """
 
 import os

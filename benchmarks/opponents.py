@@ -1,4 +1,4 @@
-"""What is timed beside sidegan: Pinocchio and FIGAROH from Python, state by state, as one would write it."""
+"""Opponent of sidegan: Pinocchio from Python, state by state, as one would write it."""
 
 from collections.abc import Sequence
 
@@ -53,25 +53,3 @@ class Pinocchio:
             covariance = covariance - gain @ carried.T
             covariance = (covariance + covariance.T) / 2  # else rounding makes it diverge
         return estimate
-
-
-class Figaroh:
-    """FIGAROH's regressor, whose base columns are those of Pinocchio.
-
-    Raises:
-        ImportError: where it is not installed.
-    """
-
-    def __init__(self, opponent: Pinocchio, urdf: str) -> None:
-        from figaroh.tools.regressor import RegressorBuilder
-        from figaroh.tools.robot import Robot
-
-        self.columns = opponent.columns
-        self.builder = RegressorBuilder(Robot(urdf, package_dirs=""))
-        self.moving = {"act_idxv": range(len(opponent.model.names) - 1)}
-
-    def gram(self, states: Sequence[State]) -> Array:
-        """YᵀY (p, p) of a trajectory."""
-        q, dq, ddq = (np.array(x) for x in zip(*states))
-        y = self.builder.build_basic_regressor(q, dq, ddq, self.moving)[:, self.columns]
-        return y.T @ y / len(states)

@@ -7,7 +7,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.design.problem import HIGHEST, HOPELESS, LOWEST, SHARPNESS
 from sidegan.errors import ShapeError
 from sidegan.kernels import goals, information
 from sidegan.motion.arrays import array
@@ -56,9 +55,8 @@ class Compiled:
     """A goal for an arm as kernels take it: parameters are the base's, then those of joints, joint by joint.
 
     Attributes:
-        terms: what the model has beside rigid bodies.
+        terms: what the model has beside rigid bodies, and how much each joint's torque counts.
         subspace: parameters from coordinates in an orthonormal basis, lower triangular, (P, P).
-        roots: what the torque of each joint is multiplied by before it counts, (J,).
 
     Raises:
         ShapeError: for a model of another arm, or when something does not fit the model.
@@ -80,9 +78,9 @@ class Compiled:
         self._prior = _fitting("prior", goal.prior, (size, size))
         self._targets = _fitting("targets", goal.targets, (targets, size))
         self._doubt = _fitting("doubt", goal.doubt, (targets, targets))
-        self.roots = np.ones(body.joints)
         if goal.certainty is not None:
-            self.roots = _fitting("certainty", goal.certainty, (body.joints,))
+            roots = _fitting("certainty", goal.certainty, (body.joints,))
+            self.terms = self.terms._replace(roots=roots)
 
     def during(self, period: float) -> goals.Goal:
         """The goal for trajectories of so many seconds."""
@@ -94,7 +92,6 @@ class Compiled:
             targets = targets @ self.subspace
         return goals.Goal(
             _KINDS[self._goal.kind],
-            goals.Smooth(LOWEST, HIGHEST, SHARPNESS, HOPELESS),
             np.ascontiguousarray(prior),
             self._goal.rate * period,
             np.ascontiguousarray(targets),
@@ -114,8 +111,8 @@ def _fitting(name: str, given: Tensor | None, shape: tuple[int, ...]) -> np.ndar
 
 def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> information.JointTerms:
     """Terms of a model beside rigid bodies, joints in order."""
-    first = np.searchsorted(joints, np.arange(count + 1))
     if model is None:
         return information.no_terms(count)
+    first = np.searchsorted(joints, np.arange(count + 1))
     named = np.array([information.KINDS.index(model.terms.kinds[k]) for k in kinds.tolist()], np.int64)
     return information.JointTerms(named, first, model.terms.sign_width, np.ones(count))

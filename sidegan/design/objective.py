@@ -13,7 +13,8 @@ from torch import Tensor
 
 from sidegan.design.goal import Compiled, Goal
 from sidegan.design.penalty import Penalty
-from sidegan.design.problem import HOPELESS, Problem
+from sidegan.design.problem import Problem
+from sidegan.kernels import HOPELESS
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import Limits
 from sidegan.motion.arrays import array
@@ -49,7 +50,7 @@ class Objective:
         lower, upper = array(arm.position_lower), array(arm.position_upper)
         middle, room = (upper + lower) / 2, (upper - lower) / 2
         torque = array(arm.torque_limit) if constraints.torque else np.full(joints, np.inf)
-        parameters = array(arm.inertial_parameters.flatten())
+        parameters = array(arm.inertial_parameters.reshape(1, 1, -1))
         higher = array(constraints.higher_rows).reshape(-1, joints)
         if matrix is None:
             matrix = torch.eye(2 * harmonics, dtype=torch.float64).expand(joints, -1, -1)
@@ -73,7 +74,6 @@ class Objective:
             higher=higher,
             close=0.0,
             reach=0.0,
-            roots=compiled.roots,
             goal=compiled.during(trajectory.period),
         )
         self.plan = plan if penalty is None else self.penalised(plan, penalty)
@@ -113,9 +113,7 @@ class Evaluation:
         self._measure = kernel.Measure(
             problem.diagonal,
             problem.weakest,
-            HOPELESS,
             distance,
-            array(constraints.arm.inertial_parameters.reshape(1, 1, -1)),
         )
         self._kept = [0, *(1 + NAMES.index(name) for name in constraints.labels)]
 

@@ -9,7 +9,9 @@ import torch
 from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
-from sidegan.design.problem import HIGHEST, HOPELESS, LOWEST, SHARPNESS, Problem
+from sidegan.design.problem import Problem
+from sidegan.kernels import HOPELESS
+from sidegan.kernels.goals import HIGHEST, LOWEST, SHARPNESS
 
 
 def log_condition(x: Tensor) -> Tensor:

@@ -14,8 +14,9 @@ from torch import Tensor
 from sidegan.design.information import weighted_gram
 from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
-from sidegan.design.problem import HIGHEST, LOWEST, Problem
+from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
+from sidegan.kernels.goals import HIGHEST, LOWEST
 from sidegan.motion.operations import extremes
 from sidegan.motion.threads import eigh
 

@@ -7,15 +7,12 @@ from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
+from sidegan.kernels import HOPELESS
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.robot import HIGHER
 from sidegan.validity import Constraints
 
-HOPELESS = 1e12  # stands for an infinite condition number: optimisers take finite numbers only
-# The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
-# spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
-LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
 _LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
 
 

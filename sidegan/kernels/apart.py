@@ -89,14 +89,10 @@ def _push(chain: Chain, work: Room, at: Block, point: Vector, force: Vector, pus
 
 
 @kernel
-def pairs(
+def _pairs(
     chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Room
 ) -> tuple[float, float]:
-    """What pairs cost in a block of times, and the smallest of their distances, or ``reach`` if that is less.
-
-    Asked are ``reach`` and a weight, of the squares of how far distances fall below it; their slopes in the
-    positions are added to push, (J, S). Without a weight, only the smallest distance is looked for.
-    """
+    """Cost of pairs in a block of times, and the smallest of their distances; see ``keep_apart``."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
     least = reach
     for p in range(len(shapes.pairs)):
@@ -122,10 +118,10 @@ def pairs(
 
 
 @kernel
-def regions(
+def _regions(
     chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Room
 ) -> tuple[float, float]:
-    """The same of capsules and keep-out regions."""
+    """Cost of capsules near keep-out regions, and the smallest distance, likewise."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
     least = reach
     for g in range(len(shapes.guarded)):
@@ -146,7 +142,7 @@ def regions(
 
 
 @kernel
-def place(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Room) -> None:
+def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Room) -> None:
     """Write frames and capsules in the world in a block of times."""
     start, count = span
     for i in range(states.shape[2]):
@@ -157,19 +153,24 @@ def place(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Room) -
 
 @kernel
 def keep_apart(
-    chain: Chain, shapes: Shapes, states: Array, weight: float, reach: float, push: Array, work: Room
-) -> float:
-    """Weight times the squares of how far distances fall below ``reach`` [m], summed over time.
+    chain: Chain, shapes: Shapes, states: Array, asked: tuple[float, float], push: Array, work: Room
+) -> tuple[float, float, float]:
+    """Cost of distances over all times, and the smallest one of pairs and of regions [m], or ``reach``.
 
-    States are (5, 1, J, S); the slopes in positions are added to push, (2, 1, J, S).
+    Asked are ``reach`` and a weight, of the squares of how far distances fall below it; their slopes in the
+    positions are added to push, (J, S). Without a weight, only the smallest distances are looked for. States
+    are (5, 1, J, S).
     """
-    if weight == 0 or len(shapes.pairs) + len(shapes.guarded) == 0:
-        return 0.0
-    samples, total = states.shape[3], 0.0
+    samples, total, (reach, weight) = states.shape[3], 0.0, asked
+    near, clear = reach, reach
+    if len(shapes.pairs) + len(shapes.guarded) == 0:
+        return total, near, clear
     step = step_of(samples)
     for start in range(0, samples, step):
         span = start, min(step, samples - start)
-        place(chain, shapes, states, span, work)
-        total += pairs(chain, shapes, span, (reach, weight), push[0, 0], work)[0]
-        total += regions(chain, shapes, span, (reach, weight), push[0, 0], work)[0]
-    return total
+        _place_all(chain, shapes, states, span, work)
+        cost, least = _pairs(chain, shapes, span, (reach if weight > 0 else near, weight), push, work)
+        total, near = total + cost, min(near, least)
+        cost, least = _regions(chain, shapes, span, (reach if weight > 0 else clear, weight), push, work)
+        total, clear = total + cost, min(clear, least)
+    return total, near, clear

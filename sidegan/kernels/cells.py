@@ -17,24 +17,13 @@ from sidegan.kernels.formulas import (
     link_bounds,
     moved,
     moved_rate,
-    summed,
     times,
-    to_parent,
     wrench_bounds,
     wrench_of,
     wrench_rate,
 )
 from sidegan.kernels.jit import inline, inline_in_any_order, kernel
 from sidegan.kernels.links import joint, matrix, row, set_row, ten
-
-
-class Links(NamedTuple):
-    """Pairs of capsules, taken together where they are of the same two frames."""
-
-    frames: Array  # two of them, (L, 2) int
-    most: Array  # how far the motion of a joint moves any two capsules of both against each other, (L, J)
-    pairs: Array  # all pairs, those of the same frames one after another, (P,) int
-    start: Array  # where those of two frames begin, (L + 1,) int
 
 
 class Model(NamedTuple):
@@ -50,9 +39,8 @@ class Model(NamedTuple):
     higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
     pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
     piece_reach: Array  # how far it moves what is inside of them, (P, J)
-    links: Links  # the same pairs, two links at a time
     region_reach: Array  # how far the motion of a joint moves a capsule, (K, J)
-    region_most: Array  # the largest of all, (1, J)
+    reach_most: Array  # the largest of both, (1, J)
     travel: Array  # upper bound of the distance between a joint's frame and its parent's, (J,) [m]
     mass: Array  # absolute, (J,) [kg]
     first: Array  # norm of the first moment of mass, (J,)
@@ -71,28 +59,24 @@ class Motions(NamedTuple):
 
 
 class Work(NamedTuple):
-    """What one step leaves for the next; each thread needs its own."""
+    """Results of one step for the next; each thread needs its own."""
 
     state: Array  # position, velocity, acceleration, jerk, (4, J)
     motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
-    most: Array  # the largest such bounds of a trajectory, (4, J)
     at: Place  # where the arm is
     wrench: Array  # force and moment on a link, and their rates, (4, J, 3)
     torque: Array  # and its rate, (2, J)
     sums: Array  # bounds of a link's force and moment, of their rates and second derivatives, (6, J)
     bent: Array  # bounds of the torques' rates and second derivatives in a cell, (2, J)
-    cap: Array  # the same for all cells of a trajectory, (2, J)
     twist: Array  # angular velocity of a frame, and the velocity at the origin, (2, J + 1, 3)
-    middles: Array  # of the balls around links, in the world, (F, 3)
     axes: Array  # between the hulls of pairs where last looked at, in the first one's frame; or zero, (P, 3)
 
 
 def work_space(model: Model) -> Work:
     """Arrays that one thread needs for a model."""
     j, shapes = len(model.home), model.bodies.shapes
-    sizes = {"wrench": (4, j, 3), "sums": (6, j), "twist": (2, j + 1, 3), "middles": (j + 1, 3)}
-    sizes |= dict.fromkeys(("state", "motion", "most"), (4, j)) | {"axes": (len(shapes.pairs), 3)}
-    sizes |= dict.fromkeys(("torque", "bent", "cap"), (2, j))
+    sizes = {"wrench": (4, j, 3), "sums": (6, j), "twist": (2, j + 1, 3), "axes": (len(shapes.pairs), 3)}
+    sizes |= dict.fromkeys(("state", "motion"), (4, j)) | dict.fromkeys(("torque", "bent"), (2, j))
     return Work(at=place_for(shapes, j), **{name: np.zeros(size) for name, size in sizes.items()})
 
 
@@ -116,14 +100,6 @@ def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
     for j in range(state.shape[1]):
         bounds = cell_bounds(state[1, j], state[2, j], motions.jerk[n, j], motions.half)
         motion[0, j], motion[1, j], motion[2, j], motion[3, j] = bounds
-
-
-@inline
-def place_balls(model: Model, work: Work) -> None:
-    """Middles of the balls around links."""
-    balls, at = model.bodies.shapes.balls, work.at
-    for f in range(len(balls)):
-        set_row(work.middles, f, add(row(at.place, f), to_parent(matrix(at.turn, f), row(balls, f))))
 
 
 @inline
@@ -188,24 +164,7 @@ def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Ar
     f = m = still
     for i in range(len(travel) - 1, -1, -1):
         own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
-        f = summed(f, (sums[0, i], sums[1, i], sums[2, i]))
-        m = summed(m, (sums[3, i], sums[4, i], sums[5, i]))
+        f = add(f, (sums[0, i], sums[1, i], sums[2, i]))
+        m = add(m, (sums[3, i], sums[4, i], sums[5, i]))
         bent[0, i], bent[1, i] = (f[1], f[2]) if slides[i] else (m[1], m[2])
         f, m = carried_bounds(slides[i], own, travel[i], (f, m))
-
-
-@kernel
-def cap_torques(model: Model, work: Work, motions: Motions, n: int, rows: Array) -> None:
-    """Bounds of the torques' derivatives that hold in all the given cells of a trajectory.
-
-    They grow with every speed and acceleration, so those for the largest of each will do.
-    """
-    most = work.most
-    for j in range(len(model.home)):
-        most[2, j] = most[3, j] = 0.0
-    for at in rows:
-        roll_out(model.home, motions, n, at, work.state)
-        bound_motion(work.state, motions, n, work.motion)
-        for j in range(len(model.home)):
-            most[2, j], most[3, j] = max(most[2, j], work.motion[2, j]), max(most[3, j], work.motion[3, j])
-    bend_torques(model, most, motions, n, work.sums, work.cap)

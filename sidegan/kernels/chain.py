@@ -30,7 +30,6 @@ class Shapes(NamedTuple):
     radius: Array  # [m], (C,)
     core: Array  # radius that optimisers keep apart [m], (C,)
     size: Array  # a little more than the radius of the ball around it [m], (C,)
-    balls: Array  # centre and radius of a ball around each frame's capsules, in that frame [m], (F, 4)
     pairs: Array  # capsules that are kept apart, (P, 2) int
     guarded: Array  # region and capsule, (K, 2) int
     # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one

@@ -8,19 +8,34 @@ import math
 from sidegan.kernels.chain import BALL, BOX, PLANE, Array, Shapes
 from sidegan.kernels.formulas import Vector, add, dot, less, times
 from sidegan.kernels.jit import inline, kernel
-from sidegan.kernels.links import TOUCHING, nearest, row
+from sidegan.kernels.links import TOUCHING, row
 
 # Signed distance [m] of a segment from a region, where on the segment that is, and its slope in that point.
 Contact = tuple[float, Vector, Vector]
 
 _STEPS = 60  # of the search along a segment at a convex body, which takes five
 _SETTLED = 1e-12  # [m] between a bound from below and what is found
+_PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
+_TINY = 2.2250738585072014e-308  # keeps a division finite
+
+
+@inline
+def _share(x: float) -> float:
+    return min(max(x, 0.0), 1.0)
 
 
 @inline
 def near_segment(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> tuple[float, Vector, Vector]:
-    """Distance [m] between two segments, and their nearest points."""
-    one, two = nearest(a1, b1, a2, b2)
+    """Distance [m] between two segments, and their nearest points. Source: Ericson 2005, section 5.1.9."""
+    u, v, r = less(b1, a1), less(b2, a2), less(a1, a2)
+    uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
+    determinant = uu * vv - uv * uv
+    s = 0.0
+    if determinant > _PARALLEL * uu * vv:
+        s = _share((uv * vr - ur * vv) / max(determinant, _TINY))
+    t = _share((uv * s + vr) / max(vv, _TINY))
+    s = _share((uv * t - ur) / max(uu, _TINY))
+    one, two = add(a1, times(s, u)), add(a2, times(t, v))
     gap = less(one, two)
     distance = math.sqrt(dot(gap, gap))
     return TOUCHING if distance < TOUCHING else distance, one, two

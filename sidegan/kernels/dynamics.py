@@ -68,7 +68,7 @@ class Limits(NamedTuple):
     room: Array  # to both sides of it [rad or m], (J,)
     speed: Array  # largest [rad/s or m/s], (J,)
     torque: Array  # largest [N·m or N], (J,); infinite where it does not matter
-    parameters: Array  # that torques follow from, (10 J,)
+    parameters: Array  # that torques follow from, (1, 1, 10 J)
 
 
 class Room(NamedTuple):
@@ -84,11 +84,13 @@ class Room(NamedTuple):
     adjoints: Array
 
 
-def room(joints: int) -> Room:
-    """Room to work on an arm of so many joints; not to be shared among threads."""
-    links = joints + 1
+def room(chain: Chain) -> Room:
+    """Room to work on an arm, whose base is at rest and accelerated against gravity; of one thread."""
+    joints, links = len(chain.prismatic), len(chain.prismatic) + 1
     rows = [(joints, _STATE), (links, _LINK), (joints, 6), (10,), (joints, 6), (joints, 1), (6,)]
-    return Room(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
+    work = Room(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
+    work.links[0].reshape(_LINK, LANES)[A:] = -chain.gravity[:, None]
+    return work
 
 
 def aligned(*shape: int) -> Array:
@@ -165,15 +167,6 @@ def fill(states: Array, block: Block, width: int, state: Array) -> None:
 
 
 @kernel
-def rest(gravity: Array, base: Lanes) -> None:
-    """The base: at rest, and accelerated against gravity."""
-    for n in range(LANES):
-        store(base, W, n, (0.0, 0.0, 0.0))
-        store(base, ALPHA, n, (0.0, 0.0, 0.0))
-        store(base, A, n, (-gravity[0], -gravity[1], -gravity[2]))
-
-
-@kernel
 def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None:
     """Motion of a link's frame from that of its parent's."""
     for n in range(min(width, LANES)):
@@ -208,7 +201,7 @@ def _pass_down(child: Lanes, child_wrench: Lanes, wrench: Lanes, width: int) -> 
 
 @kernel
 def _along(axis: Vector, slides: bool, wrench: Lanes, torque: Lanes, width: int) -> None:
-    """What of a wrench the joint feels."""
+    """Part of a wrench that the joint feels."""
     for n in range(min(width, LANES)):
         torque[n] = dot(axis, load(wrench, 0, n) if slides else load(wrench, 3, n))
 
@@ -246,7 +239,6 @@ def forces(chain: Chain, v: Array, work: Room, width: int) -> None:
 def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Room) -> None:
     """Write the torques (B, K, J, T) of states (5, B, J, T) with parameter sets (B, K, 10 J)."""
     joints, count = states.shape[2], states.shape[3]
-    rest(chain.gravity, work.links[0])
     step = step_of(count)
     for b in range(states.shape[1]):
         for start in range(0, count, step):
@@ -361,7 +353,7 @@ def beyond(x: float, limit: float, reserve: float) -> float:
 
 @kernel_in_any_order
 def keep(limits: Limits, work: Room, lanes: int) -> float:
-    """What the torques of a block cost; puts its slopes in them in their place."""
+    """Cost of the torques of a block, whose slopes take their place."""
     total = 0.0
     for i in range(len(limits.torque)):
         torque, most = work.torque[i], limits.torque[i]

@@ -117,6 +117,7 @@ def moved_rate(
     """
     (axis, slides), (s, ds), (v, acc, jerk) = j, shifts, rates
     (w, al, a), (dw, dal, da) = parent
+    motion = moved(axis, slides, turn, s, (v, acc), parent[0])
     arm = cross(w, s)
     darm = add(cross(dw, s), cross(w, ds))
     a = add(a, add(cross(al, s), cross(w, arm)))
@@ -127,11 +128,10 @@ def moved_rate(
     w, al, a = to_child(turn, w), to_child(turn, al), to_child(turn, a)
     dw, dal = less(to_child(turn, dw), cross(spin, w)), less(to_child(turn, dal), cross(spin, al))
     da = less(to_child(turn, da), cross(spin, a))
-    turning, dturning = cross(w, rate), add(cross(dw, rate), cross(w, kick))
-    a = add(a, times(slides, add(kick, times(2.0, turning))))
-    da = add(da, times(slides, add(jolt, times(2.0, dturning))))
-    al, dal = add(al, times(turns, add(kick, turning))), add(dal, times(turns, add(jolt, dturning)))
-    return (add(w, spin), al, a), (add(dw, times(turns, kick)), dal, da)
+    turning = add(cross(dw, rate), cross(w, kick))
+    da = add(da, times(slides, add(jolt, times(2.0, turning))))
+    dal = add(dal, times(turns, add(jolt, turning)))
+    return motion, (add(dw, times(turns, kick)), dal, da)
 
 
 def wrench_rate(v: Ten, at: Moving) -> Wrench:
@@ -188,16 +188,6 @@ def drift(rate: Number, bound: Number, half: float) -> Number:
     return half * (abs(rate) + half / 2 * bound)
 
 
-def summed(a: Bounds, b: Bounds) -> Bounds:
-    """Bounds of a sum."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-def scaled(s: Number, a: Bounds) -> Bounds:
-    """Bounds of a constant times a vector."""
-    return s * a[0], s * a[1], s * a[2]
-
-
 def multiplied(a: Bounds, b: Bounds) -> Bounds:
     """Bounds of a product, of whatever kind."""
     return a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[0] * b[2] + 2 * a[1] * b[1] + a[2] * b[0]
@@ -216,27 +206,27 @@ def link_bounds(slides: bool, own: Own, travel: Number, parent: MotionBounds) ->
     """
     w, al, a = parent
     v, acc, jerk, snap = own
-    swing = summed(al, multiplied(w, w))
+    swing = add(al, multiplied(w, w))
     rate, kick = (v, acc, jerk), (acc, jerk, snap)
     if slides:
-        a = summed(a, multiplied(swing, (travel, v, acc)))
-        return w, al, summed(a, summed(kick, scaled(2.0, multiplied(w, rate))))
-    a = turned(own, summed(a, scaled(travel, swing)))
+        a = add(a, multiplied(swing, (travel, v, acc)))
+        return w, al, add(a, add(kick, times(2.0, multiplied(w, rate))))
+    a = turned(own, add(a, times(travel, swing)))
     w, al = turned(own, w), turned(own, al)
-    return summed(w, rate), summed(al, summed(kick, multiplied(w, rate))), a
+    return add(w, rate), add(al, add(kick, multiplied(w, rate))), a
 
 
 def wrench_bounds(mass: Number, first: Number, spin: Number, link: MotionBounds) -> WrenchBounds:
     """Bounds of the force and the moment that a link's motion takes."""
     w, al, a = link
-    swing = summed(al, multiplied(w, w))
-    return summed(scaled(mass, a), scaled(first, swing)), summed(scaled(first, a), scaled(spin, swing))
+    swing = add(al, multiplied(w, w))
+    return add(times(mass, a), times(first, swing)), add(times(first, a), times(spin, swing))
 
 
 def carried_bounds(slides: bool, own: Own, travel: Number, wrench: WrenchBounds) -> WrenchBounds:
     """Bounds of a wrench in the frame of the link's parent and about its origin."""
     f, n = wrench
     if slides:
-        return f, summed(n, multiplied((travel, own[0], own[1]), f))
+        return f, add(n, multiplied((travel, own[0], own[1]), f))
     f, n = turned(own, f), turned(own, n)
-    return f, summed(n, scaled(travel, f))
+    return f, add(n, times(travel, f))

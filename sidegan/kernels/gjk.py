@@ -22,7 +22,7 @@ _INSIDE = 5  # what stands for a tetrahedron that holds the origin
 
 
 class Hulls(NamedTuple):
-    """What is inside of C capsules, each the hull of some corners with a ball around each of its points."""
+    """Contents of C capsules, each the hull of some corners with a ball around each of its points."""
 
     corners: Array  # in the frames of the capsules [m], (V, 3)
     start: Array  # where those of each begin, (C + 1,) int

@@ -9,27 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels import eigen
+from sidegan.kernels import HOPELESS, eigen
 from sidegan.kernels.chain import Array
 from sidegan.kernels.dynamics import clear
 from sidegan.kernels.eigen import add_to, all_eigenpairs, factorise, invert_factor, product
 from sidegan.kernels.jit import kernel, part
 
 CONDITION, DIAGONAL, VARIANCE, VOLUME, TOOL = range(5)  # kinds of goals
+# The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
+# spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
+LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
 _TINY = 1e-300
 
 
-class Smooth(NamedTuple):
-    """A smooth ratio of the largest to the smallest of several values."""
-
-    lowest: int  # of the smallest, how many count
-    highest: int  # of the largest
-    sharpness: float
-    hopeless: float  # a larger ratio counts as that
-
-
 class Goal(NamedTuple):
-    """What is to be made small.
+    """Function that is to be made small.
 
     The ratio of the diagonal of G; for M = prior + amount · G in an orthonormal basis the condition number
     of M, or the logarithm of trace or determinant of A M⁻¹ Aᵀ for targets A. For a tool, whose torques are
@@ -38,7 +32,6 @@ class Goal(NamedTuple):
     """
 
     kind: int
-    smooth: Smooth
     prior: Array  # information that there is already, in the orthonormal basis, (p, p)
     amount: float  # what one unit of G is worth
     targets: Array  # A, (R, p) with R ≤ p
@@ -66,8 +59,8 @@ class Room(NamedTuple):
 
 def room(goal: Goal) -> Room:
     """Room to work on a goal, and on any other with as many parameters and targets."""
-    size, targets, smooth = len(goal.prior), len(goal.targets), goal.smooth
-    count, most = min(size, smooth.lowest + smooth.highest), max(size, 2 * targets)
+    size, targets = len(goal.prior), len(goal.targets)
+    count, most = min(size, LOWEST + HIGHEST), max(size, 2 * targets)
     rows, shifts = eigen.room(size, max(count, 2))
     return Room(
         product=np.zeros((size, size)),
@@ -115,32 +108,31 @@ def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -
 
 
 @kernel
-def _smooth_ratio(smooth: Smooth, values: Array, slopes: Array) -> float:
+def _smooth_ratio(values: Array, slopes: Array) -> float:
     """Smooth log ratio of the largest to the smallest of positive values, ascending; writes its slopes."""
-    count, sharp = len(values), smooth.sharpness
-    floor = max(values[count - 1] / smooth.hopeless, _TINY)
-    total = 0.0
+    count, total = len(values), 0.0
+    floor = max(values[count - 1] / HOPELESS, _TINY)
     for k in range(count):
         values[k], slopes[k] = max(values[k], floor), 0.0
     for side in range(2):
-        some = min(count, smooth.highest if side else smooth.lowest)
+        some = min(count, HIGHEST if side else LOWEST)
         first, sign = (count - some, 1.0) if side else (0, -1.0)
         most = sign * math.log(values[count - 1] if side else values[0])
         sums = 0.0
         for k in range(first, first + some):
-            sums += math.exp(sharp * (sign * math.log(values[k]) - most))
+            sums += math.exp(SHARPNESS * (sign * math.log(values[k]) - most))
         for k in range(first, first + some):
-            share = math.exp(sharp * (sign * math.log(values[k]) - most)) / sums
+            share = math.exp(SHARPNESS * (sign * math.log(values[k]) - most)) / sums
             slopes[k] += sign * share / values[k]
-        total += most + math.log(sums) / sharp
+        total += most + math.log(sums) / SHARPNESS
     return total
 
 
 @kernel
-def _end_of(matrix: Array, count: int, low: int, k: int) -> int:
-    """Where on the diagonal the k-th of ``count`` at both ends is, ascending: ``low`` at the low end."""
+def _end_of(matrix: Array, count: int, k: int) -> int:
+    """Index on the diagonal of the k-th of ``count`` elements at both ends, ascending."""
     size = len(matrix)
-    rank = k if k < low else size - count + k
+    rank = k if k < LOWEST else size - count + k
     for i in range(size):
         smaller = 0
         for m in range(size):
@@ -150,45 +142,37 @@ def _end_of(matrix: Array, count: int, low: int, k: int) -> int:
     return 0  # no number is in order: the goal is infinite then
 
 
-@kernel
-def _all_ends(smooth: Smooth, work: Room) -> None:
-    """The eigenpairs at both ends from all of them."""
-    inner, vectors, count = work.whole[0], work.product, len(work.values[0])
-    all_eigenpairs(inner, vectors)
-    low = min(smooth.lowest, count)
-    for k in range(count):
-        i = _end_of(inner, count, low, k)
-        work.values[0][k] = inner[i, i]
-        for m in range(len(inner)):
-            work.vectors[0, k, m] = vectors[i, m]
-
-
 @part
-def _ends(smooth: Smooth, scale: float, work: Room) -> None:
-    """Eigenpairs at both ends of the spectrum of the inner matrix over its scale."""
-    size = len(work.inner)
-    for i in range(size):
-        for j in range(size):
-            work.whole[0][i, j] = work.inner[i, j] / scale
-    if size > len(work.values[0]):
-        low = min(smooth.lowest, len(work.values[0]))
-        eigen.extremes(work.whole, low, work.values, work.vectors, work.sound, work.rows, work.shifts)
+def _ends(work: Room) -> None:
+    """Eigenpairs at both ends of the spectrum of the inner matrix, which ``whole`` is too."""
+    size, whole, count = len(work.inner), work.whole[0], len(work.values[0])
+    if size > count:
+        eigen.extremes(work.whole, LOWEST, work.values, work.vectors, work.sound, work.rows, work.shifts)
         if work.sound[0]:
             return
         for i in range(size):
             for j in range(size):
-                work.whole[0][i, j] = work.inner[i, j] / scale
-    _all_ends(smooth, work)
+                whole[i, j] = work.inner[i, j]
+    all_eigenpairs(whole, work.product)
+    for k in range(count):
+        i = _end_of(whole, count, k)
+        work.values[0][k] = whole[i, i]
+        for m in range(size):
+            work.vectors[0, k, m] = work.product[i, m]
 
 
 @kernel
 def _condition(goal: Goal, subspace: Array, work: Room) -> float:
-    """Smooth log condition number of the inner matrix; writes its directions."""
-    size, scale = len(subspace), 0.0
+    """Smooth log condition number of the whole matrix; writes its directions."""
+    size, scale, whole = len(subspace), 0.0, work.whole[0]
     for i in range(size):
-        scale = max(scale, work.inner[i, i])
-    _ends(goal.smooth, scale, work)
-    value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
+        scale = max(scale, whole[i, i])
+    for i in range(size):
+        for j in range(size):
+            whole[i, j] /= scale
+            work.inner[i, j] = whole[i, j]
+    _ends(work)
+    value = _smooth_ratio(work.values[0], work.slopes)
     for k in range(len(work.values[0])):
         work.weights[k] = goal.amount * work.slopes[k] / scale
         _times(subspace, work.vectors[0, k], work.base[k])
@@ -196,15 +180,14 @@ def _condition(goal: Goal, subspace: Array, work: Room) -> float:
 
 
 @kernel
-def _diagonal(goal: Goal, gram: Array, work: Room) -> float:
+def _diagonal(gram: Array, work: Room) -> float:
     """Smooth log ratio of the diagonal; writes its directions, which are base columns."""
     count = len(work.values[0])
-    low = min(goal.smooth.lowest, count)
     for k in range(count):
         clear(work.base[k])
-        i = _end_of(gram, count, low, k)
+        i = _end_of(gram, count, k)
         work.values[0][k], work.base[k, i] = gram[i, i], 1.0
-    value = _smooth_ratio(goal.smooth, work.values[0], work.slopes)
+    value = _smooth_ratio(work.values[0], work.slopes)
     for k in range(count):
         work.weights[k] = work.slopes[k]
     return value
@@ -223,21 +206,6 @@ def _whole(inverse: Array, half: Array, x: Array) -> None:
     clear(x)
     for i in range(len(inverse)):
         add_to(x, half[i], inverse[i], i + 1)
-
-
-@kernel
-def _variance(goal: Goal, subspace: Array, work: Room) -> float:
-    """Log of the sum of the targets' variances; writes its directions."""
-    size, inverse, total = len(subspace), work.product, 0.0
-    half, whole = work.rows[0], work.rows[1]  # L⁻¹ a and M⁻¹ a for a target a
-    for m in range(len(goal.targets)):
-        _times(inverse, goal.targets[m], half)
-        total += product(half, half, size)
-        _whole(inverse, half, whole)
-        _times(subspace, whole, work.base[m])
-    for m in range(len(goal.targets)):
-        work.weights[m] = -goal.amount / total
-    return math.log(total)
 
 
 @kernel
@@ -260,21 +228,24 @@ def _log_det(factor: Array) -> float:
 
 
 @kernel
-def _volume(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
-    """Log det of the targets' covariance, and how many directions it wrote."""
-    size, count, inverse, halves = len(subspace), len(goal.targets), work.product, work.halves
+def _covariance(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
+    """Log of trace or determinant of the targets' covariance, and how many directions it wrote."""
+    size, count, inverse, halves, trace = len(subspace), len(goal.targets), work.product, work.halves, 0.0
     for m in range(count):
         _times(inverse, goal.targets[m], halves[m])
-        for k in range(m + 1):
-            work.small[m, k] = product(halves[m], halves[k], size)
-    if not factorise(work.small):
-        return np.inf, 0
-    _eliminate(work.small, halves, size)
+        trace += product(halves[m], halves[m], size)
+    if goal.kind == VOLUME:
+        for m in range(count):
+            for k in range(m + 1):
+                work.small[m, k] = product(halves[m], halves[k], size)
+        if not factorise(work.small):
+            return np.inf, 0
+        _eliminate(work.small, halves, size)
     for m in range(count):
-        work.weights[m] = -goal.amount
+        work.weights[m] = -goal.amount / (trace if goal.kind == VARIANCE else 1.0)
         _whole(inverse, halves[m], work.rows[1])
         _times(subspace, work.rows[1], work.base[m])
-    return _log_det(work.small), count
+    return math.log(trace) if goal.kind == VARIANCE else _log_det(work.small), count
 
 
 @kernel
@@ -319,21 +290,14 @@ def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float
     if not (math.isfinite(scale) and scale > 0):
         return np.inf, 0
     if goal.kind == DIAGONAL:
-        return _diagonal(goal, gram, work), len(work.values[0])
+        return _diagonal(gram, work), len(work.values[0])
     runs = goal.runs if goal.kind == TOOL else 1.0
     for i in range(len(gram)):
         for j in range(len(gram)):
             work.whole[0, i, j] = goal.prior[i, j] + runs * goal.amount * work.inner[i, j]
     if goal.kind == CONDITION:
-        for i in range(len(gram)):
-            for j in range(len(gram)):
-                work.inner[i, j] = work.whole[0, i, j]
         return _condition(goal, subspace, work), len(work.values[0])
     if not factorise(work.whole[0]):
         return np.inf, 0
     invert_factor(work.whole[0], work.product)
-    if goal.kind == VOLUME:
-        return _volume(goal, subspace, work)
-    if goal.kind == TOOL:
-        return _tool(goal, subspace, work)
-    return _variance(goal, subspace, work), len(goal.targets)
+    return _tool(goal, subspace, work) if goal.kind == TOOL else _covariance(goal, subspace, work)

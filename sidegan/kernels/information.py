@@ -22,28 +22,27 @@ from sidegan.kernels.dynamics import (
     keep,
     pull,
     push,
-    rest,
     step_of,
 )
 from sidegan.kernels.dynamics import Room as Lanes
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.regressor import SPAN, Columns, mirror, rows_of, tile
 
-KINDS = ("rotor_inertia", "viscous", "coulomb", "offset", "stribeck")
-_ROTOR, _VISCOUS, _COULOMB, _OFFSET = range(len(KINDS) - 1)
+KINDS = ("rotor_inertia", "viscous", "coulomb", "offset")
+_ROTOR, _VISCOUS, _, _OFFSET = range(len(KINDS))
 
 
 class JointTerms(NamedTuple):
-    """E terms, joints in order."""
+    """E terms, joints in order, and how much the joints count."""
 
     kinds: Array  # which of ``KINDS`` each is, (E,)
     first: Array  # first term of each joint, and E at the end, (J + 1,)
     width: float  # velocity of the smooth sign tanh(dq / width) [rad/s or m/s]
-    speeds: Array  # of the Stribeck terms [rad/s or m/s], (J,)
+    roots: Array  # of the weights of the joints' torques, (J,)
 
 
 class Signals(NamedTuple):
-    """What parameters of the terms are multiplied with; room for the kernels at work."""
+    """Factors of the parameters of the terms; room for the kernels at work."""
 
     values: Array  # (E, T)
     rates: Array  # slopes in the velocity, of a rotor's in the acceleration, (E, T)
@@ -52,7 +51,7 @@ class Signals(NamedTuple):
 
 
 def no_terms(joints: int) -> JointTerms:
-    """Rigid bodies alone."""
+    """Rigid bodies alone, whose joints count alike."""
     return JointTerms(np.zeros(0, np.int64), np.zeros(joints + 1, np.int64), 1.0, np.ones(joints))
 
 
@@ -64,8 +63,8 @@ def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
 
 
 @inline
-def _signal(terms: JointTerms, kind: int, j: int, dq: float, ddq: float) -> tuple[float, float]:
-    """What a parameter is multiplied with, and its slope."""
+def _signal(terms: JointTerms, kind: int, dq: float, ddq: float) -> tuple[float, float]:
+    """Factor of a parameter, and its slope."""
     if kind == _ROTOR:
         return ddq, 1.0
     if kind == _VISCOUS:
@@ -73,12 +72,7 @@ def _signal(terms: JointTerms, kind: int, j: int, dq: float, ddq: float) -> tupl
     if kind == _OFFSET:
         return 1.0, 0.0
     sign = math.tanh(dq / terms.width)
-    steep = (1.0 - sign * sign) / terms.width
-    if kind == _COULOMB:
-        return sign, steep
-    speed = dq / terms.speeds[j]
-    near = math.exp(-speed * speed)
-    return sign * near, (steep - sign * 2.0 * speed / terms.speeds[j]) * near
+    return sign, (1.0 - sign * sign) / terms.width
 
 
 @kernel
@@ -87,15 +81,14 @@ def write_signals(terms: JointTerms, states: Array, b: int, signals: Signals) ->
     for j in range(len(terms.first) - 1):
         for e in range(terms.first[j], terms.first[j + 1]):
             for n in range(states.shape[3]):
-                found = _signal(terms, terms.kinds[e], j, states[DQ, b, j, n], states[DDQ, b, j, n])
+                found = _signal(terms, terms.kinds[e], states[DQ, b, j, n], states[DDQ, b, j, n])
                 signals.values[e, n], signals.rates[e, n] = found
 
 
 @kernel
 def add_terms(
-    terms: JointTerms, columns: Columns, roots: Array, signals: Signals, block: Block, span: int,
-    y: Array, gram: Array,
-) -> None:  # fmt: skip
+    terms: JointTerms, columns: Columns, signals: Signals, block: Block, span: int, y: Array, gram: Array
+) -> None:
     """Add the terms' products with one another and with the weighted rigid columns of a block.
 
     The rigid columns are the first rows of y, as ``rows_of`` leaves them; the terms' rows follow. Products
@@ -110,7 +103,7 @@ def add_terms(
             row = y[size + e]
             clear(row[low:high])
             for n in range(count):
-                row[low + n] = roots[j] * signals.values[e, start + n]
+                row[low + n] = terms.roots[j] * signals.values[e, start + n]
         for q in range(begin, end, 4):
             for p in range(columns.first[j], size, 4):
                 tile(y, (p, size), (q, end), low, high, gram)
@@ -166,16 +159,20 @@ def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
 
 @kernel
 def weighted_grams(
-    chain: Chain, states: Array, columns: Columns, terms: tuple[JointTerms, Signals], roots: Array,
-    grams: Array, work: Lanes, y: Array,
-) -> None:  # fmt: skip
+    chain: Chain,
+    states: Array,
+    columns: Columns,
+    terms: tuple[JointTerms, Signals],
+    grams: Array,
+    work: Lanes,
+    y: Array,
+) -> None:
     """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
 
     The base columns come first, then the terms, whose signals are left as those of the last trajectory. The
-    weights W are of joints; given are their roots, (J,). There is room in y for the regressor, (P, J · SPAN).
+    weights W are of joints. There is room in y for the regressor, (P, J · SPAN).
     """
-    count, size, first = states.shape[3], len(columns.kinds), columns.first
-    rest(chain.gravity, work.links[0])
+    count, size, first, roots = states.shape[3], len(columns.kinds), columns.first, terms[0].roots
     for b in range(len(grams)):
         gram = grams[b]
         write_signals(terms[0], states, b, terms[1])
@@ -189,7 +186,7 @@ def weighted_grams(
                 for p in range(first[i], first[i + 1], 4):
                     for q in range(p, size, 4):
                         tile(y, (p, first[i + 1]), (q, size), 0, (i + 1) * span, gram)
-            add_terms(terms[0], columns, roots, terms[1], block, span, y, gram)
+            add_terms(terms[0], columns, terms[1], block, span, y, gram)
         mirror(gram, 1 / count)
 
 
@@ -199,7 +196,6 @@ def weighted_slopes(
     limits: Limits,
     states: Array,
     terms: tuple[JointTerms, Signals],
-    roots: Array,
     directions: tuple[Array, Array],
     slope: Array,
     work: Lanes,
@@ -209,10 +205,9 @@ def weighted_slopes(
     The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), with the terms' shares in each, joints and
     time, with the weights (K,) of the sets and w of the joints. The terms' signals are those of the states.
     """
-    (sets, weights), count, cost = directions, states.shape[3], 0.0
+    (sets, weights), count, cost, roots = directions, states.shape[3], 0.0, terms[0].roots
     for e in range(len(terms[1].pushes)):
         clear(terms[1].pushes[e])
-    rest(chain.gravity, work.links[0])
     step = step_of(count)
     for start in range(0, count, step):
         block = 0, start, min(step, count - start)
@@ -229,9 +224,9 @@ def weighted_slopes(
             push(chain, sets[k], work, step)
             push_terms(terms[0], terms[1], k, block, work.torque)
         if limits.torque_weight > 0:
-            forces(chain, limits.parameters, work, step)
+            forces(chain, limits.parameters[0, 0], work, step)
             cost += keep(limits, work, block[2])
-            push(chain, limits.parameters, work, step)
+            push(chain, limits.parameters[0, 0], work, step)
         pull(chain, work, slope, block, step)
     pull_terms(terms[0], terms[1], slope)
     return cost

@@ -20,7 +20,6 @@ from typing import Any
 import numba
 from filelock import FileLock, Timeout
 from numba import types
-from numba.core import event
 from numba.extending import models, register_jitable, register_model, typeof_impl
 
 _OPTIONS: Any = {
@@ -56,17 +55,15 @@ class Kernel:
             self.inner = numba.njit(**_INNER, **options)(function)
         with _cached_in(folder):
             self._compiled = numba.njit(**options)(function)
-        name = f"{function.__module__}.{function.__qualname__}"
-        self._turn = _Turn(folder, name) if folder else None
+        self._name, self._called = f"{function.__module__}.{function.__qualname__}", False
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python."""
-        turn = self._turn
-        if turn is None:
+        if self._called:
             return self._compiled(*arguments)
-        with turn:
+        with _turn(_folder(), self._name):
             result = self._compiled(*arguments)
-        self._turn = None
+        self._called = True
         return result
 
 
@@ -94,26 +91,28 @@ def _kernel(**options: Any) -> Callable[[Function], Kernel]:
     return lambda function: Kernel(function, _OPTIONS | options)
 
 
-class _Turn:
+@contextmanager
+def _turn(folder: Path | None, name: str) -> Iterator[None]:
     """The first call of a kernel in a process, which compiles it or reads it from the cache.
 
     Where several processes need a kernel that was never compiled, one compiles it and the others wait.
     """
-
-    def __init__(self, folder: Path, name: str) -> None:
-        self._compiled = folder / f"{name}.compiled"
-        self._lock = FileLock(folder / f"{name}.lock", timeout=_PATIENCE)
-
-    def __enter__(self) -> None:
-        if not self._compiled.exists():
-            with suppress(OSError, Timeout):
-                self._lock.acquire()
-
-    def __exit__(self, kind: object, *error: object) -> None:
-        if kind is None:
-            with suppress(OSError):
-                self._compiled.touch()
-        self._lock.release()
+    if folder is None:
+        _tell()
+        yield
+        return
+    compiled, lock = folder / f"{name}.compiled", FileLock(folder / f"{name}.lock", timeout=_PATIENCE)
+    if not compiled.exists():
+        with suppress(OSError, Timeout):
+            lock.acquire()
+    if not compiled.exists():
+        _tell()
+    try:
+        yield
+        with suppress(OSError):
+            compiled.touch()
+    finally:
+        lock.release()
 
 
 @contextmanager
@@ -155,19 +154,9 @@ def _remove_old(within: Path, new: Path) -> None:
         shutil.rmtree(path, ignore_errors=True)
 
 
-class _Notice(event.Listener):
-    """Says once why nothing seems to happen."""
-
-    def on_start(self, event: Any) -> None:
-        if event.data["dispatcher"].py_func.__module__.startswith(f"{__package__}."):
-            _tell()
-
-    def on_end(self, event: Any) -> None:
-        """Nothing to say."""
-
-
 @cache
 def _tell() -> None:
+    """Say once why nothing seems to happen."""
     log.info("compiling for this processor, once, which takes up to a minute")
 
 
@@ -177,8 +166,6 @@ def share(module: ModuleType) -> None:
         if isfunction(function):
             register_jitable(forceinline=True, **_OPTIONS)(function)
 
-
-event.register("numba:compile", _Notice())
 
 kernel = _kernel()
 part = numba.njit(inline="always", **_OPTIONS)  # compiled where it is called, never by itself

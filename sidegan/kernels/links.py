@@ -1,15 +1,13 @@
-"""The chain of links, compiled: placements, nearest points; all on tuples."""
+"""Joints of a chain and rows of arrays as tuples, compiled."""
 
 from typing import NamedTuple
 
 from sidegan.kernels import formulas
 from sidegan.kernels.chain import Array, Chain
-from sidegan.kernels.formulas import Matrix, Ten, Vector, add, dot, less, times
+from sidegan.kernels.formulas import Matrix, Ten, Vector, add, times
 from sidegan.kernels.jit import inline, share
 
 TOUCHING = 1e-12  # [m] below it a distance has no direction
-_PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
-_TINY = 2.2250738585072014e-308  # keeps a division finite
 
 share(formulas)
 
@@ -83,22 +81,3 @@ def placement(j: Joint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
     r1 = _mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
     r2 = _mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])
     return (r0, r1, r2), add(j.origin, times(q, j.slide))
-
-
-@inline
-def _share(x: float) -> float:
-    return min(max(x, 0.0), 1.0)
-
-
-@inline
-def nearest(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> tuple[Vector, Vector]:
-    """Nearest points of two segments. Source: Ericson 2005, section 5.1.9."""
-    u, v, r = less(b1, a1), less(b2, a2), less(a1, a2)
-    uu, vv, uv, ur, vr = dot(u, u), dot(v, v), dot(u, v), dot(u, r), dot(v, r)
-    determinant = uu * vv - uv * uv
-    s = 0.0
-    if determinant > _PARALLEL * uu * vv:
-        s = _share((uv * vr - ur * vv) / max(determinant, _TINY))
-    t = _share((uv * s + vr) / max(vv, _TINY))
-    s = _share((uv * t - ur) / max(uu, _TINY))
-    return add(a1, times(s, u)), add(a2, times(t, v))

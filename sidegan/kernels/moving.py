@@ -70,17 +70,10 @@ def fastest(twist: Array, frames: tuple[int, int], centre: Vector, radius: float
 
 @inline
 def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Contact, half: float) -> float:
-    """Least margin [m] of a capsule that is off a region, in a cell, if points moved evenly.
+    """Least margin [m] of capsule k that is off a region, in a cell, if points moved evenly.
 
     A region is convex, so a plane that touches it at the point nearest to the capsule is never further away.
-
-    Args:
-        shapes: the arm's.
-        ends: of the capsules' axes at the centre of the cell, (3, C, 3).
-        twist: how the frames move there.
-        k: the capsule.
-        contact: of its axis and the region there.
-        half: half width of the cell [s].
+    Ends of axes, (3, C, 3), twist and contact are those at the centre of the cell of half width ``half`` [s].
     """
     distance, point, away = contact
     turning, moving = row(twist[0], shapes.frame[k]), row(twist[1], shapes.frame[k])
@@ -107,16 +100,10 @@ def _height(bodies: Bodies, at: Place, c: int, towards: Vector, inside: bool) ->
 def least_gap(
     bodies: Bodies, at: Place, twist: Array, p: int, normal: Vector, half: float, inside: bool
 ) -> float:
-    """Least gap [m] along a direction between a pair's bodies in a cell, if points moved evenly.
+    """Least gap [m] along a direction between the bodies of pair p in a cell, if points moved evenly.
 
-    Args:
-        bodies: the arm's.
-        at: where they are at the centre of the cell.
-        twist: and how they move there.
-        p: the pair.
-        normal: unit direction from the inner to the outer body.
-        half: half width of the cell [s].
-        inside: whether what is inside of the capsules is meant.
+    The unit normal points from the inner to the outer body; ``inside`` means what is inside of capsules.
+    Place and twist are those at the centre of the cell of half width ``half`` [s].
     """
     i, k, f, g = ordered(bodies.shapes, p)
     turning, moving = _between(twist, f, g)

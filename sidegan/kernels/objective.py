@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels import apart, dynamics, eigen, goals, information, regressor
+from sidegan.kernels import HOPELESS, apart, dynamics, eigen, goals, information, regressor
 from sidegan.kernels.apart import keep_apart
 from sidegan.kernels.chain import Array, Chain, Shapes
 from sidegan.kernels.dynamics import COS, DDQ, DQ, SIN, Limits, Q, beyond, clear
@@ -36,7 +36,6 @@ class Plan(NamedTuple):
     higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
     close: float  # weight of what small distances lack, at the finer samples [1/m²]
     reach: float  # smallest distance that costs nothing [m]
-    roots: Array  # of the weight of each joint's torques, (J,)
     goal: goals.Goal
 
 
@@ -71,7 +70,7 @@ def room(plan: Plan) -> Room:
         dynamics.aligned(5, 1, joints, samples),
         dynamics.aligned(5, 1, joints, finer),
         dynamics.aligned(joints, finer),
-        dynamics.room(joints),
+        dynamics.room(plan.chain),
         dynamics.aligned(size, joints * regressor.SPAN),
         np.zeros((1, size, size)),
         goal,
@@ -132,7 +131,7 @@ def roll_out(plan: Plan, work: Room) -> None:
 
 @kernel
 def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: float, slope: Array) -> float:
-    """What a signal costs that leaves its range; writes its slopes."""
+    """Cost of a signal that leaves its range; writes its slopes."""
     total = 0.0
     for n in range(len(x)):
         excess = beyond(x[n] - middle, limit, reserve)
@@ -143,7 +142,7 @@ def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: floa
 
 @kernel
 def _bound(plan: Plan, work: Room) -> float:
-    """What positions, velocities and higher derivatives cost; writes their slopes."""
+    """Cost of positions, velocities and higher derivatives; writes their slopes."""
     bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
     for j in range(len(bounds.room)):
@@ -189,11 +188,11 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
         for e in range(len(plan.extra.kinds)):
             work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
     directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
-    cost = weighted_slopes(
-        plan.chain, plan.limits, work.states, extra, plan.roots, directions, work.slope, work.lanes
-    )
+    cost = weighted_slopes(plan.chain, plan.limits, work.states, extra, directions, work.slope, work.lanes)
     cost += _bound(plan, work)
-    cost += keep_apart(plan.chain, plan.shapes, work.fine, plan.close, plan.reach, work.push, work.near)
+    if plan.close > 0:
+        asked = plan.reach, plan.close
+        cost += keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0, 0], work.near)[0]
     _pull_back(plan, gradient, work)
     return cost
 
@@ -206,7 +205,7 @@ def objective_of(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[flo
     """
     _move(plan, x, work)
     extra = plan.extra, work.signals
-    weighted_grams(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
     value, count = goal_of(plan.goal, plan.subspace, work.gram[0], work.goal)
     for j in range(len(gradient)):
         clear(gradient[j])
@@ -241,13 +240,11 @@ _EPS = float(np.finfo(np.float64).eps)
 
 
 class Measure(NamedTuple):
-    """What the numbers mean."""
+    """Meaning of the numbers."""
 
     diagonal: bool  # diagonal fitness instead of the eigenvalue fitness
     weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
-    hopeless: float  # stands for an infinite fitness
     distance: float  # clearance that counts like a whole limit [m]
-    parameters: Array  # inertial parameters, (1, 1, 10 J)
 
 
 @kernel
@@ -260,14 +257,14 @@ def _beyond_most(x: Array, middle: float, limit: float) -> float:
 
 
 @kernel
-def _limits(plan: Plan, measure: Measure, numbers: Array, work: Room) -> None:
+def _limits(plan: Plan, numbers: Array, work: Room) -> None:
     """Write the violations of positions, velocities, torques and higher derivatives."""
     limits, torque = plan.limits, work.slope[0, 0]
     limited = False
     for j in range(len(plan.home)):
         limited |= math.isfinite(limits.torque[j])
     if limited:
-        dynamics.torques(plan.chain, work.states, measure.parameters, work.slope[:1], work.lanes)
+        dynamics.torques(plan.chain, work.states, limits.parameters, work.slope[:1], work.lanes)
     if len(plan.higher) > 0:
         for j in range(len(plan.home)):
             clear(work.line[j])
@@ -285,25 +282,10 @@ def _limits(plan: Plan, measure: Measure, numbers: Array, work: Room) -> None:
 
 
 @kernel
-def _distances(plan: Plan, distance: float, numbers: Array, work: Room) -> None:
-    """Write the violations of distances."""
-    shapes, samples, near, clear = plan.shapes, work.fine.shape[3], np.inf, np.inf
-    if len(shapes.pairs) + len(shapes.guarded) == 0:
-        return
-    step = dynamics.step_of(samples)
-    for start in range(0, samples, step):
-        span, push = (start, min(step, samples - start)), work.push[0, 0]
-        apart.place(plan.chain, shapes, work.fine, span, work.near)
-        near = apart.pairs(plan.chain, shapes, span, (near, 0.0), push, work.near)[1]
-        clear = apart.regions(plan.chain, shapes, span, (clear, 0.0), push, work.near)[1]
-    numbers[COLLISION], numbers[KEEP_OUT] = -near / distance, -clear / distance
-
-
-@kernel
 def _ratio(plan: Plan, measure: Measure, work: Room) -> float:
     """Largest over smallest eigenvalue or diagonal element of YᵀY; infinite where that is rounding."""
     extra, size = (plan.extra, work.signals), len(plan.subspace)
-    weighted_grams(plan.chain, work.states, plan.columns, extra, plan.roots, work.gram, work.lanes, work.y)
+    weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
     if measure.diagonal:
         low, high = np.inf, 0.0
         for p in range(size):
@@ -335,7 +317,10 @@ def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Room)
             for k in range(c.shape[2]):
                 work.c[j, k] = c[b, j, k]
         roll_out(plan, work)
-        _limits(plan, measure, numbers[b], work)
-        _distances(plan, measure.distance, numbers[b], work)
+        _limits(plan, numbers[b], work)
+        asked = np.inf, 0.0
+        found = keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0, 0], work.near)
+        numbers[b, COLLISION] = -found[1] / measure.distance
+        numbers[b, KEEP_OUT] = -found[2] / measure.distance
         ratio = _ratio(plan, measure, work)
-        numbers[b, FITNESS] = math.log(ratio if ratio < measure.hopeless else measure.hopeless)
+        numbers[b, FITNESS] = math.log(ratio if ratio < HOPELESS else HOPELESS)

@@ -16,8 +16,6 @@ from sidegan.kernels.cells import (
     Work,
     bend_torques,
     bound_motion,
-    cap_torques,
-    place_balls,
     roll_out,
     torque_rates,
     torques,
@@ -100,7 +98,7 @@ def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> b
 
 @inline
 def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
-    """The same for accelerations and jerks, where some are limited."""
+    """Take accelerations and jerks into account, where some are limited, likewise."""
     n, c, basis, undecided = here.n, motions.c, motions.basis, False
     for j in range(model.higher.shape[1]):
         jerk, snap = work.state[3, j], 0.0
@@ -115,28 +113,19 @@ def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smalle
 
 
 @inline
-def _torques_near(model: Model, work: Work, best: float, half: float, rates: Array) -> bool:
-    """Whether a torque's margin is the smallest so far, or may vanish in the cell at such rates."""
-    near = False
-    for j in range(len(model.home)):
-        margin = model.torque[j] - abs(work.torque[0, j])
-        near |= not (margin >= best and margin >= half * rates[j])
-    return near
-
-
-@inline
 def _check_torques(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
-    """The same for torques, by how fast they change at the centre of a cell and how that may change in it.
+    """Take torques into account, by how fast they change at the centre of a cell, and in it.
 
-    More is found out about both only where it takes more: first bounds of their rates in the whole
-    trajectory, then in the cell, then the rates themselves.
+    Their rates are found only where bounds of them do not do.
     """
     torques(model, work)
     best, half, bent, undecided = smallest.margin[here.n, TORQUE], here.half, work.bent, False
-    if not _torques_near(model, work, best, half, work.cap[0]):
-        return False
     bend_torques(model, work.motion, motions, here.n, work.sums, bent)
-    if not _torques_near(model, work, best, half, bent[0]):
+    near = False
+    for j in range(len(model.home)):
+        margin = model.torque[j] - abs(work.torque[0, j])
+        near |= not (margin >= best and margin >= half * bent[0, j])
+    if not near:
         return False
     torque_rates(model, work)
     for j in range(len(model.home)):
@@ -191,92 +180,52 @@ def _look_closer(
 
 
 @inline
-def _farther(x: Vector, y: Vector, far: float) -> bool:
-    apart = less(x, y)
+def _capsules_apart(shapes: Shapes, ends: Array, p: int, need: float) -> bool:
+    """Whether a pair's margin is surely at least ``need``, since the balls around its capsules are."""
+    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
+    apart, far = less(row(ends[2], i), row(ends[2], k)), need + shapes.size[i] + shapes.size[k]
     return dot(apart, apart) >= far * far
 
 
 @inline
-def _capsules_apart(shapes: Shapes, ends: Array, p: int, need: float) -> bool:
-    """Whether a pair's margin is surely at least ``need``, since the balls around its capsules are."""
-    i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
-    return _farther(row(ends[2], i), row(ends[2], k), need + shapes.size[i] + shapes.size[k])
-
-
-@inline
-def _links_apart(model: Model, work: Work, group: int, need: float) -> bool:
-    """The same of all pairs of two links."""
-    f, g = model.links.frames[group, 0], model.links.frames[group, 1]
-    balls = model.bodies.shapes.balls
-    return _farther(row(work.middles, f), row(work.middles, g), need + balls[f, 3] + balls[g, 3])
-
-
-@kernel
-def _nearest_pair(shapes: Shapes, ends: Array) -> int:
-    """The pair whose capsules are nearest to each other."""
-    nearest, least = 0, np.inf
-    for p in range(len(shapes.pairs)):
-        if not _capsules_apart(shapes, ends, p, least):
-            margin, _, _ = near_pair(shapes, ends, p)
-            if margin < least:
-                nearest, least = p, margin
-    return nearest
-
-
-@inline
-def _check_pair(
-    model: Model, work: Work, here: Here, p: int, moved: tuple[float, float], smallest: Smallest
-) -> bool:
-    """Take a pair into account; whether it leaves the cell undecided.
-
-    Moved is how far its links move at most, and how far if they move evenly.
-    """
-    best = smallest.margin[here.n, COLLISION]
-    margin, _, _ = near_pair(model.bodies.shapes, work.at.ends, p)
-    if margin >= max(best, moved[0]):
-        return False
-    margin, slack = _look_closer(model, work, p, (margin, best, moved[1]), here.half)
-    return _settle(margin, slack, here, (COLLISION, p), smallest)
-
-
-@inline
 def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """The same for pairs of capsules: only those whose balls are near enough to matter.
+    """Take pairs of capsules into account: only those whose balls are near enough to matter.
 
-    Where capsules leave the cell undecided, what is inside of them decides, where that is known. At first the
-    nearest pair is looked at, so that others need not be.
+    Where capsules leave the cell undecided, what is inside of them decides, where that is known.
     """
-    links, balls, shapes, ends = model.links, model.bodies.shapes.balls, model.bodies.shapes, work.at.ends
+    shapes, ends = model.bodies.shapes, work.at.ends
     least, undecided, invalid = smallest.margin[here.n], False, False
-    place_balls(model, work)
     for k in range(len(least)):
         invalid |= least[k] < 0
     sure = invalid and not here.last  # what this cell leaves undecided is not looked at again
-    if least[COLLISION] == np.inf:
-        undecided = _check_pair(model, work, here, _nearest_pair(shapes, ends), (np.inf, np.inf), smallest)
-    for group in range(len(links.frames)):
+    farthest = -np.inf if sure else _reached(model.reach_most, 0, work.motion)
+    for p in range(len(shapes.pairs)):
+        if _capsules_apart(shapes, ends, p, max(least[COLLISION], farthest)):
+            continue
         most = evenly = -np.inf
         if not sure:
-            most = _reached(links.most, group, work.motion)
-            if _links_apart(model, work, group, max(least[COLLISION], most)):
+            most = _reached(model.pair_reach, p, work.motion)
+            if _capsules_apart(shapes, ends, p, max(least[COLLISION], most)):
                 continue
-            f, g = links.frames[group, 0], links.frames[group, 1]
-            evenly = here.half * fastest(work.twist, (f, g), row(work.middles, g), balls[g, 3])
-            most = min(most, evenly + bend(links.most, group, (f, g), work.motion, here.half))
-        if _links_apart(model, work, group, max(least[COLLISION], most)):
+            _, k, f, g = ordered(shapes, p)
+            evenly = here.half * fastest(work.twist, (f, g), row(ends[2], k), shapes.size[k])
+            most = min(most, evenly + bend(model.pair_reach, p, (f, g), work.motion, here.half))
+        need = max(least[COLLISION], most)
+        if _capsules_apart(shapes, ends, p, need):
             continue
-        for m in range(links.start[group], links.start[group + 1]):
-            p = links.pairs[m]
-            if not _capsules_apart(shapes, ends, p, max(least[COLLISION], most)):
-                undecided |= _check_pair(model, work, here, p, (most, evenly), smallest)
+        margin, _, _ = near_pair(shapes, ends, p)
+        if not margin >= need:
+            known = margin, least[COLLISION], evenly
+            margin, slack = _look_closer(model, work, p, known, here.half)
+            undecided |= _settle(margin, slack, here, (COLLISION, p), smallest)
     return undecided
 
 
 @inline
 def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """The same for capsules and keep-out regions."""
+    """Take capsules and keep-out regions into account."""
     shapes, ends, motion, undecided = model.bodies.shapes, work.at.ends, work.motion, False
-    most = _reached(model.region_most, 0, motion)
+    most = _reached(model.reach_most, 0, motion)
     for g in range(len(shapes.guarded)):
         r, k = shapes.guarded[g, 0], shapes.guarded[g, 1]
         need = max(smallest.margin[here.n, KEEP_OUT], most)
@@ -299,38 +248,33 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
 def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Smallest) -> None:
     """Update the smallest margins of trajectories; write which constraints leave which cells undecided."""
     which, rows, asked, unsure = cells.which, cells.rows, cells.asked, cells.undecided
-    shapes, stop = model.bodies.shapes, 0
-    while stop < len(which):
-        start, n, limited = stop, which[stop], False
-        work.axes[:] = 0.0
-        while stop < len(which) and which[stop] == n:
-            limited |= asked[stop, TORQUE]
-            stop += 1
-        if limited:
-            cap_torques(model, work, motions, n, rows[start:stop])
-        for cell in range(start, stop):
-            at, wanted = rows[cell], asked[cell]
-            here = Here(n, at, motions.times[at], motions.half, cells.last)
-            roll_out(model.home, motions, n, at, work.state)
-            bound_motion(work.state, motions, n, work.motion)
-            unsure[cell] = False
-            if wanted[POSITION]:
-                unsure[cell, POSITION] = _check_limits(model, work, here, smallest)
-            if wanted[ACCELERATION]:
-                unsure[cell, ACCELERATION] = _check_higher(model, work, motions, here, smallest)
-            if not (wanted[TORQUE] or wanted[COLLISION] or wanted[KEEP_OUT]):
-                continue
-            place_joints(model.bodies.chain, work.state[0], work.at)
-            if wanted[TORQUE]:
-                unsure[cell, TORQUE] = _check_torques(model, work, motions, here, smallest)
-            if wanted[COLLISION] or wanted[KEEP_OUT]:
-                for c in range(len(shapes.frame)):
-                    place_capsule(shapes, c, work.at)
-                place_twists(model.bodies.chain, work.at, work.state[1], work.twist)
-            if wanted[COLLISION]:
-                unsure[cell, COLLISION] = _check_pairs(model, work, here, smallest)
-            if wanted[KEEP_OUT]:
-                unsure[cell, KEEP_OUT] = _check_regions(model, work, here, smallest)
+    shapes, before = model.bodies.shapes, -1
+    for cell in range(len(which)):
+        n, at, wanted = which[cell], rows[cell], asked[cell]
+        if n != before:
+            before = n
+            work.axes[:] = 0.0
+        here = Here(n, at, motions.times[at], motions.half, cells.last)
+        roll_out(model.home, motions, n, at, work.state)
+        bound_motion(work.state, motions, n, work.motion)
+        unsure[cell] = False
+        if wanted[POSITION]:
+            unsure[cell, POSITION] = _check_limits(model, work, here, smallest)
+        if wanted[ACCELERATION]:
+            unsure[cell, ACCELERATION] = _check_higher(model, work, motions, here, smallest)
+        if not (wanted[TORQUE] or wanted[COLLISION] or wanted[KEEP_OUT]):
+            continue
+        place_joints(model.bodies.chain, work.state[0], work.at)
+        if wanted[TORQUE]:
+            unsure[cell, TORQUE] = _check_torques(model, work, motions, here, smallest)
+        if wanted[COLLISION] or wanted[KEEP_OUT]:
+            for c in range(len(shapes.frame)):
+                place_capsule(shapes, c, work.at)
+            place_twists(model.bodies.chain, work.at, work.state[1], work.twist)
+        if wanted[COLLISION]:
+            unsure[cell, COLLISION] = _check_pairs(model, work, here, smallest)
+        if wanted[KEEP_OUT]:
+            unsure[cell, KEEP_OUT] = _check_regions(model, work, here, smallest)
 
 
 def everything(model: Model, cells: int) -> Array:

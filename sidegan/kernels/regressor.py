@@ -14,7 +14,6 @@ from sidegan.kernels.dynamics import (
     load_motion,
     load_turn,
     move,
-    rest,
     step_of,
     store,
 )
@@ -67,7 +66,7 @@ def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: R
     """Write the base regressor of a block of states; how many lanes each joint takes.
 
     A column's row of y holds joint 0's lanes, then joint 1's, … up to the joint of its own link: the
-    others do not feel it. Lanes without a state are zero.
+    others do not feel it. Lanes without a state are zero. There is room in y, (p, J · (count + LANES)).
     """
     b, start, count = block
     state, links, screws, ten = work.state, work.links, work.screws, work.ten
@@ -92,16 +91,6 @@ def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: R
                     for n in range(lanes, step):
                         row[to + n] = 0.0
     return span
-
-
-@kernel
-def rows(chain: Chain, states: Array, columns: Columns, work: Room, y: Array) -> int:
-    """Write the base regressor of all states of the one trajectory, (5, 1, J, T), as ``rows_of`` does.
-
-    There is room in y for all of it, (p, J · (T + LANES)).
-    """
-    rest(chain.gravity, work.links[0])
-    return rows_of(chain, states, (0, 0, states.shape[3]), columns, work, y)
 
 
 @inline_in_any_order
@@ -144,7 +133,6 @@ def sums(
     The torque, (B, J, T), comes last. There is room in y for the regressor and the torque, (p + 1, J · SPAN).
     """
     joints, count, size = states.shape[2], states.shape[3], len(columns.kinds)
-    rest(chain.gravity, work.links[0])
     for b in range(states.shape[1]):
         for start in range(0, count, SPAN):
             lanes = min(SPAN, count - start)

@@ -30,19 +30,8 @@ def shapes_of(capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: tuple
     """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4)."""
     ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
     size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
-    balls = _balls(capsules.link + 1, ends, radius)
-    bodies = capsules.link + 1, ends, radius, capsules.core, size, balls
+    bodies = capsules.link + 1, ends, radius, capsules.core, size
     return Shapes(*map(array, (*bodies, pairs, guarded, *regions)))
-
-
-def _balls(frame: Tensor, ends: Tensor, radius: Tensor) -> Tensor:
-    """Balls (F, 4) around the capsules of each frame; of no size where there are none."""
-    balls = torch.zeros(int(frame.max()) + 1 if len(frame) else 0, 4, dtype=torch.float64)
-    for f in torch.unique(frame).tolist():
-        some = ends[:, frame == f]
-        balls[f, :3] = (some.amin((0, 1)) + some.amax((0, 1))) / 2
-        balls[f, 3] = ((some - balls[f, :3]).norm(dim=2) + radius[frame == f]).max() + _ROUNDING
-    return balls
 
 
 def array(x: Tensor) -> Array:

@@ -48,8 +48,9 @@ class Reaches(NamedTuple):
 
     @property
     def largest(self) -> Tensor:
-        """The largest of each joint to any region, (1, J); zero where there is none."""
-        return torch.cat([self.regions, torch.zeros(1, self.regions.shape[1]).double()]).amax(0, keepdim=True)
+        """The largest of each joint to any capsule or region, (1, J); zero where there is none."""
+        none = torch.zeros(1, self.regions.shape[1]).double()
+        return torch.cat([self.pairs, self.regions, none]).amax(0, keepdim=True)
 
     @classmethod
     def of(cls, arm: Arm, pairs: Tensor, guarded: Tensor) -> "Reaches":

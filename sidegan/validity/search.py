@@ -125,19 +125,9 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "pair_reach": reaches.pairs,
         "piece_reach": reaches.pieces,
         "region_reach": reaches.regions,
-        "region_most": reaches.largest,
+        "reach_most": reaches.largest,
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
     bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls())
-    return kernel_cells.Model(bodies, links=_links_of(constraints, reaches), **arrays)
-
-
-def _links_of(constraints: Constraints, reaches: Reaches) -> kernel_cells.Links:
-    """The pairs of capsules, two links at a time."""
-    capsules, pairs = constraints.arm.capsules, constraints.pairs
-    frames, group = torch.unique((capsules.link[pairs] + 1).sort(1).values, dim=0, return_inverse=True)
-    start = torch.searchsorted(group.sort().values, torch.arange(len(frames) + 1))
-    most = torch.zeros(len(frames), constraints.arm.joints, dtype=torch.float64)
-    most.scatter_reduce_(0, group[:, None].expand_as(reaches.pairs), reaches.pairs, "amax")
-    return kernel_cells.Links(*map(array, (frames, most, torch.argsort(group, stable=True), start)))
+    return kernel_cells.Model(bodies, **arrays)

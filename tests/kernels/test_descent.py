@@ -1,4 +1,4 @@
-"""What compiled L-BFGS remembers of its way."""
+"""Steps that compiled L-BFGS remembers, against dense updates of BFGS."""
 
 import numpy as np
 
@@ -8,39 +8,21 @@ RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shorte
 CURVATURE = np.array([1.0, 4.0, 9.0, 2.0, 3.0, 5.0])  # of a quadratic
 
 
-def step_to(state, trial, slope):
-    """Remember a step from where the search is, and go there."""
-    state.trial[:], state.slope[:] = trial, slope
-    descent._remember(RULES, state)
-    state.x[:], state.gradient[:] = trial, slope
-
-
-def test_a_step_that_is_not_kept_leaves_what_is_remembered(memory=3):
-    state, random = descent.search(2, 3, memory), np.random.default_rng(0)
-    for _ in range(memory + 2):
-        trial = random.normal(size=6)
-        step_to(state, trial, CURVATURE * trial)
-    state.gradient[:] = 1.0
+def test_the_direction_follows_from_the_newest_steps_of_positive_curvature(memory=3):
+    state, random, kept, eye = descent.search(2, 3, memory), np.random.default_rng(0), [], np.eye(6)
+    for curvature in (*6 * [CURVATURE], -CURVATURE, CURVATURE, -CURVATURE):
+        step = random.normal(size=6)
+        state.trial[:], state.slope[:] = state.x + step, state.gradient + curvature * step
+        descent._remember(RULES, state)
+        state.x[:], state.gradient[:] = state.trial, state.slope
+        if curvature[0] > 0:
+            kept.append((step, curvature * step))
+    step, change = kept[-1]
+    inverse = step @ change / (change @ change) * eye
+    for step, change in kept[-memory:]:
+        turn = eye - np.outer(step, change) / (step @ change)
+        inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
     descent._two_loops(RULES, state)
-    before = state.direction.copy()
-    assert state.numbers[descent.USED] == memory
-    bent = random.normal(size=6)
-    state.trial[:], state.slope[:] = state.x + bent, state.gradient - bent  # curvature below zero
-    descent._remember(RULES, state)
-    descent._two_loops(RULES, state)
-    np.testing.assert_array_equal(state.direction, before)
-
-
-def test_as_many_steps_count_as_are_remembered(memory=3):
-    """The newest ones alone give the direction that all of a longer way give."""
-    random = np.random.default_rng(1)
-    points = random.normal(size=(9, 6))
-    directions = []
-    for first in (0, len(points) - memory - 1):
-        state = descent.search(2, 3, memory)
-        state.x[:], state.gradient[:] = points[first], CURVATURE * points[first]
-        for point in points[first + 1 :]:
-            step_to(state, point, CURVATURE * point)
-        descent._two_loops(RULES, state)
-        directions.append(state.direction.copy())
-    np.testing.assert_allclose(*directions, rtol=1e-12)
+    expected = -inverse @ state.gradient
+    expected *= min(1.0, 4 * RULES.step / np.linalg.norm(expected))
+    np.testing.assert_allclose(state.direction, expected, rtol=1e-10)

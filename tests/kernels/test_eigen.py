@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from sidegan.motion.operations import extremes
 from tests.motion.conftest import normal
-from tests.threads import several_threads
 
 
 def symmetric(spectrum, seed):
@@ -69,12 +68,3 @@ def test_nothing_is_done_again_where_eigenvalues_are_well_apart(x, monkeypatch):
     """That is what makes it fast: what is not accurate enough is left to LAPACK."""
     monkeypatch.setattr("sidegan.motion.operations.eigh", None)
     check(x)
-
-
-def test_threads_change_nothing():
-    x = torch.cat([symmetric(range(20), seed) for seed in range(120)])
-    one = extremes(x, 3, 2)
-    with several_threads():
-        two = extremes(x, 3, 2)
-    for a, b in zip(one, two):
-        torch.testing.assert_close(a, b, rtol=1e-12, atol=1e-12)

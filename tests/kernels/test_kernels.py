@@ -6,13 +6,11 @@ import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from sidegan.kernels import dynamics
 from sidegan.kernels.dynamics import Limits
 from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
 from sidegan.motion import threads
-from sidegan.motion.arrays import chain_of
 from sidegan.motion.dynamics import RigidBody, gram, gram_of
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
@@ -50,13 +48,13 @@ def test_slopes_of_energies_are_pinocchios(chain, count, sets):
     factors, weights = normal(sets).numpy(), normal(sets, seed=1).numpy()
     roots = np.linspace(0.5, 2.0, joints)
     ones = np.ones(joints)
-    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own.numpy())
-    extra = no_terms(joints)
+    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own[None, None].numpy())
+    extra = no_terms(joints)._replace(roots=roots)
     q, dq, ddq = (x[0].T.numpy() for x in states)
     packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])
     slope, directions = np.zeros((3, 1, joints, count)), (np.outer(factors, own.numpy()), weights)
     terms = extra, signals_for(extra, count, sets)
-    cost = weighted_slopes(body.chain, limits, packed, terms, roots, directions, slope, dynamics.room(joints))
+    cost = weighted_slopes(body.chain, limits, packed, terms, directions, slope, dynamics.room(body.chain))
     assert cost == 0
     data, expected, scale = model.createData(), np.zeros((3, joints, count)), 2 * (weights @ factors**2)
     for n in range(count):
@@ -107,18 +105,3 @@ def test_an_error_in_a_thread_is_raised():
 def test_no_state_is_no_work(arm, shape):
     q = torch.zeros(shape, dtype=torch.float64)
     assert RigidBody(arm).torque(q, q, q).shape == shape
-
-
-def test_chain_places_joints_as_the_arm_does(arm):
-    """A joint turns about its axis, or slides along it, in the frame that it has at zero."""
-    for other in (arm, random_chain(6, 4)[0]):
-        q, chain = random_states(other, 1)[0][0], chain_of(other)
-        for i, angle in enumerate(q.tolist()):
-            turn = 0.0 if other.prismatic[i] else angle
-            own = Rotation.from_rotvec(turn * other.axis[i].numpy()).as_matrix()
-            mixed = chain.fixed[i] + chain.sine[i] * np.sin(angle) + chain.cosine[i] * np.cos(angle)
-            expected = other.rotation[i].numpy() @ own
-            np.testing.assert_allclose(mixed, expected.flatten(), atol=1e-14)
-            slide = other.rotation[i] @ other.axis[i] * (angle - turn)
-            place = chain.origin[i] + chain.slide[i] * angle
-            np.testing.assert_allclose(place, other.translation[i] + slide, atol=1e-14)
