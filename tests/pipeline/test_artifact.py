@@ -49,11 +49,6 @@ def test_the_digest_does_not_depend_on_the_order_of_settings_nor_on_names_for_pe
     assert dataclasses.replace(EIGEN, settings=turned, title="other", alone=True).digest == EIGEN.digest
 
 
-values = (
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text()
-)
-
-
 def test_a_difference_names_the_key_and_both_values():
     other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
     expected = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
