@@ -14,6 +14,7 @@ from sidegan.robot.tree import Joint, Tree, meant
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # ranges to put where there is none
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
 _ROUNDED = 1e-3  # share of a limit by which another one may be wider without a word
+_TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
 _Value = TypeVar("_Value")
 _Span = tuple[float, float]  # lower and upper limit [rad or m]
 _log = logging.getLogger(__name__)
@@ -55,6 +56,7 @@ def limits_of(
             acceleration=said.get("acceleration", math.inf),
             jerk=said.get("jerk", math.inf),
         )
+        _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
     if described.lacking:
@@ -140,6 +142,19 @@ class _Described:
         self.lacking.append(f"{self.tree.at(joint)} has {has}")
         self.examples.setdefault(kind, {})[joint.name] = value
         return value
+
+
+def _refuse_degrees(tree: Tree, joint: Joint, stated: dict[str, _Span]) -> None:
+    """Refuse a range in degrees of a joint whose own is in radians and within a turn."""
+    limit, span = joint.element.find("limit"), stated.get(joint.name)
+    if joint.kind == "revolute" and limit is not None and span:
+        own = max(abs(_plain(limit.get(key, ""))) for key in ("lower", "upper"))
+        if 0 < own <= _TURN < _NEVER < max(map(abs, span)):
+            meant = {joint.name: tuple(map(math.radians, span))}
+            raise RobotError(
+                f"{tree.at(joint)}: position limits are {span[0]:.4g} to {span[1]:.4g} rad: are these "
+                f"degrees? In radians they are {override('limits.position', meant, stated)}"
+            )
 
 
 def _wider(joint: Joint, limits: JointLimits) -> list[str]:

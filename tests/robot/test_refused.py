@@ -97,6 +97,9 @@ NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" i
 TWO, THREE = torch.zeros(2), torch.zeros(3)
 
 # Descriptions, or what is done at a place, and words of the refusal; "…" for whatever stands between them.
+DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
+RADIANS = "'first': … are these degrees? … position={first: [-1.39626, 1.39626], second: [-1, 1]}'"
+
 REFUSED = {
     RobotError: [
         ("<robot name='cut", "is not well-formed XML: unclosed token"),
@@ -150,6 +153,7 @@ REFUSED = {
         (part(locked={"right_elbo": 0.0}), "no joint 'right_elbo' … for example right_elbow"),
         (part(locked={"waist": 7.0}), "at 7, outside its range -1.5 to 2; … 'robot.locked={waist: 2}'"),
         (stated(velocity={"elbow": 1.0}), "no joint 'elbow' of robot.limits.velocity"),
+        (stated(position=DEGREES), RADIANS),
         (stated(position={"first": (1.0, 0.0)}), "limits.position is 1 to 0, expected lower < upper"),
         # Links that cannot exist.
         (body(0.0, *ROD[1:]), "link 'joint2': its mass is 0 kg"),
