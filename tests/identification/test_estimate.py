@@ -4,7 +4,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.identification import METHODS, Measurements, estimate
+from sidegan.identification import METHODS, estimate
 from tests.identification import recordings
 from tests.identification.recordings import Fixed, assert_close, model_of, noisy_rows, recorded, truth_of
 
@@ -55,12 +55,3 @@ class TestLaws:
             found = estimate(method, model, iter([data[:cut], data[cut:]]))
         assert_close(found.parameters, whole.parameters, 1e-8)
         assert found.samples == 400
-
-    def test_what_is_not_excited_stays_unknown(self, planar):
-        model = model_of(planar)
-        data = recorded(model, 300)
-        still = torch.zeros_like(data.velocity)
-        rest = Measurements(data.position, still, still, data.torque)
-        found = estimate("weighted", model, rest)
-        assert found.condition == np.inf
-        assert found.deviation[model.names.index("fv1")] == pytest.approx(1e3, rel=1e-3)

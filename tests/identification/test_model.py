@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import torch
 
-from sidegan.identification.model import formula, states_within
+from sidegan.identification.model import states_within
 from sidegan.identification.prior import belief, typical
 from sidegan.robot import load_robot
 from tests.chains import random_chain
@@ -63,10 +63,6 @@ class TestGroupings:
             product = re.sub(r"\b([\d.]+(?:e-\d+)?) ([A-Za-z])", r"\1 * \2", text)
             assert own in text.split()
             assert pd.eval(product, local_dict=values) == pytest.approx(expected, rel=1e-3)
-
-    def test_reads_as_people_write(self):
-        shares = torch.tensor([0.0, -1.0, 0.0780001, 1.0], dtype=torch.float64)
-        assert formula(shares, ["a", "b", "m7", "m6"]) == "m6 - b + 0.078 m7"
 
     def test_the_nominal_parameters_are_those_of_the_description(self, arm):
         model = model_of(arm)

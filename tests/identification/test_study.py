@@ -35,11 +35,6 @@ def compare(body, families, seed=0, **changes):
     return study.compare(body, *families, study_settings(**changes), np.random.SeedSequence(seed))
 
 
-def test_without_noise_every_set_recovers_the_arm(body, families):
-    results, _ = compare(body, families, noise=EXACT)
-    assert results.nmse.max() < 1e-8
-
-
 def test_there_is_a_row_for_everything(body, families, planar):
     told, random = [], np.random.SeedSequence(0)
     results, facts = study.compare(body, *families, study_settings(), random, lambda *x: told.append(x))
