@@ -8,7 +8,6 @@ import torch
 from sidegan.design import excitation
 from sidegan.design.excitation import Excitation, effective_rank, excite, mean_distance, nearest_distance
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain
 
 from .conftest import trajectories
@@ -38,13 +37,6 @@ def test_fitnesses_are_ratios_of_extremes():
     for low in (0.0, -1e-18, 4e-16):  # an unexcited direction
         spectrum = torch.tensor([[low, 0.5, 1.0]], dtype=torch.float64)
         assert Excitation(spectrum, spectrum).eigenvalue_fitness.item() == math.inf
-
-
-def test_an_arm_at_rest_excites_nothing_but_gravity(arm):
-    trajectory = Trajectory(7)
-    excitation = excite(RigidBody(arm), trajectory, torch.zeros(1, *trajectory.shape, dtype=torch.float64))
-    assert excitation.eigenvalue_fitness.item() == excitation.diagonal_fitness.item() == math.inf
-    assert excitation.spectrum.sum(1).item() > 0
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, untrained
-from tests.tiny import tiny
 
 SINGLE = asdict(Term("log_condition", 1.0, 1))
 MANY = {**SINGLE, "together": 99}
@@ -42,11 +41,6 @@ def test_impossible_variants(vanilla, settings, words):
     with pytest.raises(ConfigError) as error:
         build(Variant, {**asdict(vanilla), "betas": [0, 0.9], **settings})
     assert words in str(error.value)
-
-
-@pytest.mark.parametrize("name", ["vanilla", "eigen", "diagonal", "exact"])
-def test_every_file_of_the_group_is_a_variant_of_its_name(name):
-    assert tiny(f"gan={name}").gan[name].variant == name.capitalize()
 
 
 def test_files_of_another_arm(arm, planar, family, seeds, tmp_path):

@@ -13,7 +13,7 @@ from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.recorded import Sensors, recorded
-from sidegan.plant.varied import VariedPlant, VariedSettings, torque_scale
+from sidegan.plant.varied import VariedPlant, VariedSettings
 from sidegan.robot import load_robot
 from tests.settings import CONF
 
@@ -90,12 +90,6 @@ def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, moti
     limit = planar.torque_limit.numpy()
     scale = np.abs(motor).max()
     np.testing.assert_allclose(motor[:, 1:], servo.clip(-limit, limit)[:, 1:], rtol=0, atol=1e-6 * scale)
-
-
-def test_torque_scales_have_a_floor(arm):
-    scale = torque_scale(RigidBody(arm), 0.02)
-    assert scale.min() == pytest.approx(0.02 * scale.max())
-    assert scale.argmax() == 1
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 0.05])

@@ -56,11 +56,6 @@ def test_positions_in_degrees_are_refused_with_what_they_are_in_radians(arm, pos
         usual_effort(arm, positions)
 
 
-@pytest.mark.parametrize("positions", [[0.0, 4.0], [400.0, 0.0], [1.0], [0.0, 0.0, 90.0]])
-def test_other_positions_are_left_to_those_who_take_them(planar, positions):
-    refuse_degrees(planar, positions, "trajectory.home")
-
-
 def holding(planar: Arm, share: float) -> Arm:
     """The planar arm that holds itself in all of its range with a share of its torque limits, and no less."""
     out = torch.tensor([[torch.pi / 2, 0.0]], dtype=torch.float64)
