@@ -10,8 +10,7 @@ from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
 from sidegan.design.problem import Problem
-from sidegan.kernels import HOPELESS
-from sidegan.kernels.goals import HIGHEST, LOWEST, SHARPNESS
+from sidegan.kernels import HIGHEST, HOPELESS, LOWEST, SHARPNESS
 
 
 def log_condition(x: Tensor) -> Tensor:

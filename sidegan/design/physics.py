@@ -16,7 +16,7 @@ from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
-from sidegan.kernels.goals import HIGHEST, LOWEST
+from sidegan.kernels import HIGHEST, LOWEST
 from sidegan.motion.operations import extremes
 from sidegan.motion.threads import eigh
 

@@ -9,16 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels import HOPELESS, eigen
+from sidegan.kernels import HIGHEST, HOPELESS, LOWEST, SHARPNESS, eigen
 from sidegan.kernels.chain import Array
 from sidegan.kernels.dynamics import clear
 from sidegan.kernels.eigen import add_to, all_eigenpairs, factorise, invert_factor, product
 from sidegan.kernels.jit import kernel, part
 
 CONDITION, DIAGONAL, VARIANCE, VOLUME, TOOL = range(5)  # kinds of goals
-# The smallest eigenvalue changes places with its neighbours all the time; a smooth minimum over a few
-# spares the optimiser the kinks: 20 % lower condition numbers after as many steps.
-LOWEST, HIGHEST, SHARPNESS = 3, 2, 6.0
 _TINY = 1e-300
 
 
