@@ -15,6 +15,8 @@ from torch import Tensor
 from sidegan.base.parallel import Report
 from sidegan.base.storage import readable
 
+_log = logging.getLogger(__name__)
+
 _REPORTED = 20  # steps between two reports of progress
 _LAST = "last"  # checkpoint
 # Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
@@ -58,6 +60,8 @@ def fit(
         )
         last = None if work is None else work / f"{_LAST}.ckpt"
         known = last if last is not None and readable(last) else None
+        if last is not None and last.exists() and known is None:
+            _log.warning("the checkpoint %s is damaged: the training begins anew", last)
         try:
             trainer.fit(module, batches, ckpt_path=known, weights_only=True)
         except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
