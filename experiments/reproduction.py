@@ -75,7 +75,7 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
 
 
 def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, Any]:
-    """What the template names besides tables and figures."""
+    """Values that the template names besides tables and figures."""
     artifacts = next(iter(conditions.values()))
     return {
         "conditions": conditions,

@@ -103,7 +103,7 @@ class Task:
 
     def tell(self) -> None:
         """Say what of the description moves, what trajectories are checked for, and what is suspicious."""
-        if notes := self.whole_arm.told:
+        if notes := self.whole_arm.notes:
             log.info("%s: %s", self.whole_arm.name, "; ".join(notes))
         if self.planning:
             for text in filter(None, self._doubts()):
@@ -128,7 +128,7 @@ class Task:
             yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
 
     def _decisions(self) -> Iterator[str]:
-        """What was decided for the user, and what trajectories are checked for."""
+        """Decisions made for the user, and what trajectories are checked for."""
         arm, cfg, home, constraints = self.arm, self.cfg, self.home, self.constraints
         yield cfg.workspace.notes(arm)
         if home is not None and cfg.trajectory.home is None:

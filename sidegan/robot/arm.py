@@ -81,7 +81,7 @@ class Arm:
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
     jerk_limit: Tensor | None = None  # [rad/s³ or m/s³], (J,)
-    told: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people
+    notes: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people
     # links and the nearest ones with a shape towards the base; None: all that one joint lies between
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so

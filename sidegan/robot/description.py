@@ -31,7 +31,7 @@ class Description:
     limits: dict[str, JointLimits]  # of each joint that moves
     moved: dict[str, str]  # the link that each of these joints leads to
     missing: dict[str, list[str]]  # mesh files that are not there, by the link that lacks them
-    told: list[str]  # what was decided for the user
+    notes: list[str]  # what was decided for the user
     parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
     may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
@@ -58,7 +58,7 @@ def read_description(
     for joint in chain.moving:
         unit_axis(joint, tree.at(joint))
     read = _of_links(root, where, read_mass)
-    told = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
+    notes = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
     for joint, value in ((tree.joints[name], value) for name, value in chain.locked.items()):
         lock(joint, value, tree.at(joint))
     moved = {joint.name: joint.child for joint in chain.moving}
@@ -75,7 +75,7 @@ def read_description(
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
         hang(root, tree.root, mount)
-        told.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
+        notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     shaped = {link.get("name", "") for link in root.findall("link") if link.find("collision") is not None}
     return Description(
         name=name,
@@ -84,7 +84,7 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        told=[*source.told, *told, *more, *(f"no inertia: {why}" for _, why in read.values() if why)],
+        notes=[*source.notes, *notes, *more, *(f"no inertia: {why}" for _, why in read.values() if why)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,

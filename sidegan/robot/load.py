@@ -88,7 +88,7 @@ def load_robot(
         capsules=capsules,
         urdf=path,
         setup=setup,
-        told=tuple(description.told),
+        notes=tuple(description.notes),
         parents=description.parents,
         may_touch=description.may_touch,
         mount=description.mount,

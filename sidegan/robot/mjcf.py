@@ -42,7 +42,7 @@ def read_mjcf(path: Path) -> Source:
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     x, y, z = (float(one) for one in model.opt.gravity)
-    return Source(text, ET.fromstring(text), tuple(writer.told()), (x, y, z))
+    return Source(text, ET.fromstring(text), tuple(writer.notes()), (x, y, z))
 
 
 class _Writer:
@@ -69,14 +69,14 @@ class _Writer:
         code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
         return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
 
-    def told(self) -> list[str]:
+    def notes(self) -> list[str]:
         """Notes on what could not be carried over."""
-        model, told = self.model, []
+        model, notes = self.model, []
         if self.dropped:
-            told.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")
+            notes.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")
         if model.dof_armature.any():
-            told.append("rotor inertias (armature) are not part of the rigid model")
-        return told
+            notes.append("rotor inertias (armature) are not part of the rigid model")
+        return notes
 
     def _inertia(self, link: ET.Element, body: int) -> None:
         model = self.model

@@ -84,7 +84,7 @@ def tell(
     """Notes on what was locked where [rad or m], and whose mass [kg] was lumped into which link."""
     if not locked:
         return []
-    told = ["locked " + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
+    notes = ["locked " + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
     lumped: dict[str, list[str]] = {}
     for link in tree.links:
         path = tree.path(link)
@@ -93,12 +93,12 @@ def tell(
             lumped.setdefault(path[first - 1].child if first else "", []).append(link)
     for carrier, links in lumped.items():
         mass = sum(masses.get(link, 0.0) for link in links)
-        told.append(
+        notes.append(
             f"{mass:.4g} kg of {listed(links)} lumped into {carrier}"
             if carrier
             else f"standing still with the base: {listed(links)}"
         )
-    return told
+    return notes
 
 
 def _stands(joint: Joint, value: float) -> str:

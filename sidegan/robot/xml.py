@@ -19,7 +19,7 @@ class Source:
 
     text: bytes  # of the URDF
     root: ET.Element
-    told: tuple[str, ...] = ()  # what could not be carried over
+    notes: tuple[str, ...] = ()  # what could not be carried over
     gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
 
 

@@ -92,7 +92,7 @@ def test_an_identification_asks_for_no_limits_and_looks_for_no_meshes(load, capl
     caplog.clear()
     arm = load_robot(tmp_path / "robot.urdf", planning=False)
     assert not caplog.records and arm.velocity_limit.tolist() == [1.0] * 4
-    assert "limits that the description lacks are taken for 'robot.limits.position={joint0: " in arm.told[0]
+    assert "limits that the description lacks are taken for 'robot.limits.position={joint0: " in arm.notes[0]
 
 
 @pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])

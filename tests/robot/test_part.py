@@ -89,10 +89,10 @@ def test_torque_is_that_of_the_reduced_model(load, setup, locked):
 
 def test_what_stands_still_is_told_and_stays_in_the_collision_model(load):
     arm = load(PERSON, Setup(tip="left_lower", locked={"waist": 0.25}))
-    told = "; ".join(arm.told)
-    assert "right_shoulder at 0.25 rad" in told and "left_thumb at 0.25 m" in told
-    assert "3 kg of nail, tip lumped into left_lower" in told
-    assert "standing still with the base: torso, right_upper, right_lower" in told
+    notes = "; ".join(arm.notes)
+    assert "right_shoulder at 0.25 rad" in notes and "left_thumb at 0.25 m" in notes
+    assert "3 kg of nail, tip lumped into left_lower" in notes
+    assert "standing still with the base: torso, right_upper, right_lower" in notes
     still, moving = dict.fromkeys(["torso", "right_upper", "right_lower"], -1), {"left_upper": 0}
     owners = dict(zip(arm.capsules.names, arm.capsules.link.tolist()))
     assert owners == {**still, **moving, "left_lower": 1, "tip": 1}
@@ -143,7 +143,7 @@ class TestWhichChain:
         gripper = joint("gripper", "arm", "left", "prismatic"), link("left"), finger, link("right")
         arm = load(more(one_joint(), *gripper))
         assert arm.joint_names == ("turn",)
-        assert "locked gripper at 0.25 m, other at 0.25 m" in arm.told
+        assert "locked gripper at 0.25 m, other at 0.25 m" in arm.notes
 
     @pytest.mark.parametrize(("text", "words", "remedy", "left"), REMEDIES.values(), ids=REMEDIES)
     def test_a_refusal_names_a_remedy_that_works(self, load, text, words, remedy, left):
@@ -158,10 +158,10 @@ class TestLimits:
         arm = load(text, home=[0.5])
         assert arm.position_lower.item() == pytest.approx(0.5 - math.pi)
         assert arm.position_upper.item() == pytest.approx(0.5 + math.pi)
-        assert "turn -2.642 to 3.642 rad" in "; ".join(arm.told)
+        assert "turn -2.642 to 3.642 rad" in "; ".join(arm.notes)
         wider = load(text, Setup(limits=Limits(position={"turn": (-80.0, 80.0)})))  # and these are no degrees
         assert (wider.position_lower.item(), wider.position_upper.item()) == (-80, 80)
-        assert wider.told == ()
+        assert wider.notes == ()
 
     def test_all_that_is_missing_is_asked_for_at_once(self, load):
         text = two_joints(limit='<limit lower="1" upper="-1"/>').replace('velocity="2.5"', 'velocity="0"')
@@ -214,7 +214,7 @@ def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
     torch.testing.assert_close(foot, standing @ turn.T)
     shown, still = (visual_parts(arm)[0].vertices.mean(0) for arm in (mounted, upright))
     np.testing.assert_allclose(shown, turn.numpy() @ still, atol=1e-12)
-    assert mounted.digest != upright.digest and any("mounted with roll 0.4" in one for one in mounted.told)
+    assert mounted.digest != upright.digest and any("mounted with roll 0.4" in one for one in mounted.notes)
     states = torch.rand(3, 5, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     tilted = replace(upright, gravity=turn.T @ upright.gravity)
     torch.testing.assert_close(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))

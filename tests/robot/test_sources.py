@@ -94,7 +94,7 @@ class TestMjcf:
     def test_a_mount_that_is_given_goes_before_the_files_gravity(self, mjcf):
         mjcf.write_text(MJCF.replace("<default>", '<option gravity="9.81 0 0"/><default>'))
         arm = load_robot(mjcf, Setup(limits=SPEEDS, mount=(0.0, 0.0, 0.0)))
-        assert not any(arm.mount) and not any("mounted" in one for one in arm.told)
+        assert not any(arm.mount) and not any("mounted" in one for one in arm.notes)
 
     def test_shapes_are_where_mujoco_has_them(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
@@ -132,10 +132,10 @@ class TestMjcf:
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
         assert arm.torque_limit.tolist() == [87, np.inf, np.inf]
         assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, np.pi, 0.5])
-        told = "; ".join(arm.told)
-        assert "left_finger at 0.02 m, right_finger at -0.01 m" in told
-        assert "floor of world" in told
-        assert "rotor inertias (armature) are not part" in told
+        notes = "; ".join(arm.notes)
+        assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
+        assert "floor of world" in notes
+        assert "rotor inertias (armature) are not part" in notes
 
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
     @pytest.mark.parametrize("more", ["", '<motor joint="two" forcerange="-7 5"/>', '<motor joint="two"/>'])
