@@ -33,7 +33,7 @@ class Trained:
     generator: TrajectoryGenerator
     history: list[dict[str, float]]
     epoch: int  # index in the history of the one whose generator this is
-    samples: Tensor  # images drawn after every epoch, (E · n, 2, …)
+    samples: Tensor  # images drawn after every epoch, (E · n, 2, …); empty where none were asked for
 
 
 @dataclass(frozen=True)
@@ -66,11 +66,10 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     batches = DataLoader(rows, settings.batch, sampler=order)
     fit(model, batches, settings.epochs, [Measured(run)], run.work, run.device)
     files = [_left(run, epoch) for epoch in range(settings.epochs)]
-    history = [read_torch(file)["metrics"] for file in files]
+    history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_torch, files)))
     kept = kept_epoch(history, settings.least_valid)
     model.generator.network.load_state_dict(read_torch(files[kept])["weights"])
-    samples = torch.cat([read_torch(file)["samples"] for file in files])
-    return Trained(model.generator.eval(), history, kept, samples)
+    return Trained(model.generator.eval(), list(history), kept, torch.cat(samples))
 
 
 def _left(run: Run, epoch: int) -> Path:
@@ -93,7 +92,7 @@ class Measured(pl.Callback):
         if not torch.isfinite(c).all():
             pl_module.stop("not a number")
         metrics = measure(pl_module.data.constraints, pl_module.data.trajectory, c)
-        samples = generator.network.sample(max(1, run.samples), noise)[: run.samples].cpu()
+        samples = generator.network.sample(run.samples, noise).cpu() if run.samples else torch.empty(0)
         left = {"weights": generator.network.state_dict(), "metrics": metrics, "samples": samples}
         write_torch(_left(run, epoch), left)
         run.progress(epoch + 1, trainer.max_epochs or 0)
