@@ -12,6 +12,7 @@ import pandas as pd
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
 from experiments.verdicts import TRAINING
+from sidegan.base.names import counted
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
@@ -28,7 +29,7 @@ collect = Artifacts
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Draw, write and record the figure and the tables behind it."""
     histories, cfg = artifacts.histories, artifacts.cfg
-    over = f"{len(cfg.trainings)} trainings, {cfg.evaluation} samples per epoch"
+    over = f"{counted(len(cfg.trainings), 'training')}, {cfg.evaluation} samples per epoch"
     shown = {
         "generators": (
             tables.generators(artifacts.generators),
