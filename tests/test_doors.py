@@ -28,7 +28,7 @@ DOORS = {
     "xacrodoc": {"robot"},
     "robot_descriptions": {"robot"},
     "cvxpy": {"identification"},
-    "rosbags": {"recording", "controllers"},
+    "rosbags": {"recording"},
 }
 ORDER = ["errors", "base", "robot", "kernels", "motion", "validity", "design", "library", "seeds", "gan"]
 ORDER += ["plant", "recording", "identification", "controllers", "report", "pipeline", "run"]

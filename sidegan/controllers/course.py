@@ -40,22 +40,13 @@ class Course:
         """From the first to the last point [s]."""
         return float(self.time[-1])
 
-    def at(self, times: Tensor) -> Tensor:
-        """Positions, (N, J), at times [s], (N,), on the quintics that join the points."""
-        return self._drawn(times)[0]
-
     def sampled(self, rate: float) -> "Course":
         """This motion with points at a rate [Hz], on the quintics that join the points; 20 at least."""
         count = max(POINTS, round(self.duration * rate))
         times = torch.linspace(0, self.duration, count + 1, dtype=torch.float64)
-        return Course(self.joint_names, times, *self._drawn(times))
-
-    def _drawn(self, times: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Position, velocity and acceleration at times [s], (N, J) each."""
         states = torch.stack([self.position, self.velocity, self.acceleration], 1).numpy()
         curve = scipy.interpolate.BPoly.from_derivatives(self.time.numpy(), states)
-        position, velocity, acceleration = (torch.from_numpy(curve(times.numpy(), k)) for k in range(3))
-        return position, velocity, acceleration
+        return Course(self.joint_names, times, *(torch.from_numpy(curve(times.numpy(), k)) for k in range(3)))
 
     def slowed(self, speed: float) -> "Course":
         """This path at a share of the speed, above 0: velocities × speed, accelerations × speed²."""

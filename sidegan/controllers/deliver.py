@@ -7,7 +7,7 @@ from torch import Tensor
 from sidegan.base.storage import write_bytes
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import Course, knots, run_of
-from sidegan.controllers.ros2 import goal_text, write_mcap
+from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.settings import Delivery
 from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import script_text
@@ -22,7 +22,7 @@ def deliver(
 ) -> None:
     """Write trajectories (n, J, H, 2) for controllers: ``1.csv`` …, ``all.csv``, and so on.
 
-    Goals for ROS 2 are of one trajectory each, an MCAP holds all of them, and programs and tables are both.
+    Goals for ROS 2 are of one trajectory each, programs and tables of each and of all in a row.
     Where it is known where the arm is, ``approach`` is the way to home and ``return`` the way back.
 
     Raises:
@@ -46,9 +46,6 @@ def deliver(
     if "ros2" in settings.formats:
         for name, course in (points | ways).items():
             write_bytes(folder / f"{name}.yaml", goal_text(course).encode())
-    if "mcap" in settings.formats:
-        named = {f"trajectory_{name}": one for name, one in points.items()} | ways
-        write_mcap(named, folder / f"{_ALL}.mcap")
     if "urscript" in settings.formats:
         for name, course in (points | ways | {_ALL: run_of([*points.values()], pause)}).items():
             write_bytes(folder / f"{name}.script", script_text(course, f"excite_{name}").encode())

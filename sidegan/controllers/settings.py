@@ -11,7 +11,7 @@ from sidegan.errors import ConfigError
 class Delivery:
     """Files for the controllers, and how the trajectories are run."""
 
-    formats: list[Literal["csv", "ros2", "mcap", "urscript"]]
+    formats: list[Literal["csv", "ros2", "urscript"]]
     rate: Hertz  # of the tables [Hz]
     speed: Part  # share of the planned speed: the same paths, slower
     pause: Seconds | None  # at rest between two trajectories [s]; null: none

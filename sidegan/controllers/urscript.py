@@ -23,7 +23,7 @@ def script_text(course: Course, name: str) -> str:
         name: of the program; what is no letter, digit or underscore becomes one.
     """
     title = re.sub("[^a-zA-Z0-9]", "_", name)
-    points = _resampled(course)
+    points = course.sampled(1 / _PERIOD).position
     servo = f"0, 0, {_PERIOD}, {_LOOKAHEAD}, {_GAIN}"
     steps = "\n".join(f"  servoj({_list(point)}, {servo})" for point in points)
     return f"""def {title}():
@@ -43,12 +43,6 @@ def script_text(course: Course, name: str) -> str:
 end
 {title}()
 """
-
-
-def _resampled(course: Course) -> torch.Tensor:
-    """Positions every 8 ms, (N, J), on the quintics between the course's points."""
-    count = max(1, round(course.duration / _PERIOD))
-    return course.at(torch.linspace(0, course.duration, count + 1, dtype=torch.float64))
 
 
 def _list(values: torch.Tensor) -> str:
