@@ -1,7 +1,6 @@
-"""Losses on the exact spectrum or diagonal of YᵀY of a trajectory, or of a set of them."""
+"""Losses on the exact spectrum of YᵀY of a trajectory, or of a set of them."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,36 +28,25 @@ def log_condition(x: Tensor) -> Tensor:
 
 
 def d_optimal(x: Tensor) -> Tensor:
-    """Minus the mean log eigenvalue: the log volume of the parameters' confidence ellipsoid, (B,)."""
-    return -_logs(x).mean(1)
+    """Minus the mean log eigenvalue: the log volume of the parameters' confidence ellipsoid, (B,).
+
+    What is under 10⁻¹² of the largest counts as that much.
+    """
+    floor = (x.amax(1, keepdim=True) / HOPELESS).clamp_min(torch.finfo(x.dtype).tiny)
+    return -torch.maximum(x, floor).log().mean(1)
 
 
-def a_optimal(x: Tensor) -> Tensor:
-    """Log of the mean inverse eigenvalue: the parameters' mean variance, (B,)."""
-    logs = _logs(x)
-    return torch.logsumexp(-logs, 1) - torch.log(torch.tensor(float(x.shape[1])))
-
-
-def _logs(x: Tensor) -> Tensor:
-    """Logarithms; what is under 10⁻¹² of the largest counts as that much."""
-    return torch.maximum(x, x.amax(1, keepdim=True) / HOPELESS).clamp_min(torch.finfo(x.dtype).tiny).log()
-
-
-SPECTRAL: dict[str, Callable[[Tensor], Tensor]] = {
-    "log_condition": log_condition,
-    "d_optimal": d_optimal,
-    "a_optimal": a_optimal,
-}
+OBJECTIVES = {"log_condition": log_condition, "d_optimal": d_optimal}
 
 
 @dataclass(frozen=True)
 class Term:
     """One weighted term of an exact objective.
 
-    Source: Pukelsheim 2006 for the optimal designs, the SIDE-GAN paper for the other two.
+    Source: Pukelsheim 2006 for the optimal design, the SIDE-GAN paper for the other.
     """
 
-    objective: Literal["log_condition", "diagonal_ratio", "d_optimal", "a_optimal"]
+    objective: Literal["log_condition", "d_optimal"]
     weight: Positive = 1.0
     together: Count = 1  # generated trajectories whose information is taken together
     noise: list[Positive] | None = None  # of each joint's torque [N·m], by which the joints count
@@ -69,9 +57,5 @@ class Term:
 
         whole = c[: len(c) // self.together * self.together]
         information = physics.SetInformation(problem, self.together, self.noise)
-        if self.objective == "diagonal_ratio":
-            values = log_condition(physics.diagonal(information, whole).sort(1).values)
-        else:
-            eigenvalues = physics.spectrum(information, whole, ends=self.objective == "log_condition")
-            values = SPECTRAL[self.objective](eigenvalues)
-        return self.weight * values.mean()
+        eigenvalues = physics.spectrum(information, whole, ends=self.objective == "log_condition")
+        return self.weight * OBJECTIVES[self.objective](eigenvalues).mean()

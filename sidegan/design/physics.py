@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from sidegan.design.information import weighted_gram
+from sidegan.design.information import certainty_of, weighted_gram
 from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
@@ -29,15 +29,10 @@ class SetInformation:
     together: int = 1  # so many trajectories in a row are one set, whose information is their sum
     noise: Sequence[float] | None = None  # deviation of joint torques [N·m], by which rows of Y are divided
 
-    def __post_init__(self) -> None:
-        joints = self.problem.body.joints
-        if self.noise is not None and not (len(self.noise) == joints and min(self.noise) > 0):
-            raise ShapeError(f"noise is {list(self.noise)}, expected {joints} positive deviations")
-
     @property
     def certainty(self) -> Tensor | None:
         """Factors of each joint's rows of Y, (J,)."""
-        return None if self.noise is None else 1 / torch.tensor(self.noise, dtype=torch.float64)
+        return None if self.noise is None else certainty_of(self.noise, self.problem.body.joints)
 
     def grams(self, c: Tensor) -> Tensor:
         """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient."""
@@ -47,7 +42,7 @@ class SetInformation:
         if certainty is None:
             grams = problem.gram(c)
         else:
-            grams = weighted_gram(problem.body, problem.motion(c), certainty)
+            grams = weighted_gram(problem.body, problem.trajectory, c, problem.samples, certainty)
         return grams.unflatten(0, (-1, self.together)).sum(1)
 
 
@@ -60,12 +55,6 @@ def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tens
     inner = subspace.T @ information.grams(c) @ subspace
     values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
     return _Quadratic.apply(c, information, values, (subspace @ vectors).mT)
-
-
-def diagonal(information: SetInformation, c: Tensor) -> Tensor:
-    """Diagonal of YᵀY / T over the base columns, (B / together, p)."""
-    values = information.grams(c).diagonal(dim1=1, dim2=2)
-    return _Quadratic.apply(c, information, values, torch.eye(values.shape[1]).expand(len(values), -1, -1))
 
 
 def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:

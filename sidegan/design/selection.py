@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import torch
 from torch import Tensor
 
 from sidegan.base.typed import Count, Positive
@@ -37,7 +36,6 @@ def choose(
     """
     if settings.method == "greedy":
         return greedy(diagonal, settings.count)
-    noise = None if settings.noise is None else torch.tensor(settings.noise, dtype=torch.float64)
-    information = information_of(body, trajectory, c, deviation=noise)
+    information = information_of(body, trajectory, c, noise=settings.noise)
     pick = a_optimal if settings.method == "a_optimal" else d_optimal
     return pick(information, settings.count)

@@ -97,8 +97,7 @@ def test_the_first_of_equals_wins(pick):
 @pytest.mark.parametrize("pick", PICKS.values())
 def test_the_configured_pick_is_that_of_the_function_it_names(planar_problem, random, pick, noise):
     of = planar_problem.body, planar_problem.trajectory, planar_problem.start(40, random)
-    deviation = None if noise is None else torch.tensor(noise, dtype=torch.float64)
     chosen = choose(Selection(5, pick.__name__, noise), *of, torch.zeros(0, 0))
-    assert chosen.tolist() == pick(information_of(*of, deviation=deviation), 5).tolist()
+    assert chosen.tolist() == pick(information_of(*of, noise=noise), 5).tolist()
     diagonal = excite(*of).diagonal
     assert choose(Selection(5, "greedy", None), *of, diagonal).tolist() == greedy(diagonal, 5).tolist()
