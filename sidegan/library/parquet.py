@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.base.typed import Number, Positive, build
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.base.storage import reading
+from sidegan.errors import ArtifactError
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
     import pyarrow as pa
@@ -31,8 +31,8 @@ class Family:
     digest: str
     joints: int
     harmonics: int
-    period: Positive
-    home: list[Number]
+    period: float
+    home: list[float]
     parameters: int
     margins: list[str]
 
@@ -57,7 +57,8 @@ def _schema(family: Family) -> "pa.Schema":
         name: pa.list_(pa.float64(), math.prod(x)) if x else pa.float64()
         for name, x in family.shapes().items()
     }
-    return pa.schema({**types, "valid": pa.bool_(), "source": pa.string()})
+    fields = {**types, "valid": pa.bool_(), "source": pa.string()}
+    return pa.schema([pa.field(name, kind, nullable=False) for name, kind in fields.items()])
 
 
 def table_of(family: Family, columns: dict[str, Tensor], source: list[str]) -> "pa.Table":
@@ -81,22 +82,16 @@ def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Tensor]
         ArtifactError: when it is of an unknown format, or a column is missing, of another type or not finite.
     """
     family = _family(path, table)
-    shapes, columns = family.shapes(), {}
-    for field in _schema(family):
-        if table.column_names.count(field.name) != 1:
-            raise ArtifactError(f"{path} has no single column {field.name}")
-        column = table[field.name].combine_chunks()
-        if column.type != field.type:
-            raise ArtifactError(f"{path}: column {field.name} is {column.type}, expected {field.type}")
-        cells = column.flatten() if shapes.get(field.name) else column
-        if column.null_count or cells.null_count:
-            raise ArtifactError(f"{path}: column {field.name} has empty cells")
-        if field.name in shapes:
-            values = torch.from_numpy(np.array(cells.to_numpy(zero_copy_only=False)))
-            columns[field.name] = values.reshape(len(table), *shapes[field.name])
+    schema, columns = _schema(family), dict[str, Tensor]()
+    with reading(path, "library"):
+        table = table.select(schema.names).cast(schema)
+        for name, shape in family.shapes().items():
+            column = table[name].combine_chunks()
+            cells = (column.flatten() if shape else column).to_numpy(zero_copy_only=False)
+            columns[name] = torch.from_numpy(np.array(cells)).reshape(len(table), *shape)
             # A margin or a fitness may be infinite: no limit stated, or a direction that is not excited.
-            if values.isnan().any() or (shapes[field.name] and values.isinf().any()):
-                raise ArtifactError(f"{path}: column {field.name} is not finite")
+            if columns[name].isnan().any() or (shape and columns[name].isinf().any()):
+                raise ArtifactError(f"{path}: column {name} is not finite")
     return family, columns, table["source"].to_pylist()
 
 
@@ -104,17 +99,11 @@ def _family(path: Path, table: "pa.Table") -> Family:
     stored = (table.schema.metadata or {}).get(METADATA_KEY)
     if stored is None:
         raise ArtifactError(f"{path} is a Parquet file, but not a library of sidegan")
-    try:
+    with reading(path, "library"):
         values = json.loads(stored)
-    except ValueError as error:
-        raise ArtifactError(f"{path}: the library's metadata is not JSON: {error}") from error
-    number = values.pop("format", None) if isinstance(values, dict) else values
-    if number != FORMAT or not isinstance(values, dict):
-        raise ArtifactError(f"{path} has library format {number}, this version reads format {FORMAT}")
-    try:
-        family = build(Family, values)
-    except ConfigError as error:
-        raise ArtifactError(f"{path}: the library's metadata is wrong: {error}") from error
-    if len(family.home) != family.joints:
-        raise ArtifactError(f"{path}: home has {len(family.home)} of {family.joints} joints")
-    return family
+        if (number := values.pop("format", None)) != FORMAT:
+            raise ArtifactError(f"{path} has library format {number}, this version reads format {FORMAT}")
+        family = Family(**values)
+        if len(family.home) != family.joints:
+            raise ArtifactError(f"{path}: home has {len(family.home)} of {family.joints} joints")
+        return family

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from sidegan.errors import InfeasibleError
-from sidegan.library.draw import draw_valid
+from sidegan.library.draw import Expansion, draw_valid
 
 
 class Source:
@@ -25,39 +25,34 @@ class Source:
         valid = c[:, 0, 0, 0] % self.every == self.every - 1
         return SimpleNamespace(valid=valid, faults=lambda: Counter({"torque of wrist": int((~valid).sum())}))
 
-    def draw(self, *sizes, **options):
-        return draw_valid(self.sample, self.check, *sizes, **options)
+    def draw(self, count, batch, draws, least=1, origin="drawn from eigen", report=None):
+        return draw_valid(self.sample, self.check, Expansion(count, batch, draws, least), origin, report)
 
 
-def test_the_first_valid_ones_are_kept_in_order():
+def test_the_first_valid_ones_are_kept_in_order(caplog):
     source = Source(3)
-    draws = source.draw(4, 5, 100)
+    draws = source.draw(4, 5, 100, least=4)
     assert draws.coefficients[:, 0, 0, 0].tolist() == [2, 5, 8, 11]
     assert (draws.drawn, draws.valid, source.sizes) == (15, 5, [5, 5, 5])
-    assert not draws.faults
+    assert not caplog.text
 
 
-def test_no_more_than_the_most_are_drawn_and_their_share_is_reported_where_it_is_larger():
+def test_no_more_than_the_most_are_drawn_and_their_share_is_reported_where_it_is_larger(caplog):
     source, steps = Source(3), []
     draws = source.draw(40, 6, 20, report=lambda *step: steps.append(step))
     assert source.sizes == [6, 6, 6, 2] and draws.drawn == 20
     assert len(draws.coefficients) == draws.valid == 6
-    assert draws.faults == {"torque of wrist": 2} and draws.last == 2
     assert steps == [(12, 40), (24, 40), (36, 40), (40, 40)]
+    assert "6 valid trajectories in 20 draws, 40 were wanted: drawn from eigen" in caplog.text
 
 
-def test_too_few_are_refused_or_warned_of(caplog):
-    none = Source(1000).draw(4, 20, 60)
-    with pytest.raises(InfeasibleError) as error:
-        none.require(1, "drawn from eigen")
-    assert str(error.value) == (
-        "none of 60 trajectories drawn from eigen is valid; of the last 20, 20 violate torque of wrist"
-    )
-    few = Source(20).draw(4, 20, 60)
-    with pytest.raises(InfeasibleError, match="only 3 of 60 trajectories polished are valid"):
-        few.require(4, "polished")
-    assert few.require(1, "drawn from eigen") is few
-    assert "3 valid trajectories in 60 draws, 4 were wanted: drawn from eigen" in caplog.text
-    caplog.clear()
-    Source(2).draw(4, 20, 60).require(4, "drawn")
-    assert not caplog.text
+@pytest.mark.parametrize(
+    ("every", "least", "words"),
+    [
+        (1000, 1, "none of 60 trajectories polished is valid; of the last 20, 20 violate torque of wrist"),
+        (20, 4, "only 3 of 60 trajectories polished are valid; of the last 20, 19 violate"),
+    ],
+)
+def test_too_few_are_refused(every, least, words):
+    with pytest.raises(InfeasibleError, match=words):
+        Source(every).draw(4, 20, 60, least, "polished")

@@ -8,8 +8,7 @@ from torch import Tensor
 
 from sidegan.base.storage import write_json
 from sidegan.design.problem import Problem
-from sidegan.library import draw
-from sidegan.library.draw import Draws
+from sidegan.library.draw import Draws, Expansion, draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
@@ -18,6 +17,7 @@ from sidegan.pipeline.task import LIBRARY, REPORT, Task
 from sidegan.seeds import Gradient, make_long
 
 REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
+_TRIES = 1000  # draws for each random trajectory, most of them
 
 
 def random_set(task: Task) -> Artifact:
@@ -29,7 +29,13 @@ def random_set(task: Task) -> Artifact:
 def random_valid(task: Task, count: int, purpose: str, reach: float = REACH) -> Draws:
     """Random valid trajectories, (count, J, H, 2), of the task's own draws for a purpose."""
     generator = torch.Generator().manual_seed(task.number(purpose))
-    return draw.random_valid(task.problem, count, generator, reach)
+    settings = Expansion(count, batch=count, draws=_TRIES * count, least=count)
+    return draw_valid(
+        lambda n: task.problem.start(n, generator, reach),
+        task.check,
+        settings,
+        "drawn at random in this workspace",
+    )
 
 
 def test_trajectories(task: Task) -> Tensor:

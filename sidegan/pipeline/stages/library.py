@@ -45,9 +45,7 @@ def _make(task: Task, build: Build, name: str, training: int) -> None:
     def sample(count: int) -> Tensor:
         return network.sample(count, noise)
 
-    draws = draw_valid(
-        sample, task.check, settings.count, settings.batch, settings.draws, report=build.report
-    ).require(settings.least, f"drawn from {name}")
+    draws = draw_valid(sample, task.check, settings, f"drawn from {name}", build.report)
     made = measured(task.constraints, task.trajectory, draws.coefficients, name)
     made.save(build.folder / LIBRARY)
     facts = summary(made) if len(made) else {"count": 0}
