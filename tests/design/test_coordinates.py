@@ -1,6 +1,5 @@
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
@@ -8,7 +7,6 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
-from sidegan.seeds import Gradient
 from sidegan.validity import Constraints
 from tests.validity.critical import limited
 
@@ -44,12 +42,6 @@ def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach, nam
     x = torch.randn(4, 2, 6, generator=random, dtype=torch.float64)
     wider = coordinates.points(Coordinates.of(planar_problem).coefficients(x))
     assert not names or (wider**2).sum() > (x**2).sum()
-
-
-def test_a_long_trajectory_of_many_harmonics_becomes_well_conditioned(lwr_problem):
-    problem = Problem(lwr_problem.constraints, Trajectory(7, 60, 160.0), 240)
-    batch = Gradient(60, attempts=5, reserve=0.05).optimise(problem, 1, np.random.SeedSequence(0))
-    assert float(batch.fitness[0]) < 400  # in plain coefficients: 10⁶
 
 
 def test_a_joint_may_go_as_far_as_its_limits_on_either_side_of_home(planar):

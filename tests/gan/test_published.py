@@ -92,9 +92,7 @@ def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
     assert float(c.abs().max()) < 1 / 4.9
 
 
-def test_surrogates_are_needed_and_other_images_are_refused(papers, variants, planar, tmp_path):
-    with pytest.raises(ConfigError, match="needs a success predictor and a converter to spectrum"):
-        trained(papers, variants["eigen"], tmp_path)
+def test_other_images_are_refused(variants, planar, tmp_path):
     family = Trajectory(2, 3, 8.0)
     data = Data(Constraints(planar), family, torch.rand(9, *family.shape))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):

@@ -107,25 +107,6 @@ def test_base_parameters_explain_the_full_regressor(chain, arm):
     torch.testing.assert_close(own, torch.eye(len(own), dtype=torch.float64))
 
 
-@pytest.mark.parametrize("chain", [None, *CHAINS[3:]])
-def test_base_columns_are_the_first_independent_ones(chain, arm):
-    arm = random_chain(*chain)[0] if chain else arm
-    body = RigidBody(arm)
-    full = body.regressor(*random_states(arm, 60, seed=8)).reshape(-1, 10 * arm.joints).numpy()
-    kept, columns = [], []
-    for k, column in enumerate(full.T):  # Gram-Schmidt, twice
-        if np.linalg.norm(column) < 1e-9 * np.linalg.norm(full, axis=0).max():
-            continue
-        rest = column / np.linalg.norm(column)
-        for _ in range(2):
-            for other in kept:
-                rest = rest - other * (other @ rest)
-        if np.linalg.norm(rest) > 1e-9:
-            kept.append(rest / np.linalg.norm(rest))
-            columns.append(k)
-    assert body.base.columns.tolist() == columns
-
-
 def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm):
     one = BaseParameters.of(arm)
     with several_threads():

@@ -58,12 +58,6 @@ def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path
     assert method.calls == 3
 
 
-def test_too_few_seeds_are_refused(planar_problem, tmp_path):
-    scarce = Spied(then=lambda calls, batch: first(batch, 2 if calls == 1 else 0))
-    with pytest.raises(InfeasibleError, match="only 2 of 4 seeds became valid"):
-        made(planar_problem, tmp_path, 1, scarce, 4)
-
-
 @pytest.fixture
 def long_problem(planar_problem):
     return replace(planar_problem, trajectory=Trajectory(2, 6, 32.0), samples=64)
