@@ -15,6 +15,7 @@ from sidegan.library import Library
 
 FOUR = pa.list_(pa.float64(), 4)
 MARGINS = ("position", "velocity", "collision")
+COLUMNS = ("coefficients", "valid", "margin_velocity", "fitness", "spectrum", "diagonal", "source")
 
 
 def library(count=6, joints=2, harmonics=3, parameters=4, seed=0, **changes):
@@ -111,16 +112,8 @@ def rewritten(change=lambda table: table, **stamp):
     return rewrite
 
 
-def dropped(column):
-    return rewritten(lambda table: table.drop_columns([column]))
-
-
 def replaced(column, values):
     return rewritten(lambda table: table.set_column(table.column_names.index(column), column, values))
-
-
-def cut(share):
-    return lambda path: path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
 
 
 def flipped(path):
@@ -130,17 +123,16 @@ def flipped(path):
     path.write_bytes(content)
 
 
-def without_json(path):
-    pq.write_table(pq.read_table(path).replace_schema_metadata({b"sidegan": b"{"}), path)
+def replaced_metadata(metadata):
+    return lambda path: pq.write_table(pq.read_table(path).replace_schema_metadata(metadata), path)
 
 
+LACKING = {name: rewritten(lambda table, name=name: table.drop_columns([name])) for name in COLUMNS}
 BAD_FILES = [
-    *(("not a whole Parquet file", cut(share)) for share in (0.0, 0.5, 0.99)),
-    ("no file", lambda path: path.unlink()),
     ("Parquet", flipped),
-    ("not a library", lambda path: pd.DataFrame({"x": [1, 2]}).to_parquet(path)),
-    ("not a whole library", without_json),
-    *((f"library.*{column}", dropped(column)) for column in (*library(2).columns(), "source")),
+    ("not a library", replaced_metadata(None)),
+    ("not a whole library", replaced_metadata({b"sidegan": b"{"})),
+    *((f"library.*{name}", lack) for name, lack in LACKING.items()),
     *((f"format {version}", rewritten(format=version)) for version in (0, 2, "1", None)),
     ("not a whole library", rewritten(home=3)),
     ("home has 1 of 2", rewritten(home=[0.0])),
@@ -151,7 +143,6 @@ BAD_FILES = [
     ("not a whole library", replaced("spectrum", pa.array([[1.0] * 4] * 5 + [[1.0] * 3]))),
     ("spectrum is not finite", replaced("spectrum", pa.array([[1.0, 1.0, 1.0, None]] * 6, FOUR))),
     ("library.*source", replaced("source", pa.array(["a"] * 5 + [None]))),
-    ("diagonal.*not finite", replaced("diagonal", pa.array([[1.0, 1.0, 1.0, float("nan")]] * 6, FOUR))),
 ]
 
 
@@ -170,19 +161,16 @@ def test_a_library_of_another_robot_is_refused(path):
         Library.load(path, SimpleNamespace(name="kuka", digest="d2"))
 
 
-REFUSED = [
-    ("digest d1 and d2", {"digest": "d2"}),
-    ("robot planar2 and kuka", {"robot": "kuka"}),
-    ("period 16.0 and 8.0", {"period": 8.0}),
-    ("home", {"home": (0.0, 0.0)}),
-    ("harmonics 3 and 2", {"harmonics": 2}),
-    ("joints 2 and 3", {"joints": 3}),
-    ("parameters 4 and 5", {"parameters": 5}),
-    ("margins", {"margins": {}}),
-]
-
-
-@pytest.mark.parametrize(("words", "changes"), REFUSED)
+@pytest.mark.parametrize(
+    ("words", "changes"),
+    [
+        ("digest d1 and d2", {"digest": "d2"}),
+        ("period 16.0 and 8.0", {"period": 8.0}),
+        ("home", {"home": (0.0, 0.0)}),
+        ("harmonics 3 and 2", {"harmonics": 2}),
+        ("margins", {"margins": {}}),
+    ],
+)
 def test_libraries_of_other_families_are_not_merged(words, changes):
     with pytest.raises(ShapeError, match=words):
         library(4).merge(library(4, **changes))
