@@ -48,11 +48,6 @@ class Course:
         curve = scipy.interpolate.BPoly.from_derivatives(self.time.numpy(), states)
         return Course(self.joint_names, times, *(torch.from_numpy(curve(times.numpy(), k)) for k in range(3)))
 
-    def slowed(self, speed: float) -> "Course":
-        """This path at a share of the speed, above 0: velocities × speed, accelerations × speed²."""
-        rates = speed * self.velocity, speed**2 * self.acceleration
-        return Course(self.joint_names, self.time / speed, self.position, *rates)
-
     def then(self, other: "Course", pause: float = 0.0) -> "Course":
         """This course, a pause at rest [s], and another that starts where this one ends.
 

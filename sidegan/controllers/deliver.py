@@ -20,7 +20,7 @@ _ALL = "all"
 def deliver(
     constraints: Constraints, trajectory: Trajectory, c: Tensor, settings: Delivery, folder: Path
 ) -> None:
-    """Write trajectories (n, J, H, 2) for controllers: ``1.csv`` …, ``all.csv``, and so on.
+    """Write trajectories (n, J, H, 2), as they are to be run: ``1.csv`` …, ``all.csv``, and so on.
 
     Goals for ROS 2 are of one trajectory each, programs and tables of each and of all in a row.
     Where it is known where the arm is, ``approach`` is the way to home and ``return`` the way back.
@@ -33,12 +33,12 @@ def deliver(
 
     def courses(times: Tensor) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
-        each = [Course.of(joints, trajectory.roll_out(one[None], times)).slowed(settings.speed) for one in c]
+        each = [Course.of(joints, trajectory.roll_out(one[None], times)) for one in c]
         return {f"{k + 1:0{digits}}": course for k, course in enumerate(each)}
 
     points, ways = courses(knots(trajectory)), _ways(constraints, trajectory, settings)
     if "csv" in settings.formats:
-        fine = courses(trajectory.times(settings.rate / settings.speed))
+        fine = courses(trajectory.times(settings.rate))
         fine |= {_ALL: run_of([*fine.values()], pause)}
         fine |= {name: way.sampled(settings.rate) for name, way in ways.items()}
         for name, course in fine.items():

@@ -88,11 +88,7 @@ class Objective:
             torque_weight=of_torques / self.samples,
             torque_reserve=penalty.torque,
         )
-        return plan._replace(
-            limits=limits,
-            close=penalty.close / self.finer,
-            reach=penalty.reach,
-        )
+        return plan._replace(limits=limits, close=penalty.close / self.finer, reach=penalty.reach)
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
@@ -110,11 +106,7 @@ class Evaluation:
     def __init__(self, problem: Problem, distance: float) -> None:
         self.problem, self._objective = problem, Objective(problem, Goal())
         constraints = problem.constraints
-        self._measure = kernel.Measure(
-            problem.diagonal,
-            problem.weakest,
-            distance,
-        )
+        self._measure = kernel.Measure(problem.diagonal, problem.weakest, distance)
         self._kept = [0, *(1 + NAMES.index(name) for name in constraints.labels)]
 
     def __call__(self, c: Array) -> Array:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from sidegan.design.criteria import criteria_of
+from sidegan.design.criteria import condition_of
 from sidegan.errors import ShapeError
 
 _TIE = 1e-9  # criteria (logarithms) that differ by less are equal
@@ -63,7 +63,7 @@ def _prior(information: Tensor) -> Tensor:
     if information.ndim != 3 or not len(information):
         raise ShapeError(f"information is {tuple(information.shape)}, expected (N, q, q), N ≥ 1")
     mean = information.mean(0)
-    if not math.isfinite(criteria_of(mean).condition):
+    if not math.isfinite(condition_of(mean)):
         raise ShapeError("no trajectory excites some direction of the parameters: nothing tells them apart")
     return _PRIOR * mean
 

@@ -9,7 +9,7 @@ from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
 from sidegan.kernels import HOPELESS
 from sidegan.motion.dynamics import RigidBody, gram
-from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER
 from sidegan.validity import Constraints
 
@@ -84,10 +84,6 @@ class Problem:
         lower, upper = self.constraints.arm.position_lower, self.constraints.arm.position_upper
         home, least = lower.new_tensor(self.trajectory.home), _LEAST_ROOM * (upper - lower)
         return torch.maximum(upper - home, least), torch.maximum(home - lower, least)
-
-    def motion(self, c: Tensor) -> Motion:
-        """Joint motion at the problem's time points, (B, samples, J)."""
-        return self.trajectory.roll_out(c, self.trajectory.grid(self.samples))
 
     @torch.no_grad()
     def gram(self, c: Tensor) -> Tensor:

@@ -14,7 +14,7 @@ from sidegan.design.physics import SetInformation
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 
-from .conftest import assert_slopes, by_autograd
+from .conftest import assert_slopes, by_autograd, states_of
 
 OBJECTIVES = objectives.OBJECTIVES
 
@@ -67,7 +67,7 @@ def test_joints_count_by_their_noise(planar_problem, random):
     c = planar_problem.start(3, random)
     plain, halved = (physics.spectrum(SetInformation(planar_problem, 1, x), c) for x in (None, (2.0, 2.0)))
     torch.testing.assert_close(4 * halved, plain, rtol=1e-8, atol=1e-10)
-    y = planar_problem.body.base_regressor(*planar_problem.motion(c)[1:])[:, :, 1]
+    y = planar_problem.body.base_regressor(*states_of(planar_problem, c))[:, :, 1]
     found = SetInformation(planar_problem, 1, (1e9, 1.0)).grams(c)
     torch.testing.assert_close(found, y.transpose(1, 2) @ y / planar_problem.samples)
 

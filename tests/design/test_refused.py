@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from sidegan.base.typed import build
-from sidegan.design.criteria import criteria_of
+from sidegan.design.criteria import condition_of
 from sidegan.design.excitation import effective_rank, excite, mean_distance, nearest_distance
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
@@ -40,8 +40,8 @@ def each(work, words, *values):
 
 DIVERSITY = (mean_distance, nearest_distance, effective_rank)
 NUMBERS = [
-    *each(criteria_of, r"expected \(q, q\)", torch.ones(3), torch.ones(2, 3), torch.ones(0, 0)),
-    *each(criteria_of, "not finite", torch.full((2, 2), NAN)),
+    *each(condition_of, r"expected \(q, q\)", torch.ones(3), torch.ones(2, 3), torch.ones(0, 0)),
+    *each(condition_of, "not finite", torch.full((2, 2), NAN)),
     *each(partial(d_optimal, SIX), " of 6", 0, -1, 7),
     *each(partial(a_optimal, count=1), r"expected \(N, q, q\)", SIX[:0], SIX[0]),
     *each(partial(d_optimal, count=2), "no trajectory excites some direction", FLAT),

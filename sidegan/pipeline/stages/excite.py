@@ -10,7 +10,7 @@ from torch import Tensor
 
 from sidegan.base.names import counted, plain
 from sidegan.controllers import POINTS, SCRIPTED, approach, deliver, least_rate, slower
-from sidegan.design.criteria import criteria_of
+from sidegan.design.criteria import condition_of
 from sidegan.design.information import information_of
 from sidegan.design.search import Condition, design_set
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError
@@ -49,13 +49,13 @@ def _show(task: Task, tracker: Tracker) -> None:
     chosen = chosen.take(_energy(task, task.trajectory, chosen).argsort())
     family, run = _as_run(task, chosen)
     chosen.save(folder / LIBRARY)
-    deliver(task.constraints, task.trajectory, chosen.coefficients, cfg.controllers, folder / FOLDER)
-    criteria = criteria_of(information_of(task.body, family, run.coefficients).sum(0))
-    tracker.log_metrics({"excite/condition": criteria.condition, "excite/log_det": criteria.log_det})
+    deliver(task.constraints, family, run.coefficients, cfg.controllers, folder / FOLDER)
+    condition = condition_of(information_of(task.body, family, run.coefficients).sum(0))
+    tracker.log_metrics({"excite/condition": condition})
     table = _table(task, family, run)
     caption = [
         f"{counted(len(run), *_TRAJECTORY)} of {family.period:g} s, condition of the set "
-        f"{plain(criteria.condition)}, for controllers ({', '.join(cfg.controllers.formats)}"
+        f"{plain(condition)}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(task)}) in {folder / FOLDER}",
         _goal(task, aim, tracker),
         f"checked: {task.constraints.described()}",
@@ -65,7 +65,7 @@ def _show(task: Task, tracker: Tracker) -> None:
     publish(table, folder / "set", "; ".join(filter(None, caption)), tracker)
     if cfg.controllers.rehearse:
         said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(task)}"
-        publish(rehearsed(task, chosen.coefficients), folder / "rehearsal", said, tracker)
+        publish(rehearsed(task, family, run.coefficients), folder / "rehearsal", said, tracker)
 
 
 def _aim(task: Task) -> Uncertain | Condition:

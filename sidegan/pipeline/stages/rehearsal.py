@@ -5,21 +5,19 @@ import math
 import pandas as pd
 from torch import Tensor
 
-from sidegan.controllers import slower
-from sidegan.motion.trajectory import Motion
+from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.pipeline.task import Task
 from sidegan.plant import Executed, Plant
 
 _EVERY = 0.02  # [s] between the configurations whose distances are looked at
 
 
-def rehearsed(task: Task, coefficients: Tensor) -> pd.DataFrame:
-    """Tracking error, largest torque, closest approach of trajectories (n, J, H, 2) at the chosen speed."""
-    family, slow = slower(task.trajectory, coefficients, task.cfg.controllers.speed)
+def rehearsed(task: Task, family: Trajectory, coefficients: Tensor) -> pd.DataFrame:
+    """Tracking error, largest torque and closest approach of trajectories (n, J, H, 2), as they are run."""
     plant = Plant(task.whole_arm, task.cfg.plant)
     times = family.times(plant.settings.rate)
     rows = []
-    for c in slow.split(1):
+    for c in coefficients.split(1):
         planned = family.roll_out(c, times)
         rows.append(_facts(task, planned, plant.follow(planned)))
     return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))
