@@ -62,28 +62,18 @@ class Problem:
         Limits are those of position, from home, of velocity and, where there are any, of acceleration and
         jerk: what is linear in the coefficients.
         """
-        motion = self.trajectory.roll_out(c, self.finer_grid)
-        away = motion.position - c.new_tensor(self.trajectory.home)
-        above, below = self.rooms
+        arm, times = self.constraints.arm, self.trajectory.grid(4 * self.samples)
+        lower, upper, home = arm.position_lower, arm.position_upper, c.new_tensor(self.trajectory.home)
+        least = _LEAST_ROOM * (upper - lower)
+        above, below = torch.maximum(upper - home, least), torch.maximum(home - lower, least)
+        motion = self.trajectory.roll_out(c, times)
+        away = motion.position - home
         position = torch.maximum(away.amax(1) / above, -away.amin(1) / below)
-        velocity = motion.velocity.abs().amax(1) / self.constraints.arm.velocity_limit
-        use = torch.maximum(position, velocity)
+        use = torch.maximum(position, motion.velocity.abs().amax(1) / arm.velocity_limit)
         for name, limit in self.constraints.higher.items():
-            x = self.trajectory.derivative(c, self.finer_grid, HIGHER[name])
+            x = self.trajectory.derivative(c, times, HIGHER[name])
             use = torch.maximum(use, x.abs().amax(1) / limit)
         return use.clamp_min(1e-9)
-
-    @property
-    def finer_grid(self) -> Tensor:
-        """Times [s] at which the use of limits is taken, (4 · samples,)."""
-        return self.trajectory.grid(4 * self.samples)
-
-    @property
-    def rooms(self) -> tuple[Tensor, Tensor]:
-        """How far each joint may go up from home, and how far down [rad or m], (J,) each."""
-        lower, upper = self.constraints.arm.position_lower, self.constraints.arm.position_upper
-        home, least = lower.new_tensor(self.trajectory.home), _LEAST_ROOM * (upper - lower)
-        return torch.maximum(upper - home, least), torch.maximum(home - lower, least)
 
     @torch.no_grad()
     def gram(self, c: Tensor) -> Tensor:

@@ -85,7 +85,7 @@ class PublishedPretraining:
         """Held-out accuracies of the success predictor in ``folder``, trained or of given weights.
 
         ``accuracy_broad`` is over samples that it has not seen, ``accuracy_paper`` over the seeds and the
-        faulty ones among these; ``valid_samples`` is the share of valid ones in all.
+        faulty ones among these.
         """
         torch.manual_seed(seed)
         valid = self.valid
@@ -103,7 +103,6 @@ class PublishedPretraining:
         return {
             "accuracy_broad": float(right.double().mean()),
             "accuracy_paper": float(on_paper),
-            "valid_samples": float(valid.double().mean()),
         }
 
     def train_features(

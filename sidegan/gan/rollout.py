@@ -51,10 +51,7 @@ class RollOut(nn.Module):
         used = (q - self.middle[:, None]) / self.room[:, None]
         rate = motion[1] / self.speed[:, None]
         shares = [motion[HIGHER[name]] / getattr(self, name)[:, None] for name in self.higher]
-        peaks = [_pooled(x.abs().amax(1, keepdim=True)) for x in (used, rate, *shares)]
+        tightest = [x.abs().amax(1, keepdim=True) for x in (used, rate, *shares)]
+        peaks = [nn.functional.max_pool1d(x, _PEAKS) for x in tightest]
         q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rate, motion[2]))
         return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
-
-
-def _pooled(x: Tensor) -> Tensor:
-    return nn.functional.max_pool1d(x, _PEAKS)

@@ -67,16 +67,13 @@ class Trajectory:
 
     def check(self, c: Tensor) -> None:
         """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers."""
-        self._check_shape(c)
-        finite = torch.isfinite(c).flatten(1).all(1)
-        if not finite.all():
-            raise ShapeError(f"coefficients of trajectory {int((~finite).nonzero()[0])} are not finite")
-
-    def _check_shape(self, c: Tensor) -> None:
         if c.ndim != 4 or c.shape[1:] != self.shape:
             raise ShapeError(
                 f"coefficients are {tuple(c.shape)}, expected (B, {', '.join(map(str, self.shape))})"
             )
+        finite = torch.isfinite(c).flatten(1).all(1)
+        if not finite.all():
+            raise ShapeError(f"coefficients of trajectory {int((~finite).nonzero()[0])} are not finite")
 
     def times(self, rate: float) -> Tensor:
         """Uniform time grid [s] over one period with both ends, (T,), at ``rate`` [Hz].
@@ -126,7 +123,6 @@ class Trajectory:
 
         Source: Park 2006, eq. 6, with velocity coefficients.
         """
-        self.check(c)
         return Motion(times.to(c.device, c.dtype), *self._derivatives(c, times, range(3)))
 
     def derivative(self, c: Tensor, times: Tensor, order: int) -> Tensor:
@@ -134,7 +130,7 @@ class Trajectory:
         return self._derivatives(c, times, [order])[0]
 
     def _derivatives(self, c: Tensor, times: Tensor, orders: Sequence[int]) -> list[Tensor]:
-        self._check_shape(c)
+        self.check(c)
         # A basis that is too large to be kept is not held whole either: gigabytes for a long trajectory.
         parts: list[list[Tensor]] = [[] for _ in orders]
         for block in times.split(max(1, _CACHED // self.harmonics)):

@@ -48,7 +48,7 @@ def test_a_joint_may_go_as_far_as_its_limits_on_either_side_of_home(planar):
     high = planar.position_upper
     problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0, (0.7 * high).tolist()), 24)
     c = torch.randn(20, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * 1e-3
-    away = problem.trajectory.derivative(c, problem.finer_grid, 0) - 0.7 * high
+    away = problem.trajectory.derivative(c, problem.trajectory.grid(4 * 24), 0) - 0.7 * high
     expected = torch.maximum(away.amax(1) / (0.3 * high), -away.amin(1) / (1.7 * high))
     slow = replace(planar, velocity_limit=torch.full_like(high, 1e9))
     torch.testing.assert_close(replace(problem, constraints=Constraints(slow)).limit_use(c), expected)

@@ -14,7 +14,7 @@ from sidegan.design.physics import SetInformation
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 
-from .conftest import assert_slopes, by_autograd, states_of
+from .conftest import assert_slopes, by_autograd
 
 OBJECTIVES = objectives.OBJECTIVES
 
@@ -60,16 +60,6 @@ def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_proble
 
     c = arm_problem.start(4, random, 1.6)
     assert assert_slopes(by_autograd(squares), c, random, rtol=1e-4, atol=1e-6) > 1e-3
-
-
-def test_joints_count_by_their_noise(planar_problem, random):
-    """Equally where it is equal; with the first joint's torque useless, the second joint's remains."""
-    c = planar_problem.start(3, random)
-    plain, halved = (physics.spectrum(SetInformation(planar_problem, 1, x), c) for x in (None, (2.0, 2.0)))
-    torch.testing.assert_close(4 * halved, plain, rtol=1e-8, atol=1e-10)
-    y = planar_problem.body.base_regressor(*states_of(planar_problem, c))[:, :, 1]
-    found = SetInformation(planar_problem, 1, (1e9, 1.0)).grams(c)
-    torch.testing.assert_close(found, y.transpose(1, 2) @ y / planar_problem.samples)
 
 
 def test_objectives_are_what_their_names_say(planar_problem, random):
