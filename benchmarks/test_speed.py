@@ -94,7 +94,7 @@ def test_generation(rate: Rate) -> None:
     seeds, arm = start(200), CONSTRAINTS.arm
     scaling, network = Scaling.fit(seeds), Generator(*FAMILY.shape[:2], shortcut=True)
     network.start_from(scaling.image(seeds))
-    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm, "untrained")
+    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
 
 

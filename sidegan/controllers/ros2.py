@@ -19,13 +19,8 @@ def goal_text(course: Course) -> str:
     lines = ["trajectory:", f"  joint_names: {names.strip()}", "  points:"]
     states = (getattr(course, name).tolist() for name in STATES)
     for time, *values in zip(course.time.tolist(), *states):  # twenty times as fast as PyYAML
-        duration = ", ".join(f"{unit}: {amount}" for unit, amount in _duration(time).items())
+        seconds, nanoseconds = divmod(round(time * _SECOND), _SECOND)
         rows = [f"{key}: [{', '.join(f'{x:.9f}' for x in row)}]" for key, row in zip(_KEYS, values)]
-        lines.append("  - " + "\n    ".join([*rows, f"time_from_start: {{{duration}}}"]))
+        since = f"time_from_start: {{sec: {seconds}, nanosec: {nanoseconds}}}"
+        lines.append("  - " + "\n    ".join([*rows, since]))
     return "\n".join([*lines, ""])
-
-
-def _duration(time: float) -> dict[str, int]:
-    """Time [s] as a duration's whole seconds and nanoseconds."""
-    seconds, nanoseconds = divmod(round(time * _SECOND), _SECOND)
-    return {"sec": seconds, "nanosec": nanoseconds}

@@ -47,7 +47,6 @@ class Found:
 
     coefficients: Tensor  # (J, H, 2) [rad/s]
     value: float  # of the goal
-    evaluations: int  # that were spent
 
 
 class Descent:
@@ -152,15 +151,15 @@ def search(
             if not valid:
                 failed = c
             elif (value := searching.value(shrunk[0])) < least:
-                best = Found(shrunk[0], value, done)
+                best = Found(shrunk[0], value)
     if best is None and failed is not None:
         shrunk, valid, verdict = proven(problem, failed, _SHARES[-1])
         if valid:
-            best = Found(shrunk[0], searching.value(shrunk[0]), done)
+            best = Found(shrunk[0], searching.value(shrunk[0]))
     if best is None:
         faults = "; ".join(map(str, verdict.failures(0))) if verdict else "there was no time"
         raise InfeasibleError(f"no trajectory was proven in {done} evaluations: {faults}")
-    return replace(best, evaluations=done)
+    return best
 
 
 class SetGoal(Protocol):

@@ -26,7 +26,6 @@ class TrajectoryGenerator(nn.Module):
         scaling: images → coefficients.
         trajectory: the family of trajectories.
         arm: whose trajectories they are.
-        variant: name of the variant.
         limited: whether a last layer keeps the limits on motion.
     """
 
@@ -36,13 +35,12 @@ class TrajectoryGenerator(nn.Module):
         scaling: Scaling | Layout,
         trajectory: Trajectory,
         arm: Arm,
-        variant: str,
         limited: bool = False,
     ) -> None:
         super().__init__()
         self.network, self.scaling = network, scaling
         self.limits = LimitLayer(arm, trajectory) if limited else None
-        self.trajectory, self.robot, self.digest, self.variant = trajectory, arm.name, arm.digest, variant
+        self.trajectory, self.robot, self.digest = trajectory, arm.name, arm.digest
         self.float()
 
     def coefficients(self, images: Tensor) -> Tensor:
@@ -67,7 +65,6 @@ class TrajectoryGenerator(nn.Module):
             "format": _FORMAT,
             "robot": self.robot,
             "digest": self.digest,
-            "variant": self.variant,
             "trajectory": self.trajectory.describe(),
             "network": self.network.settings,
             "limited": self.limits is not None,
@@ -100,6 +97,6 @@ class TrajectoryGenerator(nn.Module):
         else:
             network = Generator(**content["network"])
             scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-        generator = cls(network, scaling, family, arm, content["variant"], content["limited"])
+        generator = cls(network, scaling, family, arm, content["limited"])
         generator.load_state_dict(content["weights"])
         return generator.eval()

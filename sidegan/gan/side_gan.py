@@ -67,7 +67,7 @@ class SideGAN(pl.LightningModule):
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
         arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, self.name, settings.limited)
+        return TrajectoryGenerator(network, scaling, family, arm, settings.limited)
 
     @abstractmethod
     def losses(self) -> list[Loss]:

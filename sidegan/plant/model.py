@@ -38,16 +38,6 @@ def mujoco_model(
     import mujoco
 
     require_consistent(arm)
-    text = _mjcf(arm, settings, stiffness, damping)
-    try:
-        with mujoco_logged(arm.name):
-            return mujoco.MjModel.from_xml_string(text)
-    except ValueError as error:
-        raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
-
-
-def _mjcf(arm: Arm, settings: PlantSettings, stiffness: Tensor | None, damping: Tensor | None) -> str:
-    """The model as MJCF; arguments as of ``mujoco_model``."""
     drives = Drives(*(settings.of(x, arm.joints) for x in ("viscous", "coulomb", "rotor_inertia")))
     names = [f"link {i + 1}" for i in range(arm.joints)], [f"{i + 1}" for i in range(arm.joints)]
     root = chain(arm, arm.inertial_parameters, drives, 1 / settings.rate, names)
@@ -58,4 +48,8 @@ def _mjcf(arm: Arm, settings: PlantSettings, stiffness: Tensor | None, damping: 
             if limit.isfinite():
                 servo["forcerange"] = words([-limit, limit])
             ET.SubElement(actuators, "position", servo)
-    return ET.tostring(root, encoding="unicode")
+    try:
+        with mujoco_logged(arm.name):
+            return mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    except ValueError as error:
+        raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error

@@ -107,7 +107,7 @@ def test_an_arm_of_two_joints_keeps_everything(planar):
 def test_more_starts_are_never_worse_and_an_answer_is_the_same_again(problem_of):
     problem = problem_of("desk")
     one, other, again = (searched(problem, evaluations=n) for n in (60, 180, 180))
-    assert other.value <= one.value and other.evaluations == 180
+    assert other.value <= one.value
     assert torch.equal(other.coefficients, again.coefficients)
     assert float(problem.fitness(other.coefficients[None])) < 400
 

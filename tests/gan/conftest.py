@@ -40,7 +40,7 @@ def untrained(arm, family, start, limited=False):
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm, "eigen", limited).eval()
+    return TrajectoryGenerator(network, scaling, family, arm, limited).eval()
 
 
 @pytest.fixture(scope="session")
