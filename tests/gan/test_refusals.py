@@ -59,12 +59,7 @@ def test_files_of_another_arm(arm, planar, family, seeds, tmp_path):
         (ShapeError, "not finite", {}, lambda seeds: seeds * torch.nan),
         (ShapeError, "scaling needs at least two seeds", {}, lambda seeds: seeds[:1]),
         (SideganError, "small diverged in epoch 0", {"learning_rate": 1e38}, lambda seeds: seeds),
-        (
-            ConfigError,
-            "small needs a success predictor and a conv",
-            {"variant": "Eigen"},
-            lambda seeds: seeds,
-        ),
+        (ConfigError, "small needs a success predictor", {"variant": "Eigen"}, lambda seeds: seeds),
     ],
 )
 def test_trainings(vanilla, data, error, words, change, spoil, tmp_path):
