@@ -7,13 +7,12 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.gan import TrajectoryGenerator
-from sidegan.gan.labels import blend, label
+from sidegan.gan.labels import Labelled
 from sidegan.gan.networks import Generator
+from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Weights
 from sidegan.gan.side_gan import Data
-from sidegan.gan.surrogates import Converter, SuccessPredictor
-from sidegan.gan.trainer import Shuffled, fit
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
@@ -63,36 +62,20 @@ def seeds(constraints, family):
 @pytest.fixture(scope="session")
 def wild(constraints, family):
     """Random trajectories of which most violate something."""
-    return Problem(constraints, family).start(240, random(1), 1.3)
+    return Problem(constraints, family).start(740, random(1), 1.3)
 
 
 @pytest.fixture(scope="session")
-def labelled(constraints, family, seeds, wild):
-    """Training and held-out samples."""
-    c = blend(1.15 * seeds, wild, 1200, random(2))
-    made = label(constraints, family, c, STEPS, lambda *_: None)
-    order = torch.randperm(1200, generator=random(3))
-    return made.take(order[:1020]), made.take(order[1020:])
-
-
-@pytest.fixture(scope="session")
-def predictor(planar, family, constraints, labelled):
-    torch.manual_seed(0)
-    made, data = SuccessPredictor(planar, family, len(constraints.labels), 32, STEPS), labelled[0]
-    fit(made, Shuffled((data.c, data.margins, data.valid), 100, random(4)), 12)
-    made.freeze()
-    return made
-
-
-@pytest.fixture(scope="session")
-def converter(planar, family, labelled):
-    torch.manual_seed(0)
-    c, diagonal = labelled[0].c, labelled[0].diagonal
-    made = Converter(planar, family, diagonal.shape[1], 64, STEPS)
-    made.fit_standard(diagonal)
-    fit(made, Shuffled((c, made.standardise(diagonal)), 100, random(5)), 40)
-    made.freeze()
-    return made
+def pretrained(constraints, family, seeds, wild, tmp_path_factory):
+    """Folder of small surrogates, the report of their trainings, and the last of what was told meanwhile."""
+    sizes = {"samples": 1200, "epochs": 40, "width": 64, "margin_steps": STEPS, "feature_steps": STEPS}
+    settings, folder, told = replace(tiny().surrogates, **sizes), tmp_path_factory.mktemp("surrogates"), []
+    made = Pretraining(constraints, family, settings, seeds, wild)
+    labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
+    report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))
+    for name in ("spectrum", "diagonal"):
+        report |= made.train_features(name, labelled, folder, 0, lambda *_: None)
+    return folder, report, told[-1]
 
 
 @pytest.fixture(scope="session")
@@ -124,6 +107,13 @@ def data(constraints, family, seeds):
 
 
 @pytest.fixture(scope="session")
+def taught(data, pretrained, full):
+    """The same data with surrogates."""
+    predictor, converter = load_surrogates(pretrained[0], full, data.constraints.arm, data.trajectory)
+    return replace(data, success_predictor=predictor, converter=converter)
+
+
+@pytest.fixture(scope="session")
 def trained(data):
     """Training of a variant in a folder."""
 
@@ -136,12 +126,11 @@ def trained(data):
 
 
 @pytest.fixture(scope="session")
-def made(data, seeds, predictor, converter):
+def made(taught, seeds):
     """An untrained variant, the same at every call."""
 
     def make(variant):
         torch.manual_seed(0)
-        given = replace(data, seeds=seeds, success_predictor=predictor, converter=converter)
-        return VARIANTS[variant.variant](variant, given, "small")
+        return VARIANTS[variant.variant](variant, replace(taught, seeds=seeds), "small")
 
     return make

@@ -17,9 +17,9 @@ def same_weights(one, other):
     return all(torch.equal(x, other.state_dict()[name]) for name, x in one.state_dict().items())
 
 
-def test_every_loss_together_trains(trained, full, data, predictor, converter, constraints, family, tmp_path):
-    ends, given = [], replace(data, success_predictor=predictor, converter=converter)
-    made = trained(full, tmp_path, data=given, progress=lambda *end: ends.append(end))
+def test_every_loss_together_trains(trained, full, taught, constraints, family, tmp_path):
+    ends = []
+    made = trained(full, tmp_path, data=taught, progress=lambda *end: ends.append(end))
     assert ends == [(1, 3), (2, 3), (3, 3)] and len(made.history) == 3
     assert all(math.isfinite(row["distance"]) and 0 <= row["success"] <= 1 for row in made.history)
     c = made.generator.sample(100, 3)
