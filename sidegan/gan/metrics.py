@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from torch import Tensor
 
-from sidegan.design.excitation import diversity, excite, mean_distance
+from sidegan.design.excitation import diversity, excite
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
@@ -23,10 +23,9 @@ def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict
     condition = excitation.eigenvalue_fitness
     return {
         "success": float(valid.double().mean()),
-        "condition": _median(condition),
-        "condition_valid": _median(condition[valid]),
-        "diagonal_ratio": _median(excitation.diagonal_fitness),
-        "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
+        "condition": float(condition.median()),
+        "condition_valid": float(condition[valid].median()),
+        "diagonal_ratio": float(excitation.diagonal_fitness.median()),
         **diversity(c, excitation),
     }
 
@@ -44,7 +43,3 @@ def kept_epoch(history: Sequence[Mapping[str, float]], least_valid: float | None
         return len(history) - 1
     reliable = [i for i, row in enumerate(history) if row["success"] >= max(least_valid * best, _TINY)]
     return min(reliable, key=lambda i: history[i]["condition_valid"])
-
-
-def _median(x: Tensor) -> float:
-    return float(x.median()) if len(x) else float("nan")

@@ -34,7 +34,7 @@ class ConvolutionalGenerator(FromNoise):
         for (inputs, outputs), padding in zip(pairwise(channels), _PADDINGS, strict=True):
             layers += [
                 nn.ConvTranspose2d(inputs, outputs, 3, 1, padding, bias=False),
-                *_normalised(outputs),
+                nn.BatchNorm2d(outputs, track_running_stats=False),
                 nn.ReLU(),
             ]
         self.layers = _initialised(nn.Sequential(*layers[:-2], nn.Tanh()))
@@ -65,7 +65,9 @@ class ConvolutionalDiscriminator(nn.Module):
         channels, strides = [first, width, 2 * width, 4 * width, 8 * width], _STRIDES[image]
         for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
             layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
-            layers += [*(_normalised(outputs) if index else []), nn.LeakyReLU(_SLOPE)]
+            if index:
+                layers.append(nn.BatchNorm2d(outputs, track_running_stats=False))
+            layers.append(nn.LeakyReLU(_SLOPE))
             sides = [-(-side // stride) for side in sides]
         layers += [nn.Flatten(), nn.Linear(channels[-1] * math.prod(sides), 1), nn.Flatten(0)]
         self.layers = _initialised(nn.Sequential(*layers))
@@ -73,11 +75,6 @@ class ConvolutionalDiscriminator(nn.Module):
     def forward(self, x: Tensor) -> Tensor:
         """Logits (B,)."""
         return self.layers(x)
-
-
-def _normalised(channels: int) -> list[nn.Module]:
-    """Normalisation by the statistics of the batch at hand, never by those of a training."""
-    return [nn.BatchNorm2d(channels, track_running_stats=False)]
 
 
 def _initialised(network: nn.Sequential) -> nn.Sequential:
