@@ -6,6 +6,7 @@ dynamics, never a differentiated regressor.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -95,29 +96,22 @@ class Objective:
         return kernel.objective(self.plan, x, gradient, self.room)
 
 
-class Evaluation:
+def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
     """Fitness and margins for an optimiser without gradients; not for several threads at once.
 
-    Args:
-        problem: of whose trajectories.
-        distance: clearance that counts like a whole limit [m].
+    The function answers coefficients [rad/s], (B, J, H, 2), contiguous, with log fitness, and the worst
+    relative margin of each constraint with its sign turned, (B, 1 + G), in the order of their labels. The
+    distance is the clearance that counts like a whole limit [m].
     """
+    one, measure = Objective(problem, Goal()), kernel.Measure(problem.diagonal, problem.weakest, distance)
+    kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
-    def __init__(self, problem: Problem, distance: float) -> None:
-        self.problem, self._objective = problem, Objective(problem, Goal())
-        constraints = problem.constraints
-        self._measure = kernel.Measure(problem.diagonal, problem.weakest, distance)
-        self._kept = [0, *(1 + NAMES.index(name) for name in constraints.labels)]
-
-    def __call__(self, c: Array) -> Array:
-        """Log fitness, and the worst relative margin of each constraint with its sign turned, (B, 1 + G).
-
-        Coefficients [rad/s] are (B, J, H, 2), contiguous; constraints are in the order of their labels.
-        """
+    def evaluate(c: Array) -> Array:
         numbers = np.empty((len(c), kernel.NUMBERS))
-        one, x = self._objective, c.reshape(*c.shape[:2], -1)
-        kernel.evaluate(one.plan, self._measure, x, numbers, one.room)
-        return numbers[:, self._kept]
+        kernel.evaluate(one.plan, measure, c.reshape(*c.shape[:2], -1), numbers, one.room)
+        return numbers[:, kept]
+
+    return evaluate
 
 
 def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> tuple[Tensor, Tensor]:

@@ -32,9 +32,9 @@ class ConditionProblem:
     """
 
     def __init__(self, problem: Problem, box: float) -> None:
-        from sidegan.design.objective import Evaluation  # compiled: imported when it is used
+        from sidegan.design.objective import evaluator  # compiled: imported when it is used
 
-        self.evaluation = Evaluation(problem, _DISTANCE)
+        self.evaluate, self.constraints = evaluator(problem, _DISTANCE), len(problem.constraints.labels)
         self.box, self.shape = box, problem.trajectory.shape
 
     def __deepcopy__(self, memory: dict[int, Any]) -> "ConditionProblem":
@@ -46,7 +46,7 @@ class ConditionProblem:
 
     def batch_fitness(self, x: np.ndarray) -> np.ndarray:
         """Fitness and constraints of B decision vectors laid end to end, (B · (1 + G),)."""
-        return self.evaluation(self.coefficients(x).numpy()).ravel()
+        return self.evaluate(self.coefficients(x).numpy()).ravel()
 
     def coefficients(self, x: np.ndarray) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end."""
@@ -60,7 +60,7 @@ class ConditionProblem:
 
     def get_nic(self) -> int:
         """Number of inequality constraints."""
-        return len(self.evaluation.problem.constraints.labels)
+        return self.constraints
 
 
 @dataclass(frozen=True)

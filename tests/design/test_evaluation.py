@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.design.objective import Evaluation
+from sidegan.design.objective import evaluator
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
@@ -42,7 +42,7 @@ def by_definition(problem, coefficients):
 
 def assert_same(problem, c):
     """Both give the same numbers; violations are positive for the same trajectories."""
-    numbers, expected = Evaluation(problem, DISTANCE)(c), by_definition(problem, c)
+    numbers, expected = evaluator(problem, DISTANCE)(c), by_definition(problem, c)
     assert numbers.shape == expected.shape == (len(c), 1 + len(problem.constraints.labels))
     # The smallest eigenvalue is known to so many rounding errors of the largest.
     known = np.exp(expected[:, 0]) * 1e-13
@@ -84,6 +84,6 @@ def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, lim
 
 def test_an_arm_that_does_not_move_has_a_hopeless_fitness(lwr_problem):
     for problem in (lwr_problem, replace(lwr_problem, diagonal=True)):
-        evaluation, still = Evaluation(problem, DISTANCE), np.zeros((1, *problem.trajectory.shape))
+        evaluation, still = evaluator(problem, DISTANCE), np.zeros((1, *problem.trajectory.shape))
         np.testing.assert_allclose(evaluation(still), by_definition(problem, still), atol=1e-9)
         assert evaluation(still)[0, 0] == pytest.approx(np.log(HOPELESS))
