@@ -83,14 +83,8 @@ class Library:
         if arm is not None and arm.digest != family.digest:
             made_for = f"{family.robot} (digest {family.digest})"
             raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
-        return cls(
-            **_fields(columns),
-            source=source,
-            robot=family.robot,
-            digest=family.digest,
-            period=family.period,
-            home=tuple(family.home),
-        )
+        facts = {name: getattr(family, name) for name in ("robot", "digest", "period")}
+        return cls(**_fields(columns), **facts, source=source, home=tuple(family.home))
 
 
 def _fields(columns: dict[str, Tensor]) -> dict[str, Any]:
