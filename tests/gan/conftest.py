@@ -72,6 +72,7 @@ def pretrained(constraints, family, seeds, wild, tmp_path_factory):
     settings, folder, told = replace(tiny().surrogates, **sizes), tmp_path_factory.mktemp("surrogates"), []
     made = Pretraining(constraints, family, settings, seeds, wild)
     labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
+    assert 0.15 < float(labelled.valid.double().mean()) < 0.85  # or there would be nothing to learn
     report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))
     for name in ("spectrum", "diagonal"):
         report |= made.train_features(name, labelled, folder, 0, lambda *_: None)
