@@ -8,16 +8,7 @@ import pandas as pd
 from scipy.special import logit
 
 from experiments.artifacts import Artifacts
-from experiments.finding import (
-    SIDE_GANS,
-    Judgement,
-    at,
-    by_epoch,
-    ratios,
-    shares,
-    unless_same,
-    words,
-)
+from experiments.finding import SIDE_GANS, Judgement, at, by_epoch, ratios, shares, unless_same, words
 from experiments.training import EARLY, RELIABLE
 from experiments.verdicts import (
     HOLDS,

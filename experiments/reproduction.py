@@ -188,10 +188,7 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
         Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, colour(name))
         for name, bundle in sets.items()
     ]
-    return {
-        "traces": motion.paths(task.arm, traces),
-        "stacked": motion.paths(task.arm, stacked),
-    }
+    return {"traces": motion.paths(task.arm, traces), "stacked": motion.paths(task.arm, stacked)}
 
 
 def _described(family: Trajectory, coefficients: Tensor) -> str:

@@ -6,15 +6,12 @@ import pandas as pd
 import pytest
 
 from experiments.artifacts import comparison
-from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
-from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import excitation_sets, pools, selection
-from sidegan.pipeline.stages.training import generator
+from sidegan.pipeline.stages.selection import pools, selection
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.validity import check
@@ -84,21 +81,6 @@ def test_the_selections_are_of_seeds_and_libraries(made):
         assert len(chosen) == made.cfg.selection.count
         for source, row in zip(chosen.source, chosen.coefficients.flatten(1).tolist()):
             assert (tuple(row) in rows) == (source != pool.name or pool.name == "seeds")
-
-
-def test_the_generators_are_those_of_their_task(made):
-    path = made.store.require(generator(made, "eigen", 0))
-    loaded = TrajectoryGenerator.load(path / "generator.pt", made.arm)
-    assert loaded.trajectory == made.trajectory and loaded.variant == "eigen"
-    assert len(json.loads((path / "history.json").read_text())) == made.cfg.scale["gan_epochs"]
-
-
-def test_the_sets_last_equally_long_in_the_facts(made):
-    sets = excitation_sets(made)
-    facts = pd.concat([made.frame(identification(made, one), "facts.parquet") for one in sets])
-    long = facts["set"].str.startswith("long")
-    assert (facts.duration[long] == made.cfg.long.period).all()
-    assert (facts.duration[~long] == made.cfg.selection.count * made.cfg.trajectory.period).all()
 
 
 def test_an_exact_variant_learns_from_no_seeds(made):
