@@ -94,6 +94,8 @@ def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
     words = "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
     for name in ("ours", "gradient"):
         run_stages(composed(*words, f"condition={name}"), tmp_path / name, name)
+    words = *words, "condition=ours"  # of the command: another one takes its place
     both = comparison(Task(composed(*words, "conditions=[ours,gradient]"), Store(outputs), words))
+    assert both["gradient"].cfg.seeds.method == "gradient"
     assert [made.cfg.condition.name for made in both.values()] == list(both) == ["ours", "gradient"]
     assert all(made.seeds["condition"] > 1 for made in both.values())

@@ -92,17 +92,6 @@ def test_readings_share_what_they_measure_alike(task):
     assert not {*torques} & {*both} and len({replication(one).digest for one in readings}) == 3
 
 
-def test_the_same_under_another_condition(task):
-    """What is made under a condition is what a command of that condition makes."""
-    words = ("+experiment=exp1", "robot=planar2", "workspace=free", "scale=tiny")
-    made = Task(task("workspace=free").cfg, task().store, words)
-    second = made.under("gradient")
-    assert second.cfg.condition.name == second.cfg.seeds.method == "gradient"
-    assert second.cfg.robot.name == "planar2" and second.cfg.workspace.desk is None
-    back = Task(second.cfg, second.store, (*words, "condition=gradient")).under("ours")
-    assert back.cfg == made.under("ours").cfg and back.cfg.condition.name == "ours"
-
-
 def test_random_numbers_differ_by_purpose_and_seed(task):
     one, same, other = (task(f"seed={seed}") for seed in (0, 0, 1))
     assert one.number("gan eigen") == same.number("gan eigen") != other.number("gan eigen")
