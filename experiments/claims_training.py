@@ -8,18 +8,7 @@ import pandas as pd
 from scipy.special import logit
 
 from experiments.artifacts import Artifacts
-from experiments.finding import (
-    SIDE_GANS,
-    Judgement,
-    against,
-    at,
-    by_epoch,
-    ratios,
-    shares,
-    unknown,
-    unless_same,
-    words,
-)
+from experiments.finding import SIDE_GANS, Judgement, at, by_epoch, ratios, shares, unless_same, words
 from experiments.training import EARLY, RELIABLE
 from experiments.verdicts import (
     HOLDS,
@@ -115,12 +104,12 @@ def _traded(made: Artifacts) -> Judgement:
 
 def _comparable(made: Artifacts) -> Judgement:
     effects = {
-        f"{name}, {key}": against(at(made, name, key, _LATE), made.seeds[key])
+        f"{name}, {key}": np.log(at(made, name, key, _LATE) / made.seeds[key])
         for name in SIDE_GANS
         for key in ("nearest", "rank")
     }
     verdict = together(above(x, np.log(_COMPARABLE)) for x in effects.values())
-    distance = {n: against(at(made, n, "distance", _LATE), made.seeds["distance"]) for n in SIDE_GANS}
+    distance = {n: np.log(at(made, n, "distance", _LATE) / made.seeds["distance"]) for n in SIDE_GANS}
     ours = f"shares of the seeds': {ratios(effects)}; mean distance: {ratios(distance)}"
     return Judgement(verdict, ours, {"comparable": _COMPARABLE, "late": _LATE})
 
@@ -133,7 +122,7 @@ def _inertial(made: Artifacts) -> Judgement:
 
 def _diverse_diagonals(made: Artifacts) -> Judgement:
     seeds = made.seeds["distance_diagonal"]
-    effects = {n: against(at(made, n, "distance_diagonal", _LATE), seeds) for n in SIDE_GANS}
+    effects = {n: np.log(at(made, n, "distance_diagonal", _LATE) / seeds) for n in SIDE_GANS}
     verdict = together(above(x, np.log(_MORE)) for x in effects.values())
     return Judgement(verdict, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
 
@@ -142,7 +131,7 @@ def _diverse_union(made: Artifacts) -> Judgement:
     frame, effects = made.generators, {}
     for name in SIDE_GANS:
         part = frame[frame.name == name].set_index(TRAINING).union_distance_diagonal
-        effects[name] = against(part.astype(float), made.seeds["distance_diagonal"])
+        effects[name] = np.log(part.astype(float) / made.seeds["distance_diagonal"])
     return Judgement(together(above(x) for x in effects.values()), f"of the seeds': {ratios(effects)}")
 
 
@@ -161,8 +150,8 @@ def _few_seeds_fail(made: Artifacts) -> Judgement:
 
 def _few_seeds_excite(made: Artifacts) -> Judgement:
     condition, smallest = _few(made, "condition")
-    effects = {n: against(x, made.random["condition"]) for n, x in condition.items()}
-    seeds = {n: against(x, made.seeds["condition"]) for n, x in condition.items()}
+    effects = {n: np.log(x / made.random["condition"]) for n, x in condition.items()}
+    seeds = {n: np.log(x / made.seeds["condition"]) for n, x in condition.items()}
     ours = f"cond(YᵀY) over that of random valid ones: {ratios(effects)}; over the seeds': {ratios(seeds)}"
     return Judgement(together(map(below, effects.values())), ours, {"seeds": smallest})
 
@@ -178,8 +167,6 @@ def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
 
 def _faster(made: Artifacts) -> Judgement:
     seed, one = made.seed_seconds, made.speed["generation_seconds"]
-    if np.isnan(seed):
-        return unknown()
     return _measured(seed / one, _ORDERS, f"{seconds(one)} against {seconds(seed)} ({seed / one:,.0f} ×)")
 
 
@@ -196,8 +183,9 @@ def _grows(made: Artifacts) -> Judgement:
 
 
 def _measured(value: float, enough: float, text: str) -> Judgement:
+    """Judgement of a single number; of none where it was not measured."""
     if np.isnan(value):
-        return unknown()
+        return Judgement(UNKNOWN, UNKNOWN)
     return Judgement(HOLDS if value > enough else NOT, text)
 
 

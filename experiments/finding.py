@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.special import expit
 
 from experiments.artifacts import Artifacts
-from experiments.verdicts import TRAINING, UNKNOWN, Interval, interval
+from experiments.verdicts import TRAINING, Interval, interval
 from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
@@ -25,11 +25,6 @@ class Judgement:
     numbers: dict[str, Any] = field(default_factory=dict)
 
 
-def unknown() -> Judgement:
-    """Nothing was measured."""
-    return Judgement(UNKNOWN, UNKNOWN)
-
-
 def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:
     """A metric of a variant by epoch (rows) and training (columns)."""
     part = made.histories[made.histories.variant == variant]
@@ -43,11 +38,6 @@ def at(made: Artifacts, variant: str, key: str, first: int, last: int | None = N
     return curve.iloc[begin : len(curve) if last is None else max(last, begin + 1)].mean()
 
 
-def against(values: pd.Series, reference: float) -> pd.Series:
-    """Logarithm of the ratio of values by training to a number of the seeds, or of another set."""
-    return np.log(values) - np.log(reference)
-
-
 def words(measured: Interval, form: str = ".3g") -> str:
     """A mean and its interval."""
     if np.isnan(measured.mean):
@@ -58,9 +48,9 @@ def words(measured: Interval, form: str = ".3g") -> str:
     return f"{plain(measured.mean, form)} ({low} … {high})"
 
 
-def shares(log_odds: Mapping[str, pd.Series], form: str = ".0%") -> str:
+def shares(log_odds: Mapping[str, pd.Series]) -> str:
     """Shares and their intervals, which lie within 0 and 100 %, of their log odds by name."""
-    return "; ".join(f"{name} {words(interval(x).turned(expit), form)}" for name, x in log_odds.items())
+    return "; ".join(f"{name} {words(interval(x).turned(expit), '.0%')}" for name, x in log_odds.items())
 
 
 def unless_same(verdict: str, other: str) -> str:
@@ -68,9 +58,9 @@ def unless_same(verdict: str, other: str) -> str:
     return "" if other == verdict else f", by which the verdict would be: {other}"
 
 
-def listed(values: Mapping[str, pd.Series], form: str = ".3g") -> str:
+def listed(values: Mapping[str, pd.Series]) -> str:
     """Means and intervals by name."""
-    return "; ".join(f"{name} {words(interval(x), form)}" for name, x in values.items())
+    return "; ".join(f"{name} {words(interval(x))}" for name, x in values.items())
 
 
 def ratios(effects: Mapping[str, pd.Series]) -> str:

@@ -30,14 +30,7 @@ from sidegan.identification import (
 )
 from sidegan.library.draw import Expansion
 from sidegan.pipeline.compose import explain
-from sidegan.pipeline.schema import (
-    Condition,
-    Discussion,
-    Parallel,
-    Plants,
-    Robot,
-    TrajectoryFamily,
-)
+from sidegan.pipeline.schema import Condition, Discussion, Parallel, Plants, Robot, TrajectoryFamily
 from sidegan.pipeline.workspace import Workspace
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import Recorded, RecordingSettings, paths_of

@@ -1,6 +1,5 @@
 """Surroundings of the arm, as configured: regions, and what the arm stands on."""
 
-import hashlib
 import logging
 from collections.abc import Sequence
 from contextlib import suppress
@@ -13,6 +12,7 @@ import numpy as np
 from sidegan import validity
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
+from sidegan.pipeline.store import file_digest
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.fitting import hull_volume
 from sidegan.robot.locking import from_rpy
@@ -169,6 +169,6 @@ class Workspace:
 def _digest(file: str) -> str:
     """SHA-256 of a file that a region names; a ConfigError where it cannot be read."""
     try:
-        return hashlib.sha256(Path(file).expanduser().read_bytes()).hexdigest()
+        return file_digest(Path(file).expanduser())
     except OSError as error:
         raise ConfigError(f"workspace.regions: mesh file {file} cannot be read: {error.strerror}") from error

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy import stats
-from scipy.special import expit
 
 from experiments import verdicts
 from experiments.claims_training import CRITERIA
@@ -71,15 +70,6 @@ def test_a_claim_about_several_holds_of_each_or_in_part():
     assert together([UNDECIDED, UNDECIDED]) == UNDECIDED and together([]) == UNKNOWN
     assert together([OPEN, OPEN]) == OPEN and together([OPEN, HOLDS]) == PART
     assert together([OPEN, UNDECIDED]) == OPEN and together([OPEN, NOT]) == NOT
-
-
-@pytest.mark.parametrize("values", [(1.0, 1.0, 0.97), (0.0, 0.02, 0.3), (1.0, 1.0, 1.0)])
-def test_intervals_of_shares_stay_within_nothing_and_all(values):
-    share = pd.Series(values, pd.Index(range(3), name="training"))
-    low, middle, high = interval(log_odds(share, 1000)).turned(expit)
-    assert 0 < low <= middle <= high < 1
-    assert share.min() - 5e-4 <= middle <= share.max() + 5e-4
-    assert "-" not in shares({"eigen": log_odds(share, 1000)})
 
 
 def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():

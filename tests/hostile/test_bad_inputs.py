@@ -13,7 +13,6 @@ from sidegan.errors import SideganError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
-from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.identify import checked
 from sidegan.robot import load_robot, require_consistent
 
@@ -60,16 +59,6 @@ def recording(change):
     return act
 
 
-def setting(word):
-    """Begin an experiment with a setting."""
-
-    def act(folder):
-        words = "+experiment=exp1", "robot=planar2", "tracking=off", "stages=[seeds]", f"outputs={folder}"
-        run_stages(composed(*words, word), folder / "run", "bad")
-
-    return act
-
-
 CASES = [
     ("'upper_arm': principal moments -5, 0.004, 0.045 kg·m²", description('ixx="[^"]*"', 'ixx="-5"')),
     ("joint 'shoulder' is of type '', expected revolute", description('type="revolute"', 'type=""')),
@@ -86,13 +75,6 @@ CASES = [
     ("hardly moves: no joint by more than 0 rad or m", recording(lambda x: x.assign(q1=0.3, q2=0.1))),
     ("is not a whole npz file", recording(lambda x: {"q2": np.array([{}] * len(x))})),
     ("holds more than a number in each row", recording(lambda x: {"q2": np.zeros((len(x), 2, 2))})),
-    ("seed: Recursive interpolation detected", setting("seed=${seed}")),
-    ("seed: Unsupported interpolation type eval", setting("seed=${eval:1}")),
-    ("long.period is 1e+300, expected a number ≤", setting("long.period=1e300")),
-    ("library.count is 1000000000000, expected a whole number", setting("library.count=1000000000000")),
-    ("a plane needs a non-zero normal", setting("workspace.regions=[{plane:{normal:[0,0,0],offset:1}}]")),
-    ("has no joint 'a' of robot.limits.velocity", setting("robot.limits.velocity={a:1}")),
-    ("folder /dev/null/x cannot be used: Not a directory", setting("outputs=/dev/null/x")),
 ]
 
 

@@ -3,16 +3,14 @@
 import re
 import sys
 
-import numpy as np
+import pandas as pd
 import pytest
-import torch
 
-from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, RecordingError
+from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, RecordingError, RobotError
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from tests import tiny
-from tests.recording.files import frame
-from tests.recording.made import moved
+from tests.pipeline.test_identify import write
 
 REGIONS = "workspace.regions=[{}]".format
 RECORDED = "recordings=[FOLDER/a.csv]"
@@ -37,6 +35,11 @@ SETTINGS = [
     ("reproduction", "parallel=dask parallel.scheduler=here", "expected an address like tcp://host:8786"),
     ("reproduction", "parallel.scheduler=tcp://host:8786", "scheduler is of dask; choose parallel=dask"),
     ("exp1", f"library.count=999999999 {MANY}", "library.count takes 1.6e+06 GB in memory, this machine"),
+    ("exp1", "seed=${seed}", "seed: Recursive interpolation detected"),
+    ("exp1", "seed=${eval:1}", "seed: Unsupported interpolation type eval"),
+    ("exp1", "long.period=1e300", "long.period is 1e+300, expected a number ≤"),
+    ("exp1", "library.count=1000000000000", "library.count is 1000000000000, expected a whole number"),
+    ("exp1", REGIONS("{plane:{normal:[0,0,0],offset:1}}"), "a plane needs a non-zero normal"),
     ("exp1", REGIONS("{}"), "workspace.regions[0]: a region is one of plane, box, sphere, cylinder and mesh"),
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
@@ -60,6 +63,7 @@ SETTINGS = [
     ("gains", "recordings=[FOLDER/a.csv] loaded=[FOLDER/a.csv]", "load.mass is 0, expected the mass"),
 ]
 OTHERS = [
+    (RobotError, "exp1", "robot.limits.velocity={a:1}", "has no joint 'a' of robot.limits.velocity"),
     (InfeasibleError, "exp1", "trajectory.home=[0,4]", "position of elbow"),
     (InfeasibleError, "exp1", "trajectory.home=[0,3.1] stages=[seeds]", "home position"),
     (ArtifactError, "exp1", "stages=[gan]", "there is no seeds/planar2-gradient-seed0"),
@@ -77,9 +81,7 @@ def folder(tmp_path_factory, planar):
     """Files that are good for one thing and not for another."""
     folder = tmp_path_factory.mktemp("files")
     (folder / "x").mkdir()
-    friction = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
-    table = frame(moved(planar, np.arange(10 * 100) / 100, *friction, torch.Generator().manual_seed(0)))
-    table.to_csv(folder / "a.csv", index=False)
+    table = pd.read_csv(write(folder, "a.csv", planar, 0))
     table[500:700].to_csv(folder / "part.csv", index=False)
     (folder / "broken.stl").write_text("no mesh")
     return folder

@@ -6,15 +6,12 @@ import pandas as pd
 import pytest
 
 from experiments.artifacts import comparison
-from sidegan.gan import TrajectoryGenerator
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
-from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import excitation_sets, pools, selection
-from sidegan.pipeline.stages.training import generator
+from sidegan.pipeline.stages.selection import pools, selection
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from sidegan.validity import check
@@ -86,21 +83,6 @@ def test_the_selections_are_of_seeds_and_libraries(made):
             assert (tuple(row) in rows) == (source != pool.name or pool.name == "seeds")
 
 
-def test_the_generators_are_those_of_their_task(made):
-    path = made.store.require(generator(made, "eigen", 0))
-    loaded = TrajectoryGenerator.load(path / "generator.pt", made.arm)
-    assert loaded.trajectory == made.trajectory
-    assert len(json.loads((path / "history.json").read_text())) == made.cfg.scale["gan_epochs"]
-
-
-def test_the_sets_last_equally_long_in_the_facts(made):
-    sets = excitation_sets(made)
-    facts = pd.concat([made.frame(identification(made, one), "facts.parquet") for one in sets])
-    long = facts["set"].str.startswith("long")
-    assert (facts.duration[long] == made.cfg.long.period).all()
-    assert (facts.duration[~long] == made.cfg.selection.count * made.cfg.trajectory.period).all()
-
-
 def test_an_exact_variant_learns_from_no_seeds(made):
     (folder,) = (one for one in artifacts(made)["gan"] if one.name.startswith("planar2-exact"))
     assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
@@ -112,6 +94,8 @@ def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
     words = "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
     for name in ("ours", "gradient"):
         run_stages(composed(*words, f"condition={name}"), tmp_path / name, name)
+    words = *words, "condition=ours"  # of the command: another one takes its place
     both = comparison(Task(composed(*words, "conditions=[ours,gradient]"), Store(outputs), words))
+    assert both["gradient"].cfg.seeds.method == "gradient"
     assert [made.cfg.condition.name for made in both.values()] == list(both) == ["ours", "gradient"]
     assert all(made.seeds["condition"] > 1 for made in both.values())

@@ -7,6 +7,7 @@ import re
 import signal
 from dataclasses import replace
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 import torch
@@ -216,40 +217,23 @@ def test_what_it_took_is_kept_beside_the_artifact_and_not_in_it(tmp_path):
     assert Store(tmp_path / "none").costs(numbers()) == {}
 
 
-class Recorded:
-    """A tracker that keeps what it gets."""
-
-    def __init__(self):
-        self.recorded, self.numbers, self.series, self.models = set(), {}, {}, []
-
-    def log_metrics(self, values, model=None):
-        assert not self.numbers.keys() & values.keys()
-        self.numbers |= values
-
-    def log_history(self, history, model=None):
-        self.series |= history
-
-    def log_model(self, name, digest, folder):
-        self.models.append((name, digest[:8], folder.name))
-
-
 def run(store, *artifacts, tracker):
-    cfg = SimpleNamespace(parallel=SimpleNamespace(workers=1))
-    run_stage(
-        "numbers", Stage(lambda _: artifacts), SimpleNamespace(store=store, cfg=cfg, planning=False), tracker
-    )
+    task = SimpleNamespace(store=store, planning=False, cfg=None)
+    run_stage("numbers", Stage(lambda _: artifacts), task, tracker)
 
 
 def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(store, monkeypatch):
     monkeypatch.setattr("sidegan.pipeline.stage.MODELS", {"numbers"})
-    tracker, metrics = Recorded(), {"condition": 2.0, "loss": [3.0, None, 1.0]}
+    tracker, metrics = Mock(recorded=set()), {"condition": 2.0, "loss": [3.0, None, 1.0]}
     one = replace(numbers(), title="gan/eigen", metrics=lambda folder: metrics, alone=True)
     for _ in range(2):
         run(store, one, tracker=tracker)
-    assert tracker.numbers.pop("gan/eigen/condition") == 2.0
-    assert set(tracker.numbers) == {"seconds/gan eigen", "cpu_seconds/gan eigen"}
-    assert tracker.series == {"gan/eigen/loss": [3.0, None, 1.0]}
-    assert tracker.models == [("gan/eigen", one.digest[:8], store.folder(one).name)]
+    found, took = (call.args[0] for call in tracker.log_metrics.call_args_list)
+    assert found == {"gan/eigen/condition": 2.0}
+    assert set(took) == {"seconds/gan eigen", "cpu_seconds/gan eigen"}
+    model = tracker.log_model.return_value
+    tracker.log_history.assert_called_once_with({"gan/eigen/loss": [3.0, None, 1.0]}, model)
+    tracker.log_model.assert_called_once_with("gan/eigen", one.digest, store.folder(one))
 
 
 def test_a_stage_makes_its_artifacts_after_those_that_they_are_made_from(store):
@@ -262,5 +246,5 @@ def test_a_stage_makes_its_artifacts_after_those_that_they_are_made_from(store):
 
     seeds = noted("seeds", other=noted("elsewhere"))
     gan = noted("gan", seeds=seeds)
-    run(store, noted("library", gan=gan, seeds=seeds), gan, seeds, seeds, tracker=Recorded())
+    run(store, noted("library", gan=gan, seeds=seeds), gan, seeds, seeds, tracker=Mock(recorded=set()))
     assert made == ["seeds", "gan", "library"]

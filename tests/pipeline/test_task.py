@@ -4,13 +4,10 @@ from functools import cache
 
 import pytest
 
-from sidegan.pipeline.stages.baselines import long_family, long_trajectory, random_set
-from sidegan.pipeline.stages.identification import identification
-from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages import stage
+from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.replication import replication, sums, whole_sets
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import excitation_sets, pools, selection
-from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from tests.tiny import tiny
@@ -18,39 +15,28 @@ from tests.tiny import tiny
 
 @pytest.fixture(scope="module")
 def stamps(tmp_path_factory):
-    """Digest of every artifact of a configuration."""
+    """Digest of every artifact of a configuration, by its title."""
     store = Store(tmp_path_factory.mktemp("store"))
 
     @cache
     def made(*overrides):
         task = Task(tiny(*overrides), store)
-        artifacts = {"seeds": seed_set(task), "random": random_set(task), "surrogates": surrogates(task)}
-        for name, k in generators(task):
-            artifacts |= {
-                f"gan {name} {k}": generator(task, name, k),
-                f"library {name} {k}": library(task, name, k),
-            }
-        artifacts |= {
-            f"selection {one.name} {one.training or 0}": selection(task, one) for one in pools(task)
-        }
-        for one in excitation_sets(task):
-            artifacts[f"identification {one.name} {one.training or 0}"] = identification(task, one)
-        artifacts |= {f"long {h}": long_trajectory(task, h) for h in task.cfg.long.harmonics}
-        return {key: artifact.digest for key, artifact in artifacts.items()}
+        artifacts = (one for name in task.cfg.stages for one in stage(name).artifacts(task))
+        return {one.title: one.digest for one in artifacts}
 
     return made
 
 
-def of(*variants):
-    stages = ("gan", "library", "selection", "identification")
-    return {f"{stage} {variant} 0" for stage in stages for variant in variants}
+def of(*variants, makers=("gan", "library", "selection", "identification", "plant")):
+    return {f"{maker}/{variant}" for maker in makers for variant in variants}
 
 
 LEARNING = ("vanilla", "eigen", "diagonal")  # from seeds
 SETS = ("long-3", "long-12", "random", "seeds", "exact", *LEARNING)
-IDENTIFICATIONS = {f"identification {name} 0" for name in SETS}
-LONG = {f"{maker}{h}{end}" for h in (3, 12) for maker, end in (("long ", ""), ("identification long-", " 0"))}
-UNSEEDED = {"random", "selection random 0", "identification random 0", "gan exact 0", "library exact 0"}
+IDENTIFICATIONS, PLANTS = (of(*SETS, makers=[maker]) for maker in ("identification", "plant"))
+LONG = {"long/3", "long/12"} | of("long-3", "long-12", makers=["identification", "plant"])
+UNSEEDED = {"gan/exact", "library/exact", "random"}
+UNSEEDED |= of("random", makers=["selection", "identification", "plant"])
 
 
 EVERYTHING = ["seed=1", "robot=kuka_lwr4", "trajectory.period=9", "trajectory.home=[0.1, 0]"]
@@ -67,7 +53,7 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
         ("long.steps=6", LONG),
         ("identification.noise.level=0.2", IDENTIFICATIONS),
         ("identification.repeats=3", IDENTIFICATIONS),
-        ("identification.reach=0.6", IDENTIFICATIONS),
+        ("identification.reach=0.6", IDENTIFICATIONS | PLANTS),
         ("subset=20", {"surrogates"} | of(*LEARNING)),
         # Long trajectories have the seeds' optimiser, but steps of their own.
         ("seeds.steps=21", lambda every: every - UNSEEDED - LONG),
@@ -93,8 +79,8 @@ def test_what_changes_no_result_changes_no_stamp(stamps):
 def test_every_artifact_has_a_stamp_of_its_own_and_variants_and_trainings_keep_the_others(stamps):
     made, eigen, three = stamps(), stamps("gan=eigen"), stamps("trainings=[0,1,2]")
     assert len(set(made.values())) == len(made)
-    assert eigen.items() <= made.items() <= three.items()
-    assert len({three[f"gan eigen {k}"] for k in range(3)}) == 3
+    assert {*eigen.values()} <= {*made.values()} <= {*three.values()}
+    assert len({three[f"gan/eigen-{k}"] for k in range(3)}) == 3
 
 
 def test_readings_share_what_they_measure_alike(task):
@@ -104,17 +90,6 @@ def test_readings_share_what_they_measure_alike(task):
     both, seeds, torques = ([sums(one, pool).digest for pool in whole_sets(one)] for one in readings)
     assert both[0] == seeds[0] and both[1] != seeds[1]
     assert not {*torques} & {*both} and len({replication(one).digest for one in readings}) == 3
-
-
-def test_the_same_under_another_condition(task):
-    """What is made under a condition is what a command of that condition makes."""
-    words = ("+experiment=exp1", "robot=planar2", "workspace=free", "scale=tiny")
-    made = Task(task("workspace=free").cfg, task().store, words)
-    second = made.under("gradient")
-    assert second.cfg.condition.name == second.cfg.seeds.method == "gradient"
-    assert second.cfg.robot.name == "planar2" and second.cfg.workspace.desk is None
-    back = Task(second.cfg, second.store, (*words, "condition=gradient")).under("ours")
-    assert back.cfg == made.under("ours").cfg and back.cfg.condition.name == "ours"
 
 
 def test_random_numbers_differ_by_purpose_and_seed(task):

@@ -62,17 +62,6 @@ def test_errors_have_a_panel_per_weighting_and_a_bar_with_its_range_per_set_and_
     assert legend(figure) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
 
 
-def test_a_single_metric_has_a_line_and_a_band_per_variant():
-    rows = [(n, name, n / k / 2000) for n in (240, 450, 1800) for name in ("eigen", "mine") for k in (1, 2)]
-    frame = pd.DataFrame(rows, columns=["count", "variant", "success"])
-    figure = figures.panels(frame, ("count", "seeds trained on"), ["success"])
-    (axis,) = figure.axes
-    assert legend(figure) == ["eigen", "mine"] and len(axis.collections) == 2
-    assert axis.get_xlabel() == "seeds trained on" and axis.get_title() == "valid share"
-    assert list(axis.get_lines()[0].get_ydata()) == pytest.approx([0.09, 0.16875, 0.675])
-    assert list(axis.get_lines()[0].get_xdata()) == [240, 450, 1800]
-
-
 @pytest.mark.parametrize("words", ["$a$", "a < b & c", "肩", "x 1.23456"])
 def test_an_svg_has_words_as_they_are_and_its_own_names_and_bytes(words, recwarn):
     def drawn(name):

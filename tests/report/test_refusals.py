@@ -6,9 +6,8 @@ import pytest
 import torch
 from jinja2 import UndefinedError
 
-from sidegan.errors import ShapeError, StorageError
+from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.report.canvas import blank, save
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle, paths
 from sidegan.report.viewer import view_of
@@ -20,17 +19,14 @@ NONE, ONE, TWO = (torch.zeros(count, *FAMILY.shape, dtype=torch.float64) for cou
 
 @pytest.fixture
 def there(planar, tmp_path):
-    """Something to draw, a template, and a file where a folder should be."""
-    (tmp_path / "file").touch()
+    """Something to draw, and a template."""
     (template := tmp_path / "page.md.j2").write_text("{{ nothing }}")
     free = Constraints(planar)
-    return SimpleNamespace(arm=planar, free=free, folder=tmp_path, file=tmp_path / "file", template=template)
+    return SimpleNamespace(arm=planar, free=free, folder=tmp_path, template=template)
 
 
 REFUSALS = [
     (lambda x: write_page(x.template, x.folder / "a.md", {}, {}), UndefinedError, "nothing"),
-    (lambda x: write_page(x.template, x.file / "a.md", {}, {}, nothing="x"), StorageError, "cannot write"),
-    (lambda x: save(blank(1, 1), x.file / "nmse"), StorageError, "cannot write"),
     (lambda x: paths(x.arm, []), ShapeError, "no sets"),
     (lambda x: paths(x.arm, [Bundle("a", LONG, ONE)]), ShapeError, "coefficients are"),
     (lambda x: view_of(x.free, FAMILY, NONE), ShapeError, "0 trajectories to show"),

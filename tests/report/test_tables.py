@@ -1,10 +1,10 @@
-"""Tables of results for people, and the words and colours that they share with figures."""
+"""Tables of results for people, and the words that they share with figures."""
 
 import pandas as pd
 import pytest
 
 from sidegan.report import tables
-from sidegan.report.style import colour, seconds
+from sidegan.report.style import seconds
 
 SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
 KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
@@ -82,8 +82,3 @@ DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600
 @pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())
 def test_durations_are_said_as_people_do(duration, expected):
     assert seconds(duration) == expected
-
-
-def test_sets_have_their_own_colour_and_others_one_each():
-    names = ["eigen", "long-6", "long-210", "seeds", "vanilla", "mine"]
-    assert len({colour(name) for name in names}) == len(names)

@@ -4,9 +4,11 @@ The simulated arm's measurements are noisy. Plants in MuJoCo have friction that 
 joints, links that differ from the description, and servos that feed forward the latter; tests are exact.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,29 +32,21 @@ _METHODS = {False: "ols", True: "weighted"}
 
 def identification(task: Task, one: ExcitationSet) -> Artifact:
     """Errors of identification from one set."""
-    return task.artifact(
-        "identification",
-        one.name,
-        partial(_identify, one=one),
-        task.cfg.identification,
-        {one.source.maker: one.source},
-        training=one.training,
-        metrics=_mean_errors,
-    )
+    return _of_set("identification", task, one, _identify, asdict(task.cfg.identification))
 
 
 def plant(task: Task, one: ExcitationSet) -> Artifact:
     """Errors of identification from one set when plants execute it."""
     tests = task.cfg.identification
-    return task.artifact(
-        "plant",
-        one.name,
-        partial(_execute, one=one),
-        asdict(task.cfg.plants) | {"tests": tests.tests, "reach": tests.reach},
-        {one.source.maker: one.source},
-        training=one.training,
-        metrics=_mean_errors,
-    )
+    settings = asdict(task.cfg.plants) | {"tests": tests.tests, "reach": tests.reach}
+    return _of_set("plant", task, one, _execute, settings)
+
+
+def _of_set(
+    maker: str, task: Task, one: ExcitationSet, make: Callable[..., None], settings: dict[str, Any]
+) -> Artifact:
+    inputs, more = {one.source.maker: one.source}, {"training": one.training, "metrics": _mean_errors}
+    return task.artifact(maker, one.name, partial(make, one=one), settings, inputs, **more)
 
 
 def _mean_errors(folder: Path) -> Metrics:

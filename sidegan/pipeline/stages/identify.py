@@ -33,8 +33,6 @@ log = logging.getLogger(__name__)
 def model(task: Task) -> Artifact:
     """The model identified from the configured recordings."""
     cfg = task.cfg
-    if not cfg.recordings:
-        raise ConfigError("recordings is empty, expected files to identify from: 'recordings=[a.csv,b.csv]'")
     arm = recorded_arm(task)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
@@ -62,6 +60,8 @@ def recorded_arm(task: Task) -> Arm:
     cfg = task.cfg
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
+    if not cfg.recordings:
+        raise ConfigError("recordings is empty, expected files of the arm: 'recordings=[a.csv,b.csv]'")
     arm = task.whole_arm
     if not cfg.recording.without:
         return arm
@@ -141,8 +141,6 @@ def _digest(path: Path) -> str:
 
 def _show_check(task: Task, tracker: Tracker) -> None:
     """Read and check the configured recordings, and leave what the check says in the run's folder."""
-    if not task.cfg.recordings:
-        raise ConfigError("recordings is empty, expected files to check: 'recordings=[a.csv,b.csv]'")
     training, validation = checked(task.cfg, recorded_arm(task))
     path = write_checks([*training, *validation], task.store.run_folder)
     tracker.log_artifact(path, "identify")

@@ -31,10 +31,9 @@ log = logging.getLogger(__name__)
 
 
 def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
-    """Measurements without and with the load, checked and preprocessed; ConfigError where there are none."""
-    for name, files, which in (("recordings", cfg.recordings, "without"), ("loaded", cfg.loaded, "with")):
-        if not files:
-            raise ConfigError(f"{name} is empty, expected files {which} the load: '{name}=[a.csv]'")
+    """Measurements without and with the load, checked and preprocessed; ConfigError where none have it."""
+    if not cfg.loaded:
+        raise ConfigError("loaded is empty, expected files with the load: 'loaded=[a.csv]'")
     together: list[tuple[Recorded, Role]] = [(one, "training") for one in (*cfg.recordings, *cfg.loaded)]
     found = read_and_check(together, arm, cfg.recording, gains, cfg.model.sign_width)
     refuse_shared([(one.name, one.statistics.rows) for one in found])

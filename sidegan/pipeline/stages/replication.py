@@ -8,7 +8,7 @@ import pandas as pd
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
-from sidegan.identification import Noise, StudySettings
+from sidegan.identification import Noise
 from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
@@ -84,11 +84,6 @@ def draws(task: Task, pool: Pool) -> list[list[Sums]]:
     return every * (task.cfg.replication.repeats if len(every) == 1 else 1)
 
 
-def study_settings(task: Task, noise: Noise) -> StudySettings:
-    """The comparison's settings with the noise of whole sets."""
-    return replace(task.cfg.identification, noise=noise)
-
-
 def _mean_errors(folder: Path) -> Metrics:
     frame = pd.read_parquet(folder / RESULTS)
     mean = frame[~frame.weighted].groupby("set").nmse.mean()
@@ -98,7 +93,8 @@ def _mean_errors(folder: Path) -> Metrics:
 def _measure(task: Task, build: Build, pool: Pool) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
     measured, coefficients = Measured.of(task, pool), pool.load(task).coefficients
-    settings, every = study_settings(task, measured.noise), range(measured.repeats)
+    settings = replace(task.cfg.identification, noise=measured.noise)
+    every = range(measured.repeats)
     parts = {(r, k): build.work / f"{r}-{k}.pt" for r in every for k in range(measured.replicas)}
     for done, ((repeat, replica), path) in enumerate(parts.items()):
         if not readable(path):
@@ -116,8 +112,8 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
 
 
 def _combine(task: Task, build: Build) -> None:
-    settings = task.cfg.replication
-    tests = task.trajectory, test_trajectories(task)
+    settings, tests = task.cfg.replication, (task.trajectory, test_trajectories(task))
+    study = replace(task.cfg.identification, noise=settings.of_seeds)
     seeds, *libraries = ((one, draws(task, one)) for one in whole_sets(task))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.repeats):
@@ -127,7 +123,7 @@ def _combine(task: Task, build: Build) -> None:
             of_training = [(pool, parts) for pool, parts in libraries if pool.training == training]
             jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, study_settings(task, settings.of_seeds))
+            frames = combined(task.body, sets, tests, study)
             tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))

@@ -10,22 +10,16 @@ from sidegan.base.storage import write_json
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.export import show
 
-CHECK = "check.json"
-
 
 def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
     """Write the check of recordings; the file's path."""
-    write_json(folder / CHECK, [recording.as_json() for recording in recordings])
-    return folder / CHECK
+    path = folder / "check.json"
+    write_json(path, [recording.as_json() for recording in recordings])
+    return path
 
 
 def show_checks(recordings: Sequence[CheckedRecording]) -> None:
-    """Print what each joint did in recordings."""
-    show(_joints(recordings), "Joints [rad, m, N·m, N, A]")
-
-
-def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """A row per recording and joint: ranges, noise, saturation and sign."""
+    """Print what each joint did in recordings: ranges, noise, saturation and sign."""
     rows = []
     for recording in recordings:
         signals = recording.statistics.signals
@@ -48,4 +42,4 @@ def _joints(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "multiple of it": f"{recording.agreement.load.scale[j]:.2g}",
                 }
             )
-    return pd.DataFrame(rows).set_index(["recording", "joint"])
+    show(pd.DataFrame(rows).set_index(["recording", "joint"]), "Joints [rad, m, N·m, N, A]")
