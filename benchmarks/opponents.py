@@ -11,9 +11,11 @@ from tests.oracle import capsule_geometry, chain_model
 Array = np.ndarray
 State = Sequence[Array]  # position, velocity and acceleration, (J,) each
 
+_CERTAIN = 1e6  # variance of parameters before any sample
+
 
 class Pinocchio:
-    """Regressors and checks of an arm by Pinocchio, NumPy and coal."""
+    """Regressors, estimates and checks of an arm by Pinocchio, NumPy and coal."""
 
     def __init__(self, constraints: Constraints) -> None:
         self.model = chain_model(constraints.arm)
@@ -38,3 +40,16 @@ class Pinocchio:
         for q, dq, ddq in states:
             pin.rnea(self.model, self.data, q, dq, ddq)
             pin.computeDistances(self.model, self.data, self.geometry, self.shapes, q)
+
+    def estimate(self, states: Sequence[State], torques: Array) -> Array:
+        """Base parameters (p,) by recursive least squares in its covariance form, one gain per sample."""
+        count = len(self.columns)
+        covariance, estimate = _CERTAIN * np.eye(count), np.zeros(count)
+        for state, torque in zip(states, torques):
+            y = self.regressor(state)
+            carried = covariance @ y.T
+            gain = np.linalg.solve(np.eye(len(y)) + y @ carried, carried.T).T
+            estimate = estimate + gain @ (torque - y @ estimate)
+            covariance = covariance - gain @ carried.T
+            covariance = (covariance + covariance.T) / 2  # else rounding makes it diverge
+        return estimate

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ from sidegan.gan.scaling import Scaling
 from sidegan.gan.side_gan import Data
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.training import Run, train
+from sidegan.identification import RIGID, Measurements, TorqueModel
+from sidegan.identification.fit import LeastSquares
+from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
@@ -132,3 +136,22 @@ def test_training(rate: Rate, tmp_path: Path) -> None:
     data = Data(CONSTRAINTS, FAMILY, seeds, predictor, converter)
     places = _places(tmp_path)
     rate(lambda place: train(variant, data, Run("eigen", 0, place)), _EPOCHS, "epochs", 2, setup=places)
+
+
+@pytest.mark.parametrize("by", [OURS, "Pinocchio + NumPy"])
+def test_recursive_least_squares(rate: Rate, by: str) -> None:
+    """Base parameters of recordings read once, regressors included."""
+    count, samples = (60, 1600) if by == OURS else (1, 1600)
+    motion = FAMILY.roll_out(start(count), FAMILY.grid(samples))
+    torque = BODY.torque(*motion[1:])
+    if by == OURS:
+        model = TorqueModel(BODY, RIGID)
+        recordings = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
+        work = partial(_least_squares, model, recordings)
+    else:
+        work = partial(Pinocchio(CONSTRAINTS).estimate, *motions(count, samples), torque[0].numpy())
+    rate(work, count * samples, "samples", 3)
+
+
+def _least_squares(model: TorqueModel, recordings: list[Measurements]) -> object:
+    return LeastSquares().fit(gather(model, iter(recordings)))

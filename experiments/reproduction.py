@@ -18,7 +18,7 @@ from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
-from sidegan.report import figures, motion, tables
+from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
 from sidegan.report.style import colour
@@ -66,7 +66,9 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     write_page(template, target, shown, drawn, **_context(conditions, judged))
     tracker.log_artifact(target, "report")
     for name, table in shown.items():
-        tracker.log_table(table.reset_index().astype(str), name)
+        text = table.reset_index().astype(str)
+        tracker.log_table(text, name)
+        tracker.log_note(f"**{name}**\n\n{export.markdown(text)}")
     for name, row in numbers.items():
         write_json(target.with_suffix("") / "metrics" / f"{name}.json", row)
         tracker.log_metrics({f"{name}/{key}": x for key, x in row.items()})

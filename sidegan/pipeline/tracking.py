@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 Status = Literal["FINISHED", "FAILED", "KILLED"]
+_NOTE, _NOTE_LENGTH = "mlflow.note.content", 8000  # the description of a run, in Markdown
 _ENVIRONMENT = {
     "MLFLOW_DISABLE_TELEMETRY": "true",
     "MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR": "false",
@@ -67,6 +68,7 @@ class Tracker:
         self.enabled = where != "off"
         self.run_id = ""  # of MLflow; empty where nothing is recorded
         self.recorded = set[str]()  # digests of the artifacts whose numbers are recorded
+        self._note = ""
         self._pending: list[RunOperations | None] = []
         self._start(root.resolve(), experiment, name, where, tags)
 
@@ -122,6 +124,14 @@ class Tracker:
         """Record a table that MLflow shows beside the run; a named index becomes columns."""
         flat = table.reset_index() if any(table.index.names) else table
         self._client.log_table(self.run_id, flat, f"{name}.json")
+
+    @_guarded
+    def log_note(self, text: str) -> None:
+        """Add Markdown to the description that MLflow shows first, unless there is no room left for it."""
+        note = f"{self._note}{text.strip()}\n\n"
+        if len(note) <= _NOTE_LENGTH:
+            self._note = note
+            self._client.set_tag(self.run_id, _NOTE, note)
 
     @_guarded
     def log_model(self, name: str, digest: str, folder: Path) -> str | None:

@@ -13,10 +13,13 @@ _NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells of s
 
 
 class Recorder(Protocol):
-    """Keeps the tables of a run; ``pipeline.tracking.Tracker`` is one."""
+    """Keeps what a run shows; ``pipeline.tracking.Tracker`` is one."""
 
     def log_table(self, table: pd.DataFrame, name: str) -> None:
         """Keep a table."""
+
+    def log_note(self, text: str) -> None:
+        """Add Markdown to what is shown of the run first."""
 
 
 def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) -> None:
@@ -24,6 +27,7 @@ def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) ->
     write_table(table, path, caption)
     show(table, caption)
     tracker.log_table(table, path.name)
+    tracker.log_note(f"**{caption}**\n\n{markdown(table.reset_index())}")
 
 
 def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:

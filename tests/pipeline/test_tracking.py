@@ -39,6 +39,8 @@ def record(tracker, folder):
     tracker.log_metrics({"R² of λ_1, spectrum": 0.9})
     tracker.log_artifact(folder / "plots", "figures")
     tracker.log_table(pd.DataFrame({"nmse": [0.1]}, index=pd.Index(["seeds"], name="set")), "table1")
+    for note in ("**Table I**", "x" * 8000, "the end"):  # as much as there is room for
+        tracker.log_note(note)
     tracker.log_metrics({"success": 0.7}, tracker.log_model("gan/eigen 0", "abc", folder / "plots"))
 
 
@@ -53,6 +55,7 @@ def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path
     expected = {"seed": "1", "gan.eigen.epochs": "3", "stages": "['seeds']", "many.n149": "149"}
     assert expected.items() <= found.data.params.items() and len(found.data.params) == 153
     assert found.data.metrics["R² of λ_1_ spectrum"] == 0.9
+    assert found.data.tags["mlflow.note.content"] == "**Table I**\n\nthe end\n\n"
     loss = client.get_metric_history(found.info.run_id, "loss")
     assert [(m.step, m.value) for m in loss] == [(0, 3.0), (2, 2.0)]
     assert len(client.get_metric_history(found.info.run_id, "many")) == 2500
