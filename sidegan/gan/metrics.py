@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from torch import Tensor
 
-from sidegan.design.excitation import diversity, excite
+from sidegan.design.excitation import diversity, excite, mean_distance
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
@@ -26,6 +26,7 @@ def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict
         "condition": float(condition.median()),
         "condition_valid": float(condition[valid].median()),
         "diagonal_ratio": float(excitation.diagonal_fitness.median()),
+        "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
         **diversity(c, excitation),
     }
 
