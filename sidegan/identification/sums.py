@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
+from torch.nn.functional import pad
 
 from sidegan.errors import ShapeError
 
@@ -91,8 +92,9 @@ def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Te
     """
     rows, right = rows_of(information, moment)
     u, s, vt = torch.linalg.svd(rows, full_matrices=True)
-    inverse = 1 / (_padded(s.square(), len(moment)) + least)
-    parameters = vt.T @ (inverse * _padded(s * (u.T @ right), len(moment)))
+    unseen = 0, len(moment) - len(s)
+    inverse = 1 / (pad(s.square(), unseen) + least)
+    parameters = vt.T @ (inverse * pad(s * (u.T @ right), unseen))
     return parameters, (vt.T * inverse) @ vt
 
 
@@ -132,7 +134,3 @@ def _scale(information: Tensor) -> Tensor:
 def _floor(eigenvalues: Tensor) -> Tensor:
     rounding = _ROUNDING * len(eigenvalues) * torch.finfo(eigenvalues.dtype).eps
     return rounding * eigenvalues[-1].clamp_min(0)
-
-
-def _padded(x: Tensor, length: int) -> Tensor:
-    return torch.cat([x, x.new_zeros(length - len(x))])

@@ -44,8 +44,8 @@ def measured_by(family, c):
     return measure(RigidBody(PLANAR), family.roll_out(c, family.times(10.0)))
 
 
-def gains(load, data=PLANAR_DATA):
-    return drive_gains(MODEL, [data], [data], torch.zeros(load).double())
+def gains():
+    return drive_gains(MODEL, [PLANAR_DATA], [PLANAR_DATA], torch.zeros(10).double())
 
 
 def goal(**changes):
@@ -68,11 +68,8 @@ REFUSED = [
     (ShapeError, "no samples to test with", lambda: score(LINEAR, torch.zeros(6), [])),
     (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
     (ShapeError, r"of joints \[1, 2\] is constant", lambda: score(MODEL, MODEL.nominal, measurements())),
-    (ShapeError, r"sign \(3, 2\), expected \(S, 2\)", lambda: MODEL.regressor(*[STATE] * 3, STATE[:3])),
     (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
-    (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
-    (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
-    (ShapeError, "expected ten finite parameters", lambda: gains(3)),
+    (ConfigError, "the load has no effect on shoulder, elbow", gains),
     (ConfigError, r"names hand, expected some of .*forearm", lambda: goal(objective=["hand"])),
     (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),
     (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 from sidegan.identification.identified import IdentifiedArm
-from sidegan.identification.measurements import SAMPLES_AT_ONCE
+from sidegan.identification.measurements import Measurements, pieces
 from sidegan.recording.check import CheckedRecording
 from sidegan.recording.recording import Segment
 from sidegan.report import canvas
@@ -39,8 +39,8 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
 
 def _predicted(identified: IdentifiedArm, segment: Segment) -> Tensor:
     """Torque [N·m or N], (S, J), of the model to use at the states of a stretch."""
-    pieces = zip(*(x.split(SAMPLES_AT_ONCE) for x in (*segment[1:4], segment.sign)))
-    return torch.cat([identified.model.torque(identified.used.parameters, *piece) for piece in pieces])
+    model, theta = identified.model, identified.used.parameters
+    return torch.cat([model.torque(theta, *one.inputs) for one in pieces(Measurements(*segment[1:]))])
 
 
 def friction(identified: IdentifiedArm) -> Figure:
