@@ -12,12 +12,6 @@ from sidegan.recording.check import CheckedRecording
 from sidegan.robot.consistency import about_the_centre
 
 _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
-_METHODS = {
-    "weighted": "least squares in which each joint's torques count by their noise",
-    EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
-    CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
-    "description": "the description's own links, with friction and rotors fitted to the data",
-}
 _INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
@@ -98,12 +92,6 @@ def facts(identified: IdentifiedArm) -> dict[str, str]:
         "parameters": f"{identified.model.count}, {len(trust.weak)} weak",
         "samples": f"{chosen.samples}",
     }
-
-
-def methods(identified: IdentifiedArm) -> dict[str, str]:
-    """The models that are compared and how each is made, the chosen one first."""
-    names = (identified.chosen.method, EQUAL_WEIGHTS, CONSISTENT, "description")
-    return {_NAMES.get(name, name): _METHODS[name] for name in dict.fromkeys(names)}
 
 
 def treatment(recording: CheckedRecording) -> str:
