@@ -111,13 +111,14 @@ def error_table(identified: IdentifiedArm) -> pd.DataFrame:
     uses = {"training": identified.trained}
     if identified.tests is not identified.trained:
         uses["validation"] = identified.tests
-    keys = {f"{name}, {use}": (use, name) for name in ("nMSE", "RMSE") for use in uses}
-    columns = {head: getattr(uses[use][identified.use], name.lower()) for head, (use, name) in keys.items()}
-    return pd.DataFrame({head: x.tolist() for head, x in columns.items()}, identified.model.arm.joint_names)
+    errors = {use: scores[identified.use] for use, scores in uses.items()}
+    columns = {f"nMSE, {use}": one.nmse.tolist() for use, one in errors.items()}
+    columns |= {f"RMSE, {use}": one.rmse.tolist() for use, one in errors.items()}
+    return pd.DataFrame(columns, identified.model.arm.joint_names)
 
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
-    """A row per identified parameter; relative_std is a share, urdf is NaN where nothing is known."""
+    """A row per identified parameter; urdf is NaN where nothing is known."""
     trust, chosen, model = identified.trust, identified.chosen, identified.model
     nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     kinds = [name.rstrip("0123456789") for name in chosen.names]
@@ -128,10 +129,8 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "unit": [_UNITS.get(kind, _UNITS.get(kind[:1], "")) for kind in kinds],
             "value": chosen.parameters.tolist(),
             "std": chosen.deviation.tolist(),
-            "relative_std": (chosen.deviation / chosen.parameters.abs()).tolist(),
             "urdf": nominal,
             "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
-            "effect": trust.effect.tolist(),
             "weak": [name in trust.weak for name in chosen.names],
         }
     )
