@@ -60,7 +60,6 @@ REFUSED = [
     (ShapeError, "not finite or too large to square", lambda: of_rows("ols", spoilt(1e200))),
     (ShapeError, "torque of sample 5 is not finite", lambda: of_rows("ols", spoilt(torch.nan))),
     (ShapeError, r"velocity is \(4, 3\)", lambda: measurements(velocity=torch.zeros(4, 3))),
-    (ShapeError, "position", lambda: measurements(torque=torch.zeros(3, 2))),
     (ShapeError, "sign is", lambda: measurements(sign=STATE[:2])),
     (ShapeError, "nothing to measure", lambda: measured_by(FAMILY, NOWHERE)),
     (ShapeError, "expected .*2", lambda: measured_by(Trajectory(3), torch.zeros(1, 3, 6, 2).double())),
