@@ -78,7 +78,6 @@ class Consistent:
             found = most_likely(rows @ model.mapping, right, pull, signed)
             if ((pull.strength / before.strength).log().abs() < math.log(_SETTLED)).all():
                 break
-        _log.debug("the description pulls its links with strengths %s", pull.strength)
         return found, pull
 
 

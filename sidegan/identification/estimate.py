@@ -33,7 +33,6 @@ class Estimate:
     parameters: Tensor  # θ, (P,)
     covariance: Tensor  # of their errors, (P, P), for errors of the torque; those of states are not in it
     weights: Tensor  # what each joint's equations were multiplied with, (J,)
-    residual_rms: Tensor  # root mean square of τ − Y θ [N·m or N], (J,)
     inflation: Tensor  # samples that weigh as much as one independent one, (J,)
     condition: float  # of the weighted, scaled regressor; infinite when a direction is not excited at all
     samples: int  # number of samples of all joints
@@ -49,7 +48,8 @@ class Estimate:
     @property
     def certainty(self) -> Tensor:
         """One over the deviation of an independent sample's torque, (J,)."""
-        return 1 / (self.residual_rms * self.inflation.sqrt())
+        residual = (self.sums.squares(self.parameters) / self.sums.weight).sqrt()
+        return 1 / (residual * self.inflation.sqrt())
 
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
@@ -72,7 +72,6 @@ def estimate(method: str, model: TorqueModel, measurements: Samples, **settings:
         parameters=fit.parameters,
         covariance=covariance_of(sums, fit, errors),
         weights=fit.weights,
-        residual_rms=(sums.squares(fit.parameters) / sums.weight).sqrt(),
         inflation=errors.inflation,
         condition=condition(sums.weighted(fit.weights)[0]),
         samples=data.samples,

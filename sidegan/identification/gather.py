@@ -9,7 +9,7 @@ from torch import Tensor
 from sidegan.errors import ShapeError
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.sums import Sums, finite, no_sums, sums_of
+from sidegan.identification.sums import Sums, no_sums, sums_of
 
 
 class Reach(NamedTuple):
@@ -36,13 +36,17 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
     A sample of age k counts forgetting^k as much.
 
     Raises:
-        ShapeError: when there are no samples, or they do not fit the model.
+        ShapeError: when there are no samples, or they do not fit the model, or are too large.
     """
     sums, parts = no_sums(model.joints, model.count), list(pieces(measurements))
     for part in parts:
-        sums = sums.times(forgetting ** len(part)).plus(_sums(model, part, forgetting))
+        sums = sums.plus(_sums(model, part, forgetting), forgetting ** len(part))
     if not parts:
         raise ShapeError("there are no samples to identify from")
+    if not all(x.isfinite().all() for x in sums):
+        raise ShapeError(
+            "the regressor or the torque holds a value that is not finite or too large to square"
+        )
     low, high = (torch.stack([part.position.aminmax(dim=0)[k] for part in parts]) for k in (0, 1))
     fastest = torch.stack([part.velocity.abs().amax(0) for part in parts]).amax(0)
     reach = Reach(high.amax(0) - low.amin(0), fastest)
@@ -62,7 +66,7 @@ def _sums(model: TorqueModel, part: Measurements, forgetting: float) -> Sums:
     products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
     weight = torch.tensor(float(len(part)), dtype=torch.float64)
-    return finite(Sums(information, moment, energy, part.torque.detach().sum(0), weight))
+    return Sums(information, moment, energy, part.torque.detach().sum(0), weight)
 
 
 def _regressor(model: TorqueModel, part: Measurements) -> Tensor:

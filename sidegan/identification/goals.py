@@ -14,6 +14,7 @@ from sidegan.design.criteria import root_of
 from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
+from sidegan.identification.prior import POWERS
 from sidegan.identification.verdict import joint_of
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.plant.varied import torque_scale
@@ -30,17 +31,13 @@ class Parameters:
 
     def __init__(self, model: TorqueModel, unit: Tensor, links: Sequence[str] | None = None) -> None:
         arm = model.arm
-        if unknown := [name for name in links or () if name not in arm.link_names]:
+        places = [arm.link_names[joint_of(name)] for name in model.names]
+        if links is not None and (not links or not set(links) <= set(places)):
             raise ConfigError(
-                f"goal.objective names {', '.join(unknown)}, expected some of the links that move, "
-                f"{', '.join(arm.link_names)}"
+                f"goal.objective names {', '.join(links) or 'no link'}, expected some of the links that "
+                f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
             )
-        ours = [links is None or arm.link_names[joint_of(name)] in links for name in model.names]
-        if not any(ours):
-            raise ConfigError(
-                f"no parameter is named after {', '.join(links or ()) or 'no link'}: expected some of "
-                f"{', '.join(arm.link_names)}, or goal.objective=parameters"
-            )
+        ours = [links is None or place in links for place in places]
         self._ours, self._links = torch.tensor(ours), links
         self.names = tuple(name for name, mine in zip(model.names, ours) if mine)
         self._unit = unit[self._ours]
@@ -66,10 +63,10 @@ class Tool:
     """
 
     def __init__(self, model: TorqueModel, unit: Tensor, identified: bool) -> None:
-        joints, power = model.joints, torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2, 2], dtype=torch.float64)
+        last = slice(10 * (model.joints - 1), 10 * model.joints)
         self.names = tuple(f"tool {name}" for name in LINK_PARAMETERS)
-        self._typical = _TOOL * _ARM**power
-        columns = model.mapping[:, 10 * (joints - 1) : 10 * joints] * self._typical
+        self._typical = _TOOL * _ARM**POWERS
+        columns = model.mapping[:, last] * self._typical
         self._columns = columns / unit[:, None]  # the tool's among the parameters', (P, 10)
         self._runs, self._doubt = 1 if identified else 2, torch.eye(10, dtype=torch.float64) / _DOUBT**2
         self.goal = Goal("tool", targets=columns.T, doubt=self._doubt, runs=self._runs)

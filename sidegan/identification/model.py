@@ -118,9 +118,8 @@ class TorqueModel:
         Raises:
             ShapeError: when a shape does not fit the arm.
         """
-        if q.ndim != 2 or (sign is not None and sign.shape != q.shape):
-            given = tuple(q.shape) if sign is None else f"{tuple(q.shape)} and sign {tuple(sign.shape)}"
-            raise ShapeError(f"position is {given}, expected (S, {self.joints})")
+        if q.ndim != 2:
+            raise ShapeError(f"position is {tuple(q.shape)}, expected (S, {self.joints})")
         y = torch.zeros(self.joints, self.count, len(q), dtype=torch.float64)
         y[:, : self.rigid] = self.body.base_regressor(q, dq, ddq).permute(1, 2, 0)
         signals = self.terms.signals(dq, ddq, sign)
@@ -132,8 +131,6 @@ class TorqueModel:
         self, parameters: Tensor, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None
     ) -> Tensor:
         """Torque [N·m or N], (S, J), of parameters (P,) at states (S, J)."""
-        if parameters.shape != (self.count,):
-            raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {self.count}")
         return self.regressor(q, dq, ddq, sign) @ parameters.double()
 
     def _grouped(self) -> tuple[Tensor, Tensor]:

@@ -6,6 +6,7 @@ from torch import Tensor
 from sidegan.identification.model import TorqueModel
 from sidegan.robot import Arm, possible_links
 
+POWERS = torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2, 2], dtype=torch.float64)  # of length in link parameters
 _LIGHT, _SMALL = 0.02, 0.05  # a link is taken for at least this share of the heaviest, and of 0.05 m
 
 
@@ -20,8 +21,7 @@ def scales(arm: Arm) -> tuple[Tensor, Tensor]:
 def typical(arm: Arm) -> Tensor:
     """Size that is typical of each link parameter, (J, 10): m, m l and m l²."""
     mass, length = scales(arm)
-    power = torch.tensor([0, 1, 1, 1, 2, 2, 2, 2, 2, 2], dtype=torch.float64)
-    return mass[:, None] * length[:, None] ** power
+    return mass[:, None] * length[:, None] ** POWERS
 
 
 def belief(model: TorqueModel, scale: Tensor, share: float) -> Tensor:

@@ -6,7 +6,7 @@ replications costs no more than its parts.
 Source: Jegorova et al. 2020, experiments 1 and 2.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import reduce
 from typing import TypeAlias
 
@@ -15,6 +15,7 @@ import pandas as pd
 import torch
 from torch import Tensor
 
+from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
 from sidegan.identification.fit import least_residual, least_squares, reweighted
 from sidegan.identification.gather import gather
@@ -27,7 +28,6 @@ from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
 MotionSet: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
-Progress: TypeAlias = Callable[[int, int], None]
 
 _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
 _TRAJECTORIES_AT_ONCE = 10
@@ -39,7 +39,7 @@ def compare(
     tests: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
-    progress: Progress | None = None,
+    progress: Report | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """NMSE of every set, weighting, repeat and joint, and facts about every set.
 
@@ -70,7 +70,7 @@ def measured_sums(
     family: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
-    progress: Progress | None = None,
+    progress: Report | None = None,
 ) -> Sums:
     """Sums of least squares over all N trajectories of a set, measured once with noise; progress is of N."""
     model, generator, count = TorqueModel(body, RIGID), np.random.default_rng(random), len(family[1])

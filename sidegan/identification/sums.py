@@ -4,8 +4,7 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor
-
-from sidegan.errors import ShapeError
+from torch.nn.functional import pad
 
 _CONSTANT = 1e-13  # of the mean square: a smaller variance is rounding
 _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
@@ -20,13 +19,9 @@ class Sums(NamedTuple):
     total: Tensor  # Σ τ_j, (J,)
     weight: Tensor  # number of samples, each less by its age, ()
 
-    def plus(self, other: "Sums") -> "Sums":
-        """Sums over these samples and ``other``'s."""
-        return Sums(*(a + b for a, b in zip(self, other)))
-
-    def times(self, factor: float) -> "Sums":
-        """Sums in which every sample counts ``factor`` as much."""
-        return Sums(*(factor * x for x in self))
+    def plus(self, other: "Sums", factor: float = 1.0) -> "Sums":
+        """Sums over these samples, each of which then counts ``factor`` as much, and ``other``'s."""
+        return Sums(*(factor * a + b for a, b in zip(self, other)))
 
     def weighted(self, weights: Tensor) -> tuple[Tensor, Tensor]:
         """Information (P, P) and moment (P,) of all joints, joint j's equations times ``weights[j]``."""
@@ -69,16 +64,7 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
         y, tau = y * root[:, None, None], tau * root[:, None]
     rows, torque = y.transpose(0, 1), tau.T[..., None]
     moment = (rows.mT @ torque)[..., 0]
-    return finite(Sums(rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum()))
-
-
-def finite(sums: Sums) -> Sums:
-    """These sums; a ShapeError when one of them is not finite."""
-    if not all(x.isfinite().all() for x in sums):
-        raise ShapeError(
-            "the regressor or the torque holds a value that is not finite or too large to square"
-        )
-    return sums
+    return Sums(rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum())
 
 
 def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Tensor]:
@@ -91,8 +77,9 @@ def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Te
     """
     rows, right = rows_of(information, moment)
     u, s, vt = torch.linalg.svd(rows, full_matrices=True)
-    inverse = 1 / (_padded(s.square(), len(moment)) + least)
-    parameters = vt.T @ (inverse * _padded(s * (u.T @ right), len(moment)))
+    unseen = 0, len(moment) - len(s)
+    inverse = 1 / (pad(s.square(), unseen) + least)
+    parameters = vt.T @ (inverse * pad(s * (u.T @ right), unseen))
     return parameters, (vt.T * inverse) @ vt
 
 
@@ -132,7 +119,3 @@ def _scale(information: Tensor) -> Tensor:
 def _floor(eigenvalues: Tensor) -> Tensor:
     rounding = _ROUNDING * len(eigenvalues) * torch.finfo(eigenvalues.dtype).eps
     return rounding * eigenvalues[-1].clamp_min(0)
-
-
-def _padded(x: Tensor, length: int) -> Tensor:
-    return torch.cat([x, x.new_zeros(length - len(x))])

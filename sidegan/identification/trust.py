@@ -34,7 +34,7 @@ def trust(
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
     names = tuple(estimate.names[i] for i in weak)
-    return Trust(model.arm, estimate, train, validated, nominal, folds, effect, torque_deviation, names)
+    return Trust(model.arm, estimate, train, validated, nominal, folds, torque_deviation, names)
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:

@@ -50,7 +50,6 @@ class Trust:
     validation: Score | None  # errors on what was held out; None when nothing was
     nominal_score: Score  # of the description's links with fitted friction, on the same samples as these
     folds: Score | None  # each recording predicted from the others; None when not asked for
-    effect: Tensor  # largest share of a joint's usual torque that one deviation of a parameter makes, (P,)
     torque_deviation: Tensor  # deviation of predicted torques within the limits, over the usual ones, (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
     causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from

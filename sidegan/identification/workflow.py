@@ -39,7 +39,8 @@ def identify_arm(
         RecordingError: when there are fewer equations than parameters.
     """
     samples, held_out = measurements_of(training), measurements_of(validation)
-    model, methods = TorqueModel(RigidBody(arm), terms), _methods(settings)
+    model = TorqueModel(RigidBody(arm), terms)
+    methods: Methods = {settings.method: {}, EQUAL_WEIGHTS: {}, CONSISTENT: {"strength": settings.strength}}
     if (count := sum(map(len, samples))) * model.joints < model.count:
         few = f"{count} samples of {model.joints} joints are left"
         raise RecordingError(f"{few}, too few for {model.count} parameters")
@@ -77,11 +78,6 @@ def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
         return CONSISTENT
     existing, other = (errors[name].clamp_min(_PERFECT) for name in (CONSISTENT, method))
     return method if float((existing / other).log().mean().exp()) > _AS_GOOD else CONSISTENT
-
-
-def _methods(settings: EstimationSettings) -> Methods:
-    """Settings of the chosen method, and of those that it is compared with."""
-    return {settings.method: {}, EQUAL_WEIGHTS: {}, CONSISTENT: {"strength": settings.strength}}
 
 
 def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Tensor]:

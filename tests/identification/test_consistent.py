@@ -1,7 +1,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 
 from sidegan.identification import estimate
@@ -18,35 +17,14 @@ def least_eigenvalues(links, arm):
     return torch.linalg.eigvalsh(pseudo_inertia(links) / unit[:, None] / unit[:, :, None])[:, 0]
 
 
-def links_of(model, found):
-    return found.standard[: 10 * model.joints].reshape(-1, 10)
-
-
-@pytest.fixture(scope="module")
-def noisy(arm):
-    """A recording so short and noisy that least squares gives links that cannot exist."""
-    model = model_of(arm)
-    return model, recorded(model, 150, noise=3.0)
-
-
-@pytest.fixture(scope="module")
-def found(noisy):
-    """A consistent estimate from it."""
-    return estimate("consistent", *noisy)
-
-
 class TestFit:
-    def test_every_link_can_exist_where_least_squares_gives_some_that_cannot(self, noisy, found):
-        model = noisy[0]
-        assert (least_eigenvalues(links_of(model, found), model.arm) > 0.9e-4).all()
+    def test_every_link_can_exist_however_short_and_noisy_the_recording_is(self, arm):
+        model = model_of(arm)
+        found = estimate("consistent", model, recorded(model, 150, noise=3.0))
+        assert (least_eigenvalues(model.links_of(found.standard), arm) > 0.9e-4).all()
         for name in ("rotor_inertia", "viscous", "coulomb"):
             assert (found.standard[model.standard_slice(name)] > -1e-6).all()
         torch.testing.assert_close(model.mapping @ found.standard, found.parameters)
-
-    def test_a_strong_pull_gives_the_description(self, noisy):
-        model, data = noisy
-        links = links_of(model, estimate("consistent", model, data, strength=1e7))
-        torch.testing.assert_close(links, model.arm.inertial_parameters, rtol=1e-2, atol=2e-3)
 
     def test_a_tool_that_the_description_lacks_is_found_without_freeing_the_other_links(self, arm):
         links = arm.inertial_parameters.clone()

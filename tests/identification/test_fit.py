@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.identification.fit import LeastSquares, least_squares
+from sidegan.identification.fit import LeastSquares
 from sidegan.identification.gather import gather
 from tests.identification.recordings import Fixed, assert_close, at_once, noisy_rows
 
@@ -34,26 +34,14 @@ def batch(y, tau, prior, weights):
     return np.linalg.lstsq(rows, right, rcond=None)[0], np.linalg.inv(rows.T @ rows)
 
 
-def gathered(y, tau, size=None, forgetting=1.0):
+def fed(y, tau, size=None, prior=1e6, forgetting=1.0, weighted=False):
     model = Fixed(y)
     with at_once(size or len(y)):
-        return gather(model, model.measurements(tau), forgetting)
-
-
-def fed(y, tau, size=None, prior=1e6, forgetting=1.0, weighted=False):
-    return LeastSquares(prior, forgetting, weighted).fit(gathered(y, tau, size, forgetting))
+        data = gather(model, model.measurements(tau), forgetting)
+    return LeastSquares(prior, forgetting, weighted).fit(data)
 
 
 class TestOracles:
-    @pytest.mark.parametrize("prior", [1e-2, 1e6, 1e12])
-    @pytest.mark.parametrize("weights", [(1.0, 1.0, 1.0), (0.1, 3.0, 40.0)])
-    def test_batch_least_squares(self, prior, weights):
-        sums = gathered(*ROWS).sums
-        fit = least_squares(sums, 1 / prior, torch.tensor(weights, dtype=torch.float64))
-        parameters, inverse = batch(*ROWS, prior, weights)
-        assert_close(fit.parameters, parameters)
-        assert_close(fit.inverse, inverse)
-
     @pytest.mark.parametrize("forgetting", [0.9, 0.99, 1.0])
     @pytest.mark.parametrize("prior", [0.5, 1e3])
     def test_the_classical_recursion(self, forgetting, prior):

@@ -44,8 +44,8 @@ def measured_by(family, c):
     return measure(RigidBody(PLANAR), family.roll_out(c, family.times(10.0)))
 
 
-def gains(load, data=PLANAR_DATA):
-    return drive_gains(MODEL, [data], [data], torch.zeros(load).double())
+def gains():
+    return drive_gains(MODEL, [PLANAR_DATA], [PLANAR_DATA], torch.zeros(10).double())
 
 
 def goal(**changes):
@@ -59,20 +59,15 @@ REFUSED = [
     (ShapeError, "all torques are zero", lambda: of_rows("weighted", 0 * ROWS[1])),
     (ShapeError, "not finite or too large to square", lambda: of_rows("ols", spoilt(1e200))),
     (ShapeError, "torque of sample 5 is not finite", lambda: of_rows("ols", spoilt(torch.nan))),
-    (ShapeError, "torque of sample 0", lambda: measurements(torque=STATE + torch.inf)),
     (ShapeError, r"velocity is \(4, 3\)", lambda: measurements(velocity=torch.zeros(4, 3))),
-    (ShapeError, "position", lambda: measurements(torque=torch.zeros(3, 2))),
     (ShapeError, "sign is", lambda: measurements(sign=STATE[:2])),
     (ShapeError, "nothing to measure", lambda: measured_by(FAMILY, NOWHERE)),
     (ShapeError, "expected .*2", lambda: measured_by(Trajectory(3), torch.zeros(1, 3, 6, 2).double())),
     (ShapeError, "no samples to test with", lambda: score(LINEAR, torch.zeros(6), [])),
     (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
     (ShapeError, r"of joints \[1, 2\] is constant", lambda: score(MODEL, MODEL.nominal, measurements())),
-    (ShapeError, r"sign \(3, 2\), expected \(S, 2\)", lambda: MODEL.regressor(*[STATE] * 3, STATE[:3])),
     (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
-    (ShapeError, "the model has", lambda: MODEL.torque(torch.zeros(3).double(), STATE, STATE, STATE)),
-    (ConfigError, "the load has no effect on shoulder, elbow", lambda: gains(10)),
-    (ShapeError, "expected ten finite parameters", lambda: gains(3)),
+    (ConfigError, "the load has no effect on shoulder, elbow", gains),
     (ConfigError, r"names hand, expected some of .*forearm", lambda: goal(objective=["hand"])),
     (ConfigError, "expected some of .*forearm, or goal.objective=param", lambda: goal(objective=[])),
     (ConfigError, "goal.noise has 3 numbers, the arm has 2 joints", lambda: goal(noise=[1.0, 1.0, 1.0])),

@@ -74,16 +74,6 @@ def test_what_there_is_nothing_to_say_of_is_left_out(identified, monkeypatch):
     assert "1 more recordings are not shown" in text and "Use none of these models" in text
 
 
-def test_only_pairs_that_go_together_are_named():
-    correlation = np.array([[1, -0.9, 0.2], [-0.9, 1, 0.85], [0.2, 0.85, 1]])
-    scale = np.array([1e-3, 2.0, 5.0])
-    first, second = page.hard_to_tell_apart(correlation * scale * scale[:, None], "abc")
-    assert first.startswith("a and b (-0.9): their sum")
-    assert second.startswith("b and c (0.85): their difference")
-    assert page.hard_to_tell_apart(np.diag([1.0, 0.0]), "ab") == []
-    assert page.hard_to_tell_apart(np.ones((5, 5)), "abcde")[-1] == "and 2 more pairs"
-
-
 NUMBERS = {1.23456: "1.235", -2.5e-7: "-2.5e-7", 1.5e12: "1.5e12", -3e-17: "0", np.nan: "—", np.inf: "—"}
 
 

@@ -12,12 +12,6 @@ from sidegan.recording.check import CheckedRecording
 from sidegan.robot.consistency import about_the_centre
 
 _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
-_METHODS = {
-    "weighted": "least squares in which each joint's torques count by their noise",
-    EQUAL_WEIGHTS: "least squares in which all torques count alike: large joints outweigh small ones",
-    CONSISTENT: "links that can exist, pulled towards the description as far as the data leaves them open",
-    "description": "the description's own links, with friction and rotors fitted to the data",
-}
 _INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
@@ -100,12 +94,6 @@ def facts(identified: IdentifiedArm) -> dict[str, str]:
     }
 
 
-def methods(identified: IdentifiedArm) -> dict[str, str]:
-    """The models that are compared and how each is made, the chosen one first."""
-    names = (identified.chosen.method, EQUAL_WEIGHTS, CONSISTENT, "description")
-    return {_NAMES.get(name, name): _METHODS[name] for name in dict.fromkeys(names)}
-
-
 def treatment(recording: CheckedRecording) -> str:
     """How a recording was made and treated, a sentence."""
     raw = recording.statistics
@@ -123,13 +111,14 @@ def error_table(identified: IdentifiedArm) -> pd.DataFrame:
     uses = {"training": identified.trained}
     if identified.tests is not identified.trained:
         uses["validation"] = identified.tests
-    keys = {f"{name}, {use}": (use, name) for name in ("nMSE", "RMSE") for use in uses}
-    columns = {head: getattr(uses[use][identified.use], name.lower()) for head, (use, name) in keys.items()}
-    return pd.DataFrame({head: x.tolist() for head, x in columns.items()}, identified.model.arm.joint_names)
+    errors = {use: scores[identified.use] for use, scores in uses.items()}
+    columns = {f"nMSE, {use}": one.nmse.tolist() for use, one in errors.items()}
+    columns |= {f"RMSE, {use}": one.rmse.tolist() for use, one in errors.items()}
+    return pd.DataFrame(columns, identified.model.arm.joint_names)
 
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
-    """A row per identified parameter; relative_std is a share, urdf is NaN where nothing is known."""
+    """A row per identified parameter; urdf is NaN where nothing is known."""
     trust, chosen, model = identified.trust, identified.chosen, identified.model
     nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     kinds = [name.rstrip("0123456789") for name in chosen.names]
@@ -140,10 +129,8 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "unit": [_UNITS.get(kind, _UNITS.get(kind[:1], "")) for kind in kinds],
             "value": chosen.parameters.tolist(),
             "std": chosen.deviation.tolist(),
-            "relative_std": (chosen.deviation / chosen.parameters.abs()).tolist(),
             "urdf": nominal,
             "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
-            "effect": trust.effect.tolist(),
             "weak": [name in trust.weak for name in chosen.names],
         }
     )

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from torch import Tensor
 
 from sidegan.identification.identified import IdentifiedArm
-from sidegan.identification.measurements import SAMPLES_AT_ONCE
+from sidegan.identification.measurements import Measurements, pieces
 from sidegan.recording.check import CheckedRecording
 from sidegan.recording.recording import Segment
 from sidegan.report import canvas
@@ -32,15 +32,16 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
     for axis, title in zip(rows, titles):
         axis.set_title(title, loc="left", fontsize=9)
         axis.locator_params("y", nbins=5)
-        _style(axis)
+        axis.margins(x=0)
+        canvas.tidy(axis)
     rows[-1].set_xlabel("time [s]", fontsize=9)
     return _with_legend(figure, rows[0])
 
 
 def _predicted(identified: IdentifiedArm, segment: Segment) -> Tensor:
     """Torque [N·m or N], (S, J), of the model to use at the states of a stretch."""
-    pieces = zip(*(x.split(SAMPLES_AT_ONCE) for x in (*segment[1:4], segment.sign)))
-    return torch.cat([identified.model.torque(identified.used.parameters, *piece) for piece in pieces])
+    model, theta = identified.model, identified.used.parameters
+    return torch.cat([model.torque(theta, *one.inputs) for one in pieces(Measurements(*segment[1:]))])
 
 
 def friction(identified: IdentifiedArm) -> Figure:
@@ -70,7 +71,8 @@ def friction(identified: IdentifiedArm) -> Figure:
         axis.plot(velocity[:, j], curve[:, j], color=RESIDUAL, linewidth=1.6, label="identified")
         axis.set_title(title, fontsize=9)
         axis.set_xlabel("velocity [rad/s]" if j + columns >= len(titles) else "", fontsize=9)
-        _style(axis)
+        axis.margins(x=0)
+        canvas.tidy(axis)
     return _with_legend(figure, axes[0])
 
 
@@ -79,11 +81,6 @@ def _titles(identified: IdentifiedArm) -> list[str]:
     arm = identified.model.arm
     units = ["N" if slides else "N·m" for slides in arm.prismatic.tolist()]
     return [f"{name} [{unit}]" for name, unit in zip(arm.joint_names, units)]
-
-
-def _style(axis: Axes) -> None:
-    canvas.tidy(axis)
-    axis.margins(x=0)
 
 
 def _with_legend(figure: Figure, axis: Axes) -> Figure:

@@ -1,9 +1,7 @@
 """Files of an identification: tables, a URDF, a verdict for machines and a report for people."""
 
-import json
 import math
 import platform
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,6 @@ from torch import Tensor
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
-from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
 from sidegan.report.identification.checks import write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
@@ -24,6 +21,13 @@ VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
 _TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
+# How MLflow loads that class from its folder.
+_LOADED = {
+    "loader_module": Path(_CLASS).stem,
+    "code": ".",
+    "data": ".",
+    "python_version": platform.python_version(),
+}
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 
 
@@ -40,7 +44,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
-    write_bytes(folder / _MLMODEL, _mlmodel(arm.joint_names).encode())
+    write_bytes(folder / _MLMODEL, yaml.safe_dump({"flavors": {"python_function": _LOADED}}).encode())
     write_bytes(folder / REPORT, report_html(identified, origin))
 
 
@@ -94,29 +98,22 @@ def _errors(errors: Score) -> dict[str, Any]:
 
 def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     """The identified model in full, for programs."""
-    model, chosen = identified.model, identified.chosen
+    model, chosen, standard = identified.model, identified.chosen, identified.used_standard
     return {
-        "robot": model.arm.name,
         "joints": list(model.arm.joint_names),
-        "links": list(model.arm.link_names),
-        "method": chosen.method,
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
         "certainty": chosen.certainty.tolist(),
         "rate": identified.training[0].grid.rate,
-        "rmse": identified.tests[identified.use].rmse.tolist(),
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
-        "consistent": _standard(model, identified.standard),
-        "use": {"method": identified.use, **_standard(model, identified.used_standard)},
+        "use": {
+            "method": identified.use,
+            "inertial_parameters": model.links_of(standard).tolist(),
+            "terms": {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds},
+        },
     }
-
-
-def _standard(model: TorqueModel, standard: Tensor) -> dict[str, Any]:
-    """Standard parameters (F,) as links and terms."""
-    terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
-    return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms}
 
 
 def _numbers(values: Tensor) -> list[float | None]:
@@ -126,16 +123,3 @@ def _numbers(values: Tensor) -> list[float | None]:
 def _number(value: float) -> float | None:
     """None in place of what is not finite, which JSON cannot say."""
     return value if math.isfinite(value) else None
-
-
-def _mlmodel(joint_names: Sequence[str]) -> str:
-    """The file by which MLflow loads the Python class from its folder, as a function of tables."""
-    states = [f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in joint_names]
-    sides = {"inputs": states, "outputs": [f"tau_{name}" for name in joint_names]}
-    columns = {
-        side: json.dumps([{"type": "double", "name": name, "required": True} for name in names])
-        for side, names in sides.items()
-    }
-    function = {"loader_module": Path(_CLASS).stem, "code": ".", "data": "."}
-    function |= {"python_version": platform.python_version()}
-    return yaml.safe_dump({"flavors": {"python_function": function}, "signature": columns}, sort_keys=False)

@@ -66,27 +66,17 @@ class TorqueModel:
         upper = self._pinocchio.crba(self.model, self._data, q)
         return np.triu(upper) + np.triu(upper, 1).T
 
-
-class Frames:
-    """The model as MLflow uses it: of a table with a row per state, a table of torques.
-
-    Args:
-        model: of the arm.
-    """
-
-    def __init__(self, model: TorqueModel) -> None:
-        self.model = model
-
     def predict(self, frame: Any) -> Any:
-        """Torques ``tau_<joint>`` [N·m or N] of states ``q_<joint>``, ``dq_<joint>``, ``ddq_<joint>``."""
-        states = [
-            frame[[f"{letter}_{name}" for name in self.model.joints]].to_numpy(float)
-            for letter in ("q", "dq", "ddq")
-        ]
-        torques = np.reshape([self.model.torque(*state) for state in zip(*states)], states[0].shape)
-        return type(frame)(torques, index=frame.index, columns=[f"tau_{name}" for name in self.model.joints])
+        """Table of torques ``tau_<joint>`` [N·m or N] of one with a row per state, as MLflow calls it.
+
+        Its columns are ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>``.
+        """
+        columns = [[f"{letter}_{name}" for name in self.joints] for letter in ("q", "dq", "ddq")]
+        states = [frame[names].to_numpy(float) for names in columns]
+        torques = np.reshape([self.torque(*state) for state in zip(*states)], states[0].shape)
+        return type(frame)(torques, index=frame.index, columns=[f"tau_{name}" for name in self.joints])
 
 
-def _load_pyfunc(folder: str) -> Frames:
+def _load_pyfunc(folder: str) -> TorqueModel:
     """The model for ``mlflow.pyfunc.load_model``, which finds it by the file MLmodel beside this one."""
-    return Frames(TorqueModel(Path(folder)))
+    return TorqueModel(Path(folder))
