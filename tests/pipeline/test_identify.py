@@ -75,7 +75,7 @@ def test_everything_is_left_in_the_runs_folder(once):
 def consistent(once, planar):
     """The model's numbers, and the consistent one's torques [N·m] at states that move, (50, 2) each."""
     model = json.loads((once[1] / "parameters.json").read_text())
-    numbers = model["use"]
+    numbers = model["consistent"]
     terms = {name: torch.tensor(x, dtype=torch.float64) for name, x in numbers["terms"].items()}
     generator = torch.Generator().manual_seed(0)
     q, dq, ddq = (torch.randn(50, 2, generator=generator, dtype=torch.float64) for _ in range(3))
@@ -103,7 +103,7 @@ def by_mujoco(folder, model):
     def torque(q, dq, ddq):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(mjcf, data)
-        return data.qfrc_inverse + model["use"]["terms"]["offset"]
+        return data.qfrc_inverse + model["consistent"]["terms"]["offset"]
 
     return torque
 
@@ -115,7 +115,7 @@ def by_pinocchio(folder, model):
 
     def torque(q, dq, ddq):
         friction = urdf.damping * dq + urdf.upperDryFrictionLimit * np.tanh(dq / width)
-        return pin.rnea(urdf, data, q, dq, ddq) + friction + model["use"]["terms"]["offset"]
+        return pin.rnea(urdf, data, q, dq, ddq) + friction + model["consistent"]["terms"]["offset"]
 
     return torque
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
+from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
 from sidegan.report.identification.checks import write_checks
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
@@ -98,7 +99,7 @@ def _errors(errors: Score) -> dict[str, Any]:
 
 def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     """The identified model in full, for programs."""
-    model, chosen, standard = identified.model, identified.chosen, identified.used_standard
+    model, chosen = identified.model, identified.chosen
     return {
         "joints": list(model.arm.joint_names),
         "names": list(chosen.names),
@@ -108,12 +109,15 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "rate": identified.training[0].grid.rate,
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
-        "use": {
-            "method": identified.use,
-            "inertial_parameters": model.links_of(standard).tolist(),
-            "terms": {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds},
-        },
+        "consistent": _standard(model, identified.standard),
+        "use": {"method": identified.use, **_standard(model, identified.used_standard)},
     }
+
+
+def _standard(model: TorqueModel, standard: Tensor) -> dict[str, Any]:
+    """Standard parameters (F,) as links and terms."""
+    terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
+    return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms}
 
 
 def _numbers(values: Tensor) -> list[float | None]:
