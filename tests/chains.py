@@ -30,10 +30,12 @@ def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     parameters = np.stack([_inertia(random).toDynamicParameters() for _ in range(joints)])
     gravity = random.normal(size=3) * 6
+    names = tuple(f"joint{i + 1}" for i in range(joints))
     arm = Arm(
         name=f"chain{joints}",
         digest=f"{joints}-{seed}",
-        joint_names=tuple(f"joint{i + 1}" for i in range(joints)),
+        joint_names=names,
+        link_names=names,
         prismatic=torch.from_numpy(prismatic),
         rotation=torch.from_numpy(rotation),
         translation=torch.from_numpy(translation),

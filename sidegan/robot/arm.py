@@ -75,8 +75,7 @@ class Arm:
     capsules: Capsules  # shapes that enclose the links
     urdf: Path  # the file all this was read from
     tip: Tensor  # the end effector [m], (3,), in the last joint's frame
-    # of the link that each joint moves; the joints' names where nothing names the links
-    link_names: tuple[str, ...] = ()
+    link_names: tuple[str, ...]  # of the link that each joint moves
     setup: Setup = PLAIN  # which part of the description this is
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
     acceleration_limit: Tensor | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
@@ -85,10 +84,6 @@ class Arm:
     # links and the nearest ones with a shape towards the base; None: all that one joint lies between
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so
-
-    def __post_init__(self) -> None:
-        if not self.link_names:
-            object.__setattr__(self, "link_names", self.joint_names)
 
     @property
     def joints(self) -> int:

@@ -9,10 +9,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidegan.robot import (
-    inconsistent_links,
-    pseudo_inertia,
-)
+from sidegan.robot import inconsistent_links, pseudo_inertia
 from tests.chains import random_chain
 from tests.recording.conftest import real
 

@@ -20,7 +20,6 @@ from sidegan.validity.capsules import capsule_axes, place_points
 from .urdf import one_joint, outside
 
 SPEEDS = Limits(velocity={"one": 1.0, "two": 1.0, "slide": 0.1})
-CORNERS = np.array(np.meshgrid([0, 1], [0, 2], [0, 3.0])).reshape(3, 8).T
 MJCF = """<mujoco model="toy">
 <compiler angle="degree"/>
 <default><joint range="-90 90"/></default>
@@ -52,7 +51,7 @@ MJCF = """<mujoco model="toy">
 @pytest.fixture
 def mjcf(tmp_path, tmp_path_factory, monkeypatch):
     monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path_factory.getbasetemp() / "shapes"))  # that tests share
-    trimesh.convex.convex_hull(CORNERS).export(tmp_path / "box.obj")
+    trimesh.creation.box(bounds=[(0, 0, 0), (1, 2, 3)]).export(tmp_path / "box.obj")
     (tmp_path / "toy.xml").write_text(MJCF)
     return tmp_path / "toy.xml"
 
