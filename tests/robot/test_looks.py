@@ -11,17 +11,14 @@ from sidegan.robot.looks import visual_parts
 from .urdf import INERTIA, ball, joint, link, robot
 
 
-def visual(shape: str, origin: str = 'xyz="0 0 0"', material: str = "") -> str:
-    return f"<visual><origin {origin}/><geometry>{shape}</geometry>{material}</visual>"
+def visual(shape: str, origin: str = 'xyz="0 0 0"') -> str:
+    return f"<visual><origin {origin}/><geometry>{shape}</geometry></visual>"
 
 
-RED = '<material name="red"><color rgba="0.9 0.1 0.05 1"/></material>'
-BLUE = '<material name=""><color rgba="0 0.5 1 1"/></material>'
-BOX = visual('<box size="0.2 0.3 0.4"/>', material='<material name="red"/>')
-ROD = visual('<cylinder radius="0.05" length="0.4"/>', 'xyz="0 0.1 0.2" rpy="1 0.5 0.2"', BLUE)
+BOX = visual('<box size="0.2 0.3 0.4"/>')
+ROD = visual('<cylinder radius="0.05" length="0.4"/>', 'xyz="0 0.1 0.2" rpy="1 0.5 0.2"')
 PLATE = visual('<mesh filename="plate.stl" scale="0.1 0.1 0.1"/>', 'xyz="0.3 0 0"')
 URDF = robot(
-    RED,
     link("base", BOX + visual('<mesh filename="package://nowhere/lost.stl"/>')),
     joint("turn", "base", "arm", origin='xyz="0.1 0.2 0.3" rpy="0.3 -0.2 0.5"'),
     link("arm", INERTIA + ROD),
@@ -44,7 +41,6 @@ def test_shapes_are_where_the_description_has_them(file):
     parts = visual_parts(load_robot(file))
     assert [part.link for part in parts] == [-1, 0, 1, 1]
     box, rod, plate, sphere = parts
-    assert box.colour == (0.9, 0.1, 0.05) and rod.colour == (0.0, 0.5, 1.0) and plate.colour is None
     np.testing.assert_allclose(np.ptp(box.vertices, axis=0), [0.2, 0.3, 0.4], atol=1e-12)
     turn = pin.rpy.rpyToMatrix(1.0, 0.5, 0.2)
     np.testing.assert_allclose(rod.vertices.mean(0), [0, 0.1, 0.2], atol=1e-12)
