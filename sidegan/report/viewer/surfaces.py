@@ -1,6 +1,5 @@
 """Surfaces small enough for a page."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -18,7 +17,7 @@ _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and 
 
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
-    """Surfaces of what an arm looks like, one per joint, and of its capsules.
+    """Surfaces of what an arm looks like, and of its capsules.
 
     Links without a shape of their own are shown as their capsules.
     """
@@ -26,7 +25,7 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
     each = zip(capsules.link.tolist(), capsules.a.numpy(), capsules.b.numpy(), capsules.radius.tolist())
     shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
     seen = {part.link for part in looks}
-    return fewer(merged([*looks, *(part for part in shapes if part.link not in seen)])), merged(shapes)
+    return fewer([*looks, *(part for part in shapes if part.link not in seen)]), shapes
 
 
 def region_surface(region: Region) -> Part | None:
@@ -44,20 +43,6 @@ def region_surface(region: Region) -> Part | None:
 
 def _part(mesh: "trimesh.Trimesh") -> Part:
     return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
-
-
-def merged(parts: Sequence[Part]) -> list[Part]:
-    """One part for all of a joint."""
-    from trimesh.util import append_faces
-
-    groups = defaultdict[int, list[Part]](list)
-    for part in parts:
-        groups[part.link].append(part)
-    joined = []
-    for link, some in groups.items():
-        vertices, faces = append_faces([part.vertices for part in some], [part.faces for part in some])
-        joined.append(Part(link, np.asarray(vertices, float), np.asarray(faces, np.int64)))
-    return joined
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
