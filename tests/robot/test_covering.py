@@ -129,11 +129,10 @@ def arm_file(tmp_path, monkeypatch):
 
 
 def assert_same_shapes(one, other):
-    assert one.digest == other.digest and one.capsules.owners == other.capsules.owners
-    for name in ("link", "a", "b", "radius"):
+    assert one.digest == other.digest
+    for name in ("a", "b", "radius", "core"):
         assert torch.equal(getattr(one.capsules, name), getattr(other.capsules, name))
-    for name in ("corners", "start", "radius", "fitted", "core"):
-        assert torch.equal(getattr(one.capsules.pieces, name), getattr(other.capsules.pieces, name))
+    assert torch.equal(one.capsules.pieces.corners, other.capsules.pieces.corners)
 
 
 def test_shapes_come_from_the_cache_and_are_made_again_where_it_is_broken(arm_file, monkeypatch):
