@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
-from sidegan.robot.covering import cover, cut
-from sidegan.robot.fitting import fit, from_segment, hull_volume, thinned, volume
+from sidegan.robot.covering import cover
+from sidegan.robot.fitting import fit, from_segment, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
 
@@ -97,15 +97,6 @@ def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
     assert 3 <= len(parts) <= 5
     assert min(from_hull(in_the_gap, part.corners).min() for part in parts) > 0.01
     assert len(cover(meshes, 2)) <= 2
-
-
-def test_of_a_tube_what_is_empty_is_left_out_and_of_a_box_nothing():
-    """Of a tube's hull two thirds are empty: sixteen parts leave out nearly all of that."""
-    tube = trimesh.creation.annulus(0.08, 0.1, 0.2, sections=48)
-    parts = cut([np.asarray(tube.triangles)], 16, 1e-3, 0.0)
-    assert 4 <= len(parts) <= 16
-    assert sum(hull_volume(part.reshape(-1, 3)) for part in parts) < 1.2 * tube.volume
-    assert len(cut([box(1, 2, 3)], 16, 1e-3, 0.0)) == 1
 
 
 @settings(max_examples=20)
