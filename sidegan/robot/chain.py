@@ -1,7 +1,6 @@
 """Which joints of a description are the arm's, and where the others stand."""
 
 import re
-from dataclasses import dataclass
 
 from sidegan.errors import RobotError
 from sidegan.robot.setup import Setup, choice, override
@@ -14,16 +13,8 @@ _MOST_TIPS = 6  # that are offered
 _ARM, _HAND = 6, 8  # joints at least before a hand, and below these of its longest finger
 
 
-@dataclass(frozen=True)
-class Chain:
-    """The joints that move, from the base outwards, and where the others stand [rad or m]."""
-
-    moving: tuple[Joint, ...]
-    locked: dict[str, float]
-
-
-def choose(tree: Tree, setup: Setup) -> Chain:
-    """The arm that is meant.
+def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
+    """The arm that is meant: its joints, from the base outwards, and where the others stand [rad or m].
 
     Raises:
         RobotError: when it is not one chain of joints that move on their own, with what resolves that.
@@ -49,7 +40,7 @@ def choose(tree: Tree, setup: Setup) -> Chain:
             f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with "
             f"their number the work grows; {choice('tip', moving[_MOST_JOINTS - 1].child)} ends the arm there"
         )
-    return Chain(moving, standing(tree, moving, given))
+    return moving, standing(tree, moving, given)
 
 
 def _path(tree: Tree, setup: Setup) -> list[Joint]:

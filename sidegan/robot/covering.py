@@ -115,20 +115,17 @@ def _best(part: Points, weight: float) -> _Cut:
     planes = [((axis, float(h)),) for axis, a, s in zip(ways, low, size) for h in a + s * _CUTS]
     middles = [(axis, float(a + s / 2)) for axis, a, s in zip(ways, low, size)]
     quarters = [(middles[i], middles[k]) for i, k in ((0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5))]
-    return max(
-        (_judged(sample, whole, one, weight) for one in (*planes, *quarters)), key=lambda one: one.saved
-    )
+    found = []
+    for one in (*planes, *quarters):
+        sides = _sides(sample, one)
+        left = sum(_size(extremes(side.reshape(-1, 3)), weight) for side in sides)
+        found.append(_Cut((whole - left) / max(1, len(sides) - 1), one))
+    return max(found, key=lambda one: one.saved)
 
 
 def _size(points: Points, weight: float) -> float:
     """Volumes [m³] of the hull and of a capsule around points, as they count."""
     return hull_volume(points) + (weight and weight * volume(guess(points)))
-
-
-def _judged(part: Points, whole: float, planes: tuple[Plane, ...], weight: float) -> _Cut:
-    sides = _sides(part, planes)
-    left = sum(_size(extremes(side.reshape(-1, 3)), weight) for side in sides)
-    return _Cut((whole - left) / max(1, len(sides) - 1), planes)
 
 
 def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:

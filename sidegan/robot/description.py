@@ -10,7 +10,7 @@ from typing import TypeVar
 from sidegan.robot import xml
 from sidegan.robot.chain import choose
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.links import prepare_shapes, read_mass, strip_meshes
+from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of
 from sidegan.robot.setup import PLAIN, Mount, Setup
@@ -54,23 +54,21 @@ def read_description(
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     tree = read_tree(root, where)
-    chain = choose(tree, setup)
-    for joint in chain.moving:
+    moving, locked = choose(tree, setup)
+    for joint in moving:
         unit_axis(joint, tree.at(joint))
     read = _of_links(root, where, read_mass)
-    notes = tell(tree, chain.moving, chain.locked, {name: mass for name, (mass, _) in read.items()})
-    for joint, value in ((tree.joints[name], value) for name, value in chain.locked.items()):
+    notes = tell(tree, moving, locked, {name: mass for name, (mass, _) in read.items()})
+    for joint, value in ((tree.joints[name], value) for name, value in locked.items()):
         lock(joint, value, tree.at(joint))
-    moved = {joint.name: joint.child for joint in chain.moving}
+    moved = {joint.name: joint.child for joint in moving}
     middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
-    limits, more = limits_of(tree, chain.moving, setup.limits, middle, planning)
+    limits, more = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
-    if not planning:
-        strip_meshes(root)
-    absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at))
+    absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at, meshes=planning))
     missing = {name: files for name, files in absent.items() if files}
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):

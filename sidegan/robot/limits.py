@@ -103,14 +103,13 @@ class _Described:
         if joint.kind == "continuous":
             middle = self.home.get(joint.name, 0.0)
             return middle - math.pi, middle + math.pi
-        limit, example = joint.element.find("limit"), _EXAMPLE[joint.kind]
-        if limit is None or not {"lower", "upper"} & set(limit.attrib):
-            return self._example(
-                "position", joint, example, "no position limits, expected <limit lower upper>"
-            )
-        lower, upper = (self._number(joint, key) for key in ("lower", "upper"))
+        span, example = self.tree.span(joint), _EXAMPLE[joint.kind]
+        if span is None:
+            why = "no position limits, expected <limit lower upper>"
+            return self._example("position", joint, example, why)
+        lower, upper = span
         if lower < upper:
-            return lower, upper
+            return span
         example = (upper, lower) if lower > upper else example
         why = f"the position limits {lower:g} to {upper:g}, expected lower < upper"
         return self._example("position", joint, example, why)

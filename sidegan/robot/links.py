@@ -36,25 +36,26 @@ def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
     return mass, ""
 
 
-def strip_meshes(root: ET.Element) -> None:
-    """Take the meshes out of a description's links."""
-    for link in root.findall("link"):
-        for collision in link.findall("collision"):
-            if collision.find("geometry/mesh") is not None:
-                link.remove(collision)
+def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
+    """Mesh files of a link's collision shapes that are not there; such shapes are taken out of the XML.
 
-
-def prepare_shapes(link: ET.Element, path: Path, where: str) -> list[str]:
-    """Mesh files of a link's collision shapes that are not there; such shapes are taken out of the XML."""
+    Without ``meshes``, all of them are taken out, and none is missing.
+    """
     for visual in link.findall("visual"):
         link.remove(visual)
     absent = []
     for index, collision in enumerate(link.findall("collision")):
+        if not meshes and collision.find("geometry/mesh") is not None:
+            link.remove(collision)
+            continue
         shape = _checked_shape(collision, where)
-        if shape.tag == "capsule":
-            _write_as_marked_cylinder(link, collision, shape, f"capsule_{index}")
+        if shape.tag == "capsule":  # some tools write it: for Pinocchio, a cylinder that is marked as rounded
+            shape.tag, name = "cylinder", f"capsule_{index}"
+            collision.set("name", name)
+            ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
         elif shape.tag == "mesh":
-            file = _mesh_file(shape, path, where)
+            xml.vector(shape, "scale", where, "1 1 1")
+            file = find_mesh(xml.attribute(shape, "filename", where), path)
             if file is None:
                 link.remove(collision)
                 absent.append(shape.get("filename", ""))
@@ -74,16 +75,3 @@ def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
     for key, size in _SIZES[geometry[0].tag].items():
         xml.positive(geometry[0], key, where, size)
     return geometry[0]
-
-
-def _write_as_marked_cylinder(link: ET.Element, collision: ET.Element, shape: ET.Element, name: str) -> None:
-    """Put a <capsule>, which some tools write, as Pinocchio has it: a cylinder that is marked as rounded."""
-    shape.tag = "cylinder"
-    collision.set("name", name)
-    ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
-
-
-def _mesh_file(mesh: ET.Element, urdf: Path, where: str) -> Path | None:
-    """The file of a mesh; None where it is not there."""
-    xml.vector(mesh, "scale", where, "1 1 1")
-    return find_mesh(xml.attribute(mesh, "filename", where), urdf)

@@ -77,7 +77,9 @@ def load_robot(
     numbers = chain | _limits(description, names)
     shapes = pin_model.collision_shapes(model, description)
     capsules = capsules_of(shapes)
-    stamped = sorted({shape.digest for shape in shapes if shape.digest}) + _stamped(setup, description)
+    stamped = sorted({shape.digest for shape in shapes if shape.digest})
+    if setup.may_touch:  # other trajectories are valid then
+        stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
     return Arm(
@@ -94,12 +96,6 @@ def load_robot(
         mount=description.mount,
         **numbers,
     )
-
-
-def _stamped(setup: Setup, description: Description) -> list[str]:
-    """Pairs that a user lets touch: with them, other trajectories are valid."""
-    said = description.may_touch if setup.may_touch else ()
-    return sorted({" ".join(sorted(pair)) for *pair, _ in said})
 
 
 def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Tensor]:

@@ -1,8 +1,7 @@
-"""Looks of an arm: the visual shapes of its links as coloured triangles."""
+"""Looks of an arm: the visual shapes of its links as triangles."""
 
 import logging
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -24,16 +23,14 @@ if TYPE_CHECKING:  # slow to import
 
 _log = logging.getLogger(__name__)
 _CAPSULE = 8, 16  # rings of a capsule's half spheres, and points around it
-Colour = tuple[float, float, float]  # red, green and blue, 0 to 1
 
 
 class Part(NamedTuple):
-    """A surface of one colour that moves with a joint."""
+    """A surface that moves with a joint."""
 
     link: int  # joint in whose frame it lies, 0..J-1; -1 is the base
     vertices: NDArray[np.float64]  # [m], (V, 3), in the joint's frame
     faces: NDArray[np.int64]  # (F, 3)
-    colour: Colour | None  # None where nothing states one
 
 
 def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
@@ -60,42 +57,38 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
             continue
         for visual in link.findall("visual") or link.findall("collision"):
             try:
-                parts += _shape_parts(arm.urdf, visual, model.frames[index], _stated_colour(visual, root))
+                part = _part(arm.urdf, visual, model.frames[index])
             except Exception as error:  # readers of meshes raise whatever they like
                 unread[name] = str(error)
+                continue
+            if len(part.faces) and np.isfinite(part.vertices).all():
+                parts.append(part)
     if unread:
         why = next(iter(unread.values()))
         _log.info("%s: shapes that are not shown are of %s: %s", arm.name, listed(list(unread)), why)
     return parts
 
 
-def _shape_parts(urdf: Path, visual: ET.Element, link: "pin.Frame", own: Colour | None) -> list[Part]:
-    """The surfaces of one shape in its joint's frame."""
+def _part(urdf: Path, visual: ET.Element, link: "pin.Frame") -> Part:
+    """The surface of one shape in its joint's frame."""
     origin = visual.find("origin")
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))
-    place, parts = link.placement.act(shift), []
     shape = xml.child(visual, "geometry", "a shape")[0]
-    is_mesh = shape.tag == "mesh"
-    for surface in _meshes(shape, urdf) if is_mesh else [_solid(shape)]:
-        vertices = np.asarray(surface.vertices, float) @ turn.T + place
-        if len(surface.faces) and np.isfinite(vertices).all():
-            colour = own or (_material_colour(surface) if is_mesh else None)
-            parts.append(Part(link.parentJoint - 1, vertices, np.asarray(surface.faces), colour))
-    return parts
+    surface = _mesh(shape, urdf) if shape.tag == "mesh" else _solid(shape)
+    vertices = np.asarray(surface.vertices, float) @ turn.T + link.placement.act(shift)
+    return Part(link.parentJoint - 1, vertices, np.asarray(surface.faces))
 
 
-def _meshes(shape: ET.Element, urdf: Path) -> Iterator["trimesh.Trimesh"]:
-    """Surfaces in a mesh file, in metres."""
+def _mesh(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
+    """Surfaces in a mesh file, in metres, as one."""
     import trimesh
 
     file = find_mesh(xml.attribute(shape, "filename", "a shape"), urdf)
     if file is None:
         raise RobotError(f"there is no file {shape.get('filename')}")
     scale = xml.vector(shape, "scale", "a shape", "1 1 1")
-    for surface in trimesh.load_scene(file, process=False).dump():
-        if isinstance(surface, trimesh.Trimesh):
-            yield surface.apply_scale(scale)
+    return trimesh.load_scene(file, process=False).to_mesh().apply_scale(scale)
 
 
 def _solid(shape: ET.Element) -> "trimesh.Trimesh":
@@ -122,25 +115,3 @@ def capsule_surface(
     if length > 0:
         made.apply_transform(geometry.align_vectors([0.0, 0.0, 1.0], b - a))
     return np.asarray(made.vertices) + (a + b) / 2, np.asarray(made.faces)
-
-
-def _stated_colour(visual: ET.Element, root: ET.Element) -> Colour | None:
-    """Colour that a description gives a shape: its material's own, or that of another one with its name."""
-    own = visual.find("material")
-    if own is None:
-        return None
-    same = [own, *(one for one in root.iter("material") if one.get("name") == own.get("name"))]
-    colour = next((one.find("color") for one in same if one.find("color") is not None), None)
-    if colour is None:
-        return None
-    red, green, blue, _ = (min(max(x, 0.0), 1.0) for x in xml.vector(colour, "rgba", "a colour", size=4))
-    return red, green, blue
-
-
-def _material_colour(surface: "trimesh.Trimesh") -> Colour | None:
-    """The colour that a mesh file gives a surface."""
-    material = getattr(surface.visual, "material", None)
-    if material is None or getattr(material, "name", "") == "material_0":  # trimesh's own default
-        return None
-    red, green, blue = (float(x) / 255 for x in material.main_color[:3])
-    return red, green, blue

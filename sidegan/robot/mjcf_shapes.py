@@ -31,13 +31,9 @@ def write_collision(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
     x, y, z = (float(size) for size in model.geom_size[geom])
     if kind == "mesh":  # as MuJoCo compiled it: scaled, and in its principal axes of inertia
         mesh = model.mesh(int(model.geom_dataid[geom]))
-        vertices, faces = (
-            data[int(first[0]) : int(first[0] + count[0])]
-            for data, first, count in (
-                (model.mesh_vert, mesh.vertadr, mesh.vertnum),
-                (model.mesh_face, mesh.faceadr, mesh.facenum),
-            )
-        )
+        vertex, face = int(mesh.vertadr[0]), int(mesh.faceadr[0])
+        vertices = model.mesh_vert[vertex : vertex + int(mesh.vertnum[0])]
+        faces = model.mesh_face[face : face + int(mesh.facenum[0])]
         sizes = {"filename": str(kept_mesh(vertices, faces))}
     elif kind == "box":
         sizes = {"size": words([2 * x, 2 * y, 2 * z])}

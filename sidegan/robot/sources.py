@@ -43,8 +43,6 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
         raise RobotError(
             f"{path} needs xacrodoc: pip install 'sidegan[xacro]', or in ROS: xacro {path.name} > arm.urdf"
         ) from None
-    if not path.is_file():
-        raise RobotError(f"there is no xacro file {path}")
     packages.reset()
     around = path.resolve().parents[2:3]
     if around and len(around[0].parts) >= _SHALLOW:

@@ -70,12 +70,9 @@ def check_locked(tree: Tree, name: str, value: float) -> None:
 
 
 def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
-    """A joint's range, where it has one [rad or m]."""
-    limit = joint.element.find("limit")
-    if joint.kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
-        return None
-    lower, upper = (xml.number(limit, key, tree.at(joint), "0") for key in ("lower", "upper"))
-    return (lower, upper) if lower < upper else None
+    """A joint's range, where it has one that can be [rad or m]."""
+    span = tree.span(joint)
+    return span if span and span[0] < span[1] else None
 
 
 def tell(

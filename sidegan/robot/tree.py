@@ -73,6 +73,14 @@ class Tree:
         """The joint, for messages."""
         return f"{self.where}: joint {joint.name!r}"
 
+    def span(self, joint: Joint) -> tuple[float, float] | None:
+        """A joint's own range [rad or m], an end that is left out being 0; None where it states none."""
+        limit = joint.element.find("limit")
+        if joint.kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
+            return None
+        lower, upper = (xml.number(limit, key, self.at(joint), "0") for key in ("lower", "upper"))
+        return lower, upper
+
     def require_link(self, name: str, setting: str = "") -> None:
         """Raise unless there is a link of this name."""
         if name not in self.links:

@@ -51,10 +51,10 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None =
             _put(link, "inertial", inertials.get(name))
     if drives is not None:
         pairs = zip(arm.joint_names, drives.viscous.tolist(), drives.coulomb.tolist())
-        dynamics = {name: _dynamics(*friction) for name, *friction in pairs}
-        for joint in root.findall("joint"):
-            if joint.get("name") in dynamics:
-                _put(joint, "dynamics", dynamics[joint.get("name", "")])
+        joints = {joint.get("name"): joint for joint in root.findall("joint")}
+        for name, *friction in pairs:
+            damping, coulomb = (repr(max(x, 0.0)) for x in friction)  # no reader takes less than 0
+            _put(joints[name], "dynamics", ET.Element("dynamics", damping=damping, friction=coulomb))
     with replacing(path) as draft:
         ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)
         _check(arm, parameters, draft)
@@ -98,11 +98,6 @@ def _inertial(parameters: Tensor) -> ET.Element:
     ET.SubElement(element, "origin", xyz=words(centre), rpy="0 0 0")
     ET.SubElement(element, "inertia", {name: repr(x) for name, x in moments.items()})
     return element
-
-
-def _dynamics(viscous: float, coulomb: float) -> ET.Element:
-    """A `<dynamics>` element; neither coefficient below 0, which no reader takes."""
-    return ET.Element("dynamics", damping=repr(max(viscous, 0.0)), friction=repr(max(coulomb, 0.0)))
 
 
 def _check(arm: Arm, parameters: Tensor, file: Path) -> None:

@@ -44,9 +44,7 @@ def write_mjcf(arm: Arm, parameters: Tensor, path: Path, drives: Drives) -> None
     root = chain(arm, parameters, drives, _STEP, (links, arm.joint_names))
     for joint, limits in zip(root.iter("joint"), _limits(arm)):
         joint.attrib |= limits
-    for body, shapes in zip(root.iter("body"), _drawn(arm)):
-        for shape in shapes:
-            ET.SubElement(body, "geom", shape)
+    _draw(arm, [*root.iter("body")])
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     _check(arm, text)
@@ -109,20 +107,17 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
         yield limits | ({"actuatorfrcrange": words([-effort, effort])} if effort.isfinite() else {})
 
 
-def _drawn(arm: Arm) -> list[list[dict[str, str]]]:
-    """Attributes of the shapes of each link, (J)."""
-    shapes: list[list[dict[str, str]]] = [[] for _ in range(arm.joints)]
+def _draw(arm: Arm, bodies: Sequence[ET.Element]) -> None:
+    """Give the bodies of the links, (J), the shapes of these."""
     each = zip(arm.capsules.link.tolist(), arm.capsules.a, arm.capsules.b, arm.capsules.radius)
     ghost = {"contype": "0", "conaffinity": "0", "group": "1"}
     for link, a, b, radius in each:
         if link < 0:
             continue
-        if torch.equal(a, b):
-            shapes[link].append({"type": "sphere", "size": words([radius]), "pos": words(a)} | ghost)
-        else:
-            ends = {"size": words([radius]), "fromto": words([*a, *b])}
-            shapes[link].append({"type": "capsule"} | ends | ghost)
-    return shapes
+        is_ball = torch.equal(a, b)
+        shape = {"type": "sphere" if is_ball else "capsule", "size": words([radius])}
+        place = {"pos": words(a)} if is_ball else {"fromto": words([*a, *b])}
+        ET.SubElement(bodies[link], "geom", shape | place | ghost)
 
 
 def _check(arm: Arm, text: str) -> None:

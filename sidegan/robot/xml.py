@@ -33,10 +33,8 @@ def parse(text: bytes, path: Path) -> ET.Element:
         raise RobotError(f"{path} is larger than {_LARGEST_FILE / 1e6:.0f} MB, which no description is")
     try:
         root = ET.fromstring(text, parser=ET.XMLParser(target=_PlainTree()))
-    except _DocumentTypeError as error:
-        raise RobotError(f"{path} declares a document type ({error}), expected plain XML") from None
-    except _DepthError:
-        raise RobotError(f"{path} nests elements more than {_DEEPEST} deep, expected a URDF") from None
+    except RobotError as error:
+        raise RobotError(f"{path} {error}") from None
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
         raise RobotError(f"{path} is not well-formed XML: {error}") from error
     if root.tag not in ("robot", "mujoco"):
@@ -100,14 +98,6 @@ def words(values: Iterable[SupportsFloat]) -> str:
     return " ".join(repr(float(x)) for x in values)
 
 
-class _DocumentTypeError(Exception):
-    """A document type was declared; its name."""
-
-
-class _DepthError(Exception):
-    """Elements are nested deeper than any that a robot needs."""
-
-
 class _PlainTree(ET.TreeBuilder):
     """Refuses what can read files or fill the memory: document types with their entities, and depth."""
 
@@ -116,7 +106,7 @@ class _PlainTree(ET.TreeBuilder):
     def start(self, tag: str, attrs: dict[str, str]) -> ET.Element:
         self.depth += 1
         if self.depth > _DEEPEST:
-            raise _DepthError
+            raise RobotError(f"nests elements more than {_DEEPEST} deep, expected a URDF")
         return super().start(tag, attrs)
 
     def end(self, tag: str) -> ET.Element:
@@ -124,4 +114,4 @@ class _PlainTree(ET.TreeBuilder):
         return super().end(tag)
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
-        raise _DocumentTypeError(name)
+        raise RobotError(f"declares a document type ({name}), expected plain XML")

@@ -113,7 +113,7 @@ def test_nothing_comes_from_elsewhere(view, write):
 
 def test_too_many_triangles_become_fewer_that_stay_where_they_were():
     ball = trimesh.creation.icosphere(7, 0.1)
-    whole = Part(0, np.asarray(ball.vertices), np.asarray(ball.faces), None)
+    whole = Part(0, np.asarray(ball.vertices), np.asarray(ball.faces))
     assert len(whole.faces) > 200_000
     (less,) = fewer([whole])
     assert 20_000 < len(less.faces) <= 120_000

@@ -42,7 +42,7 @@ def facts_of(task):
     for kind, values in arm.higher_limits.items():
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
-        locked=choose(read_tree(root, str(arm.urdf)), arm.setup).locked,
+        locked=choose(read_tree(root, str(arm.urdf)), arm.setup)[1],
         exempt=[list(one.links) for one in constraints.exempt if one.why != "never touch"],
         floor=floors[0] if floors else -np.inf,
         standing=[name.rpartition(" in region ")[0] for name in constraints.excepted.get("keep_out", ())],

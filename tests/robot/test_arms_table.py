@@ -15,7 +15,6 @@ import pytest
 import torch
 
 from sidegan.errors import RobotError
-from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
@@ -120,15 +119,6 @@ def motion(angle=None):
     q = np.stack([0 * time, angle * np.sin(np.pi * time / 8) ** 4], 1)
     dq = np.gradient(q, time, axis=0)
     return time, q, dq, np.gradient(dq, time, axis=0)
-
-
-def test_the_judges_numbers_are_those_of_the_motion(planar):
-    time, *states = motion()
-    verdict = Judge(FILE, JOINTS, Facts(floor=-1.0))(time, *states)
-    torque = RigidBody(planar).torque(*(torch.from_numpy(x)[None] for x in states))
-    assert verdict["valid"] and verdict["colliding"] == verdict["acceleration"] == verdict["jerk"] == 0
-    assert verdict["velocity"] == pytest.approx(np.abs(states[1] / planar.velocity_limit.numpy()).max())
-    assert verdict["effort"] == pytest.approx(float((torque.abs() / planar.torque_limit).max()), rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["position", "velocity", "acceleration", "jerk", "effort"])

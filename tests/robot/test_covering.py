@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
-from sidegan.robot.covering import cover, cut
-from sidegan.robot.fitting import fit, from_segment, hull_volume, thinned, volume
+from sidegan.robot.covering import cover
+from sidegan.robot.fitting import fit, from_segment, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
 
@@ -99,15 +99,6 @@ def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
     assert len(cover(meshes, 2)) <= 2
 
 
-def test_of_a_tube_what_is_empty_is_left_out_and_of_a_box_nothing():
-    """Of a tube's hull two thirds are empty: sixteen parts leave out nearly all of that."""
-    tube = trimesh.creation.annulus(0.08, 0.1, 0.2, sections=48)
-    parts = cut([np.asarray(tube.triangles)], 16, 1e-3, 0.0)
-    assert 4 <= len(parts) <= 16
-    assert sum(hull_volume(part.reshape(-1, 3)) for part in parts) < 1.2 * tube.volume
-    assert len(cut([box(1, 2, 3)], 16, 1e-3, 0.0)) == 1
-
-
 @settings(max_examples=20)
 @given(seeds, st.integers(5, 400), st.sampled_from([1e-5, 1e-3, 1e-2]))
 def test_a_thinned_hull_tells_how_far_the_rest_sticks_out(seed, count, tolerance):
@@ -129,11 +120,10 @@ def arm_file(tmp_path, monkeypatch):
 
 
 def assert_same_shapes(one, other):
-    assert one.digest == other.digest and one.capsules.owners == other.capsules.owners
-    for name in ("link", "a", "b", "radius"):
+    assert one.digest == other.digest
+    for name in ("a", "b", "radius", "core"):
         assert torch.equal(getattr(one.capsules, name), getattr(other.capsules, name))
-    for name in ("corners", "start", "radius", "fitted", "core"):
-        assert torch.equal(getattr(one.capsules.pieces, name), getattr(other.capsules.pieces, name))
+    assert torch.equal(one.capsules.pieces.corners, other.capsules.pieces.corners)
 
 
 def test_shapes_come_from_the_cache_and_are_made_again_where_it_is_broken(arm_file, monkeypatch):

@@ -25,20 +25,12 @@ class At:
     folder: Path
     planar: Arm
 
-    def write(self, name: str, content: str) -> str:
-        (self.folder / name).write_text(content, encoding="utf-8")
-        return str(self.folder / name)
-
 
 def limits(**values: str) -> str:
     """A joint with other limits; an empty one is left out."""
     stated = {"lower": "-1", "upper": "1", "velocity": "2", "effort": "3"} | values
     words = (f'{key}="{value}"' for key, value in stated.items() if value)
     return one_joint(limit=f"<limit {' '.join(words)}/>")
-
-
-def axis(words: str) -> str:
-    return one_joint(axis=f'<axis xyz="{words}"/>')
 
 
 def shape(words: str) -> str:
@@ -88,7 +80,6 @@ TWO_ARMS = robot(HANDS + link("base", ""))
 LOOP = more(two_joints(), joint("third", "base", "upper"))
 RING = robot(joint("a", "x", "y"), joint("b", "y", "x"), link("x"), link("y"))
 BOMB = '<!DOCTYPE bomb [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + one_joint()
-THIEF = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/hostname">]><robot name="&x;"/>'
 SNAKE = robot(link("0"), *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for k in range(1, 34)))
 FIXED = (joint(f"j{k}", str(k - 1), str(k), "fixed", limit="") + link(str(k), "") for k in range(1, 6001))
 LONG = robot(link("0", ""), *FIXED)
@@ -106,10 +97,8 @@ REFUSED = {
         ("<?xml version='1.0' encoding='klingon'?><robot/>", "is not well-formed XML"),
         ("<sdf/>", "root element is <sdf>, expected <robot> or <mujoco>"),
         (BOMB, "declares a document type (bomb), expected plain XML"),
-        (THIEF, "declares a document type (r)"),
         (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
         (one_joint().replace("<robot", '<robot version="9"'), "robot.urdf: Pinocchio refuses it: … version"),
-        (lambda at: load_robot("iiwa"), "no robot named 'iiwa', expected kuka_lwr4, planar2 or a URDF"),
         (lambda at: load_robot(at.folder / "gone.urdf"), "no URDF file … gone.urdf"),
         (lambda at: load_robot(at.folder), "is a folder, expected a URDF file"),
         (lambda at: load_robot("a" * 5000 + ".urdf"), "cannot look for"),
@@ -127,7 +116,7 @@ REFUSED = {
         (one_joint().replace('<child link="arm"/>', ""), "joint 'turn': <joint> has no <child>"),
         (one_joint().replace('<link name="arm"', "<link"), "<link> has no 'name'"),
         (LONG, "has 6001 links, expected at most 500"),
-        (SNAKE, "has 33 joints that move, expected at most 32"),
+        (SNAKE, 'has 33 joints that move, expected at most 32: … robot.tip="32"\' ends the arm there'),
         # Numbers.
         (two_joints(limit=""), "joint 'second' has no position limits"),
         (limits(lower="1"), "position limits 1 to 1, expected lower < upper"),
@@ -137,15 +126,15 @@ REFUSED = {
         (limits(upper="${pi}"), "<limit upper='${pi}'>, expected a finite"),
         (one_joint(origin='xyz="0 nan 0"'), "<origin xyz='0 nan 0'>, expected 3 finite numbers"),
         (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
-        (axis("0 0 0"), "has the axis 0 0 0, expected a direction"),
-        (axis("0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
-        (axis("0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
+        (one_joint(axis="0 0 0"), "has the axis 0 0 0, expected a direction"),
+        (one_joint(axis="0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
+        (one_joint(axis="0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
         # Shapes.
         (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
         (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
         (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),
         (shape("<mesh/>"), "link 'arm': <mesh> has no 'filename'"),
-        (lambda at: at.load(one_joint(collision=mesh(at.write("box.stl", "no mesh")))), "box.stl"),
+        (lambda at: at.load(one_joint(collision=mesh("no_mesh.stl"))), "no_mesh.stl"),
         # Which part is the arm, and what is said beside the description.
         (part(tip="hand"), "has no link 'hand', expected for example robot.tip="),
         (part(tip="torso", locked={"waist": 0.0}), "no joints that move and are not locked"),
@@ -186,17 +175,11 @@ CASES = [(error, case, words) for error, cases in REFUSED.items() for case, word
 
 @pytest.mark.parametrize(("error", "case", "words"), CASES, ids=[words for *_, words in CASES])
 def test_is_refused(error, case, words, load, planar, tmp_path, capfd):
-    (tmp_path / "file").touch()
+    for name in ("file", "no_mesh.stl"):
+        (tmp_path / name).touch()
     pattern = ".*".join(map(re.escape, words.split(" … ")))
     with pytest.raises(error, match=f"(?s){pattern}") as caught:
         load(case) if isinstance(case, str) else case(At(load, tmp_path, planar))
     assert not isinstance(case, str) or "robot.urdf" in str(caught.value)
     assert capfd.readouterr() == ("", "")
     assert not [*tmp_path.glob("out*")]  # nothing is left behind
-
-
-def test_a_snake_that_ends_where_its_refusal_says_is_an_arm_of_as_many_joints_as_may_be(load):
-    with pytest.raises(RobotError, match=r"at most 32: .* ends the arm there") as caught:
-        load(SNAKE)
-    tip = re.search(r'robot\.tip="(\w+)"', str(caught.value))[1]
-    assert load(SNAKE, Setup(tip=tip)).joints == 32

@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from .urdf import ball, collision, corners, joint, link, mesh, one_joint, outside, robot
+from .urdf import ball, collision, corners, mesh, one_joint, outside
 
 ROD = '<cylinder radius="0.1" length="0.6"/>'
 BOX = collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"')
@@ -50,15 +50,6 @@ def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
     assert sphere.tolist() == [[0, 0, 0]] * 2 and not pieces.fitted.any()
     assert arm.capsules.names == ("arm_0", "arm_1", "arm_2")
     assert load(one_joint()).capsules.a.shape == (0, 3)
-
-
-def test_shapes_behind_fixed_joints_move_with_the_link_that_carries_them(load):
-    links = (link(name, ball(0.1)) for name in ("base", "pillar", "tool"))
-    mount = joint("mount", "base", "pillar", "fixed", 'xyz="0 0 2"')
-    grip = joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"')
-    capsules = load(robot(*links, mount, joint("turn", "pillar", "arm"), link("arm"), grip)).capsules
-    where = dict(zip(capsules.names, zip(capsules.link.tolist(), capsules.a.tolist())))
-    assert where == {"base": (-1, [0, 0, 0]), "pillar": (-1, [0, 0, 2]), "tool": (0, [0, 0, 0.5])}
 
 
 class TestMeshes:

@@ -67,7 +67,7 @@ def test_any_chain_is_what_pinocchio_reads_and_is_written_as_it_is(load, tmp_pat
 
     parts = [link("l0", "")]
     for i, (kind, xyz, rpy, axis, inertia) in enumerate(chain):
-        origin, axis = f'xyz="{words(xyz)}" rpy="{words(rpy)}"', f'<axis xyz="{words(axis)}"/>'
+        origin, axis = f'xyz="{words(xyz)}" rpy="{words(rpy)}"', words(axis)
         parts += [joint(f"j{i}", f"l{i}", f"l{i + 1}", kind, origin, axis), link(f"l{i + 1}", inertia)]
     arm = load(robot(*parts))
     moving = [kind for kind, *_ in chain if kind != "fixed"]

@@ -17,13 +17,13 @@ def joint(
     child: str,
     kind: str = "revolute",
     origin: str = 'xyz="0.1 0.2 0.3" rpy="0.4 -0.5 0.6"',
-    axis: str = '<axis xyz="0 0 1"/>',
+    axis: str = "0 0 1",
     limit: str = LIMIT,
     extra: str = "",
 ) -> str:
     return (
         f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f"<origin {origin}/>{axis}{limit}{extra}</joint>"
+        f'<origin {origin}/><axis xyz="{axis}"/>{limit}{extra}</joint>'
     )
 
 

@@ -129,8 +129,7 @@ def _add_surfaces(view: View, constraints: Constraints) -> None:
     view.head["planes"] = [{"normal": plane.unit, "offset": plane.offset} for plane in planes]
     obstacles = [part for part in regions if part is not None]
     for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
-        view.head[kind] = []
+        view.head[kind] = [part.link for part in parts]
         for k, part in enumerate(parts):
-            view.head[kind].append({"link": part.link, "colour": part.colour})
             view.arrays[f"{kind}{k}v"] = part.vertices.astype(np.float32)
             view.arrays[f"{kind}{k}f"] = part.faces.astype(np.uint32)

@@ -1,6 +1,6 @@
 // The arm in space with what it must not touch.
 const SHAPE = "#4d8bc9", NEAR = "#e8590c", OBSTACLE = "#c77d0a", PATH = "#b2182b";
-const LINKS = ["#8e99a3", "#d9dee3"]; // of links whose description has no colours, in turns
+const LINKS = ["#8e99a3", "#d9dee3"]; // of links, in turns
 const CREASE = Math.cos(0.6); // between faces across which shading is smooth
 
 class Space {
@@ -17,7 +17,7 @@ class Space {
     this.base = new THREE.Group();
     this.scene.add(this.base, ...this.joints);
     for (const joint of this.joints) joint.matrixAutoUpdate = false;
-    this.solid = this.surfaces("arm", (head) => paint(head));
+    this.solid = this.surfaces("arm", paint);
     this.shapes = this.surfaces("shapes", () => clear(SHAPE, 0.35));
     this.surfaces("obstacles", () => clear(OBSTACLE, 0.45)).forEach((mesh) => mesh.add(edges(mesh.geometry, OBSTACLE)));
     this.measure();
@@ -30,11 +30,11 @@ class Space {
   }
 
   surfaces(kind, material) {
-    return this.data[kind].map((head, k) => {
-      const mesh = new THREE.Mesh(geometry(this.data.arrays, `${kind}${k}`), material(head));
+    return this.data[kind].map((link, k) => {
+      const mesh = new THREE.Mesh(geometry(this.data.arrays, `${kind}${k}`), material(link));
       mesh.castShadow = kind === "arm";
       mesh.receiveShadow = kind === "arm";
-      (head.link < 0 ? this.base : this.joints[head.link]).add(mesh);
+      (link < 0 ? this.base : this.joints[link]).add(mesh);
       return mesh;
     });
   }
@@ -170,9 +170,8 @@ function linear(colour) {
   return new THREE.Color(colour).convertSRGBToLinear();
 }
 
-function paint(head) {
-  const own = head.colour ? new THREE.Color(...head.colour).convertSRGBToLinear() : linear(LINKS[(head.link + 2) % 2]);
-  return new THREE.MeshStandardMaterial({ color: own, roughness: 0.55, metalness: 0.08, side: THREE.DoubleSide });
+function paint(link) {
+  return new THREE.MeshStandardMaterial({ color: linear(LINKS[(link + 2) % 2]), roughness: 0.55, metalness: 0.08, side: THREE.DoubleSide });
 }
 
 function clear(colour, opacity) {

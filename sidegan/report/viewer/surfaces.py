@@ -1,13 +1,12 @@
 """Surfaces small enough for a page."""
 
-from collections import defaultdict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sidegan.robot import Arm
-from sidegan.robot.looks import Colour, Part, capsule_surface, visual_parts
+from sidegan.robot.looks import Part, capsule_surface, visual_parts
 from sidegan.validity import Convex, Plane, Region, Sphere
 
 if TYPE_CHECKING:  # slow to import
@@ -18,15 +17,15 @@ _FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and 
 
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
-    """Surfaces of what an arm looks like, one per joint and colour, and of its capsules.
+    """Surfaces of what an arm looks like, and of its capsules.
 
     Links without a shape of their own are shown as their capsules.
     """
     capsules, looks = arm.capsules, visual_parts(arm)
     each = zip(capsules.link.tolist(), capsules.a.numpy(), capsules.b.numpy(), capsules.radius.tolist())
-    shapes = [Part(link, *capsule_surface(a, b, radius), None) for link, a, b, radius in each]
+    shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
     seen = {part.link for part in looks}
-    return fewer(merged([*looks, *(part for part in shapes if part.link not in seen)])), merged(shapes)
+    return fewer([*looks, *(part for part in shapes if part.link not in seen)]), shapes
 
 
 def region_surface(region: Region) -> Part | None:
@@ -43,21 +42,7 @@ def region_surface(region: Region) -> Part | None:
 
 
 def _part(mesh: "trimesh.Trimesh") -> Part:
-    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces), None)
-
-
-def merged(parts: Sequence[Part]) -> list[Part]:
-    """One part for all of a joint and a colour."""
-    from trimesh.util import append_faces
-
-    groups = defaultdict[tuple[int, Colour | None], list[Part]](list)
-    for part in parts:
-        groups[part.link, part.colour].append(part)
-    joined = []
-    for (link, colour), some in groups.items():
-        vertices, faces = append_faces([part.vertices for part in some], [part.faces for part in some])
-        joined.append(Part(link, np.asarray(vertices, float), np.asarray(faces, np.int64), colour))
-    return joined
+    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
@@ -82,4 +67,4 @@ def _clustered(part: Part, size: float) -> Part:
     faces = index[part.faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
     first, _ = unique_rows(np.sort(faces, axis=1)) if len(faces) else (slice(0), None)
-    return Part(part.link, means, faces[first], part.colour)
+    return Part(part.link, means, faces[first])
