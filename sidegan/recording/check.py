@@ -12,7 +12,7 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
-from sidegan.recording.delay import Delay, delay_of, pooled
+from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import load_recording, recording_name
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
@@ -62,7 +62,8 @@ class CheckedRecording:
     def statements(self) -> list[str]:
         """How it was preprocessed, in sentences."""
         found = [] if self.repeated is None else [self.repeated.statement]
-        return [self.grid.statement, *found, self.delay.statement(self.corrected)]
+        told = self.delay.statement(self.corrected)  # where it is no warning
+        return [self.grid.statement, *found, *([told] if told not in self.warnings else [])]
 
     @property
     def derived(self) -> list[str]:
@@ -189,7 +190,7 @@ def check_recording(
 
     body, segments = RigidBody(arm), kept(settings.delay or 0.0)
     given = Delay(settings.delay, given=True) if settings.delay else None
-    delay = given or known or delay_of(body, segments)
+    delay = given or known or measured(body, segments, kept)
     corrected = settings.delay is None and delay.believed
     segments = kept(delay.seconds) if corrected else segments
     locked = arm.setup.locked or {}
@@ -197,6 +198,8 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
+    if delay.noticed and not corrected:
+        warnings.append(delay.statement(corrected))
     agreement = agreement_of(body, segments)
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
