@@ -172,6 +172,7 @@ WARNED = [
     ("elbow never moves", lambda r: replace(of_elbow("position", torch.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),
     ("1 sample with the time stamp", but("time", interrupted)),
+    ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
     ("looks saturated", but("torque", lambda x: x.clamp(max=float(x.max()) / 2))),
     ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
     (
