@@ -104,25 +104,23 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
     """
     mixed = round(recording.grid.rate / recording.grid.cutoff)
     end = round((1 - share) * recording.kept)
-    first, last = _between(recording, 0, end - mixed), _between(recording, end, recording.kept)
-    if min(sum(len(x.time) for x in part) for part in (first, last)) < _LEAST_PART:
+    first = _part(recording, "training", f"first {1 - share:.0%}", 0, end - mixed)
+    last = _part(recording, "validation", f"last {share:.0%}", end, recording.kept)
+    if min(first.kept, last.kept) < _LEAST_PART:
         raise RecordingError(f"{recording.name} is too short to hold out {share:.0%} of it")
-
-    def part(role: Role, segments: list[Segment], which: str) -> CheckedRecording:
-        statistics = replace(recording.statistics, name=f"{recording.name}, {which}")
-        return replace(recording, role=role, segments=segments, statistics=statistics)
-
-    return part("training", first, f"first {1 - share:.0%}"), part("validation", last, f"last {share:.0%}")
+    return first, last
 
 
-def _between(recording: CheckedRecording, first: int, last: int) -> list[Segment]:
+def _part(recording: CheckedRecording, role: Role, which: str, first: int, last: int) -> CheckedRecording:
     """Kept samples of a recording from one number to another."""
     parts, begin = [], 0
     for segment in recording.segments:
         inside = slice(max(0, first - begin), max(0, last - begin))
         begin += len(segment.time)
         parts.append(Segment(*(x[inside] for x in segment)))
-    return [part for part in parts if len(part.time) > 1]
+    segments = [part for part in parts if len(part.time) > 1]
+    statistics = replace(recording.statistics, name=f"{recording.name}, {which}")
+    return replace(recording, role=role, segments=segments, statistics=statistics)
 
 
 def read_and_check(

@@ -197,8 +197,7 @@ class Finder:
         first = [next(iter(one)) for one in taken if any(one.get(c, place) != place for c, place in named)]
         if not first:
             return []
-        are = "is" if len(first) == 1 else "are"
-        return [f"joints are counted from 0: {listed(first)} {are} taken for {self.joints.own[0]}, and so on"]
+        return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, and so on"]
 
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
         """A sentence about columns of more joints than the arm has."""
@@ -206,9 +205,8 @@ class Finder:
         left = [*dict.fromkeys(column for some in lefts.values() for column in some)]
         if not left:
             return []
-        are = "is" if len(left) == 1 else "are"
         has = f"the arm has {counted(len(self.joints.places), 'joint')}"
-        said = f"{listed(left)} {are} left over: "
+        said = f"left over: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.position or not zero:
             return [said + has]

@@ -11,8 +11,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording, split
 from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.robot import Limits, Setup, load_robot
-from tests.recording.conftest import of_file, part_of, recorded
-from tests.recording.made import moved
+from tests.recording.conftest import moved, of_file, part_of, recorded
 
 
 def test_a_good_recording_raises_no_suspicion(planar, recording):

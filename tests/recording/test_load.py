@@ -24,7 +24,7 @@ def scaled(table):
     return table.assign(t=1e3 * table.t, **table[angles] * 180 / np.pi, **1e3 * table[["tau1", "tau2"]])
 
 
-WHOLE = [files.write_csv, files.write_parquet, files.write_npz, files.write_bag, files.write_mcap, alone]
+WHOLE = [files.write_csv, files.write_parquet, files.write_bag, files.write_mcap, alone]
 ARRAYS = {"position": "q", "velocity": "qd", "torque": "tau"}
 WRITTEN = [
     *((write, {}) for write in WHOLE),
