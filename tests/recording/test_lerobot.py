@@ -67,14 +67,6 @@ def test_both_versions_are_read(made, tmp_path, version, named):
     assert steps[steps < 1].tolist() == pytest.approx([1 / FPS] * (len(made) - 3), abs=1e-5)
 
 
-def test_joints_of_other_names_are_said(made, tmp_path):
-    folder = written(made, tmp_path / "set")
-    with pytest.raises(RecordingError, match="no position of 2 of the arm's 2"):
-        load_recording(folder, of_dataset(), ("a", "b"))
-    loaded = load_recording(folder, of_dataset(joints=list(made.joint_names)), ("a", "b"))
-    torch.testing.assert_close(loaded.torque, made.torque, rtol=1e-6, atol=1e-6)
-
-
 def test_what_is_no_dataset_is_refused(made, tmp_path):
     folder = written(made, tmp_path / "set")
     first, second = sorted(folder.glob("data/*/*.parquet"))
