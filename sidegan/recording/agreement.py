@@ -1,4 +1,4 @@
-"""Torques of a recording beside the arm's description: gravity, scale and sign, and a lag."""
+"""Torques of a recording beside the arm's description: gravity, scale and sign."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ from torch import Tensor
 
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.gravity import Load, load_of, orthonormal, other_columns
+from sidegan.recording.gravity import Load, load_of, other_columns
 from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
 from sidegan.robot.mounting import direction, in_base, mount_of, straightened
@@ -19,8 +19,6 @@ _OTHER = 2.0  # times what the description needs, or a part of it: another unit,
 _STILL = 0.1  # [rad or m] that a joint moves through at least where its sign is told
 _STRANGE = 4  # times as many joints as agree: the description is hardly that of the arm
 _MOST = 0.99  # of the samples have less than the usual torque
-_LONGEST_LAG = 0.25  # [s]
-_BETTER = 0.8  # share of the squared residual that is left when a lag is believed
 _TINY = 1e-12
 
 
@@ -33,8 +31,6 @@ class Agreement(NamedTuple):
     # share of the power that friction dissipates, (J,); negative where the torque would drive the arm's
     # friction
     friction: Tensor
-    lag: float  # time by which torques are later than states [s]
-    late: bool  # whether the lag is believed
     usual: Tensor  # largest torque but for a hundredth of the samples [N·m or N], (J,)
     needed: Tensor  # the same of what the description's links need [N·m or N], (J,)
 
@@ -96,7 +92,7 @@ class Agreement(NamedTuple):
         )
 
     def warnings(self, arm: Arm) -> list[str]:
-        """All of that, joints whose torque looks reversed or whose sign is not told, and the lag."""
+        """All of that, and joints whose torque looks reversed or whose sign is not told."""
         still = self.moved < _STILL
         against, silent = (self.sign < -_CLEAR) & ~still, (self.sign.abs() < _CLEAR) | still
         reversed_ = arm.named(against & (self.friction < _CLEAR))
@@ -111,9 +107,6 @@ class Agreement(NamedTuple):
             warnings.append(
                 f"the motion does not tell whether the sign of the torque of {arm.named(silent)} is right"
             )
-        if self.late:
-            when = "later" if self.lag > 0 else "earlier"
-            warnings.append(f"torques look {abs(self.lag) * 1e3:.0f} ms {when} than the states")
         return warnings
 
 
@@ -122,15 +115,12 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = (torch.cat([segment[k][::every] for segment in segments]) for k in range(1, 5))
     load, model = load_of(body, q, v, a, torque), body.torque(q, v, a)
-    lag, late = _lag(body, segments)
     usual, needed = (x.abs().quantile(_MOST, 0) for x in (torque, model))
     return Agreement(
         load=load,
         turned=not torch.equal(load.gravity, body.arm.gravity),
         moved=q.amax(0) - q.amin(0),
         friction=_dissipated(model, v, a, torque),
-        lag=lag,
-        late=late,
         usual=usual,
         needed=needed,
     )
@@ -143,20 +133,3 @@ def _dissipated(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
     friction = (columns[..., :2] @ weights[:, :2])[..., 0].T
     power = (torque.square().mean(0) * v.square().mean(0)).sqrt().clamp_min(_TINY)
     return (friction * v).mean(0) / power
-
-
-def _lag(body: RigidBody, segments: list[Segment]) -> tuple[float, bool]:
-    """Time by which torques are later than states [s], and whether that is believed."""
-    longest = max(segments, key=lambda segment: len(segment.time))
-    step = float(longest.time[1] - longest.time[0])
-    reach = min(int(_LONGEST_LAG / step), len(longest.time) // 8)
-    q, v, a, torque = (x[:_SAMPLES] for x in longest[1:5])
-    if reach < 1:
-        return 0.0, False
-    columns = torch.cat([body.torque(q, v, a)[..., None], other_columns(v, a)], 2)[reach : len(q) - reach]
-    basis = orthonormal(columns.transpose(0, 1))
-    shifted = torque.T.unfold(1, len(columns), 1).transpose(1, 2)  # (J, S, shifts)
-    squares = (shifted - basis @ (basis.mT @ shifted)).square().sum(1)
-    left = (squares / squares[:, reach, None].clamp_min(_TINY)).mean(0)
-    best = int(left.argmin())
-    return (best - reach) * step, bool(abs(best - reach) > 1 and left[best] < _BETTER)

@@ -9,7 +9,7 @@ import numpy as np
 
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.settings import Columns
+from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.tables import Table, Where
 
 if TYPE_CHECKING:
@@ -31,17 +31,15 @@ def bag_files(path: Path) -> list[Path]:
     """Files of the folder of a bag, in the order of their names.
 
     Raises:
-        RecordingError: when the folder is none, or holds more than files.
+        RecordingError: when the folder is none.
     """
     inside = sorted(path.iterdir())
     if not any(one.suffix in _SUFFIXES or one.name == "metadata.yaml" for one in inside):
         raise RecordingError(f"{path} is a folder without a bag: it has neither .db3 nor .mcap files")
-    if other := [one for one in inside if not (one.is_file() or one.is_dir())]:
-        raise RecordingError(f"{other[0]} is neither a file nor a folder")
     return [one for one in inside if one.is_file()]
 
 
-def bag_table(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Table, Where]:
+def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> tuple[Table, Where]:
     """Joint states of some joints in a bag, and which of its columns is which signal.
 
     Time is that of the header, or that of the bag where headers have none. A message without any of the
@@ -56,14 +54,14 @@ def bag_table(path: Path, columns: Columns, names: Sequence[str]) -> tuple[Table
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
-        connections = _connections(path, reader, columns.topic)
+        connections = _connections(path, reader, settings.topic)
         messages: list[tuple[int, Any]] = [
             (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
         ]
     fields = _fields(path, [message for _, message in messages], names)
     rows = [_row(message, at, names, fields) for at, message in messages if {*names} & {*message.name}]
     time, *values = np.split(np.array(rows), [1 + len(names) * k for k in range(len(fields))], 1)
-    where = {columns.effort if field == "effort" else field: [field] for field in fields}
+    where = {settings.effort if field == "effort" else field: [field] for field in fields}
     found = {"time": time[:, 0], **dict(zip(fields, values))}
     return Table(found, np.arange(len(rows)) + 1), {"time": ["time"], **where}
 

@@ -12,7 +12,7 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
-from sidegan.recording.delay import Delay, delay_of, pooled
+from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import load_recording, recording_name
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
@@ -62,7 +62,8 @@ class CheckedRecording:
     def statements(self) -> list[str]:
         """How it was preprocessed, in sentences."""
         found = [] if self.repeated is None else [self.repeated.statement]
-        return [self.grid.statement, *found, self.delay.statement(self.corrected)]
+        told = self.delay.statement(self.corrected)  # where it is no warning
+        return [self.grid.statement, *found, *([told] if told not in self.warnings else [])]
 
     @property
     def derived(self) -> list[str]:
@@ -103,25 +104,23 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
     """
     mixed = round(recording.grid.rate / recording.grid.cutoff)
     end = round((1 - share) * recording.kept)
-    first, last = _between(recording, 0, end - mixed), _between(recording, end, recording.kept)
-    if min(sum(len(x.time) for x in part) for part in (first, last)) < _LEAST_PART:
+    first = _part(recording, "training", f"first {1 - share:.0%}", 0, end - mixed)
+    last = _part(recording, "validation", f"last {share:.0%}", end, recording.kept)
+    if min(first.kept, last.kept) < _LEAST_PART:
         raise RecordingError(f"{recording.name} is too short to hold out {share:.0%} of it")
-
-    def part(role: Role, segments: list[Segment], which: str) -> CheckedRecording:
-        statistics = replace(recording.statistics, name=f"{recording.name}, {which}")
-        return replace(recording, role=role, segments=segments, statistics=statistics)
-
-    return part("training", first, f"first {1 - share:.0%}"), part("validation", last, f"last {share:.0%}")
+    return first, last
 
 
-def _between(recording: CheckedRecording, first: int, last: int) -> list[Segment]:
+def _part(recording: CheckedRecording, role: Role, which: str, first: int, last: int) -> CheckedRecording:
     """Kept samples of a recording from one number to another."""
     parts, begin = [], 0
     for segment in recording.segments:
         inside = slice(max(0, first - begin), max(0, last - begin))
         begin += len(segment.time)
         parts.append(Segment(*(x[inside] for x in segment)))
-    return [part for part in parts if len(part.time) > 1]
+    segments = [part for part in parts if len(part.time) > 1]
+    statistics = replace(recording.statistics, name=f"{recording.name}, {which}")
+    return replace(recording, role=role, segments=segments, statistics=statistics)
 
 
 def read_and_check(
@@ -189,7 +188,7 @@ def check_recording(
 
     body, segments = RigidBody(arm), kept(settings.delay or 0.0)
     given = Delay(settings.delay, given=True) if settings.delay else None
-    delay = given or known or delay_of(body, segments)
+    delay = given or known or measured(body, segments, kept)
     corrected = settings.delay is None and delay.believed
     segments = kept(delay.seconds) if corrected else segments
     locked = arm.setup.locked or {}
@@ -197,6 +196,8 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
+    if delay.noticed and not corrected:
+        warnings.append(delay.statement(corrected))
     agreement = agreement_of(body, segments)
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(

@@ -6,7 +6,7 @@ from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
-from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, Columns
+from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.tables import Table, Where
 from sidegan.recording.words import Series, is_split, own_names, series_of, stamps_of
 
@@ -28,15 +28,15 @@ class Joints:
 
     @classmethod
     def of(
-        cls, file: str, columns: Columns, joint_names: Sequence[str], chain: Sequence[str] | None
+        cls, file: str, settings: RecordingSettings, joint_names: Sequence[str], chain: Sequence[str]
     ) -> "Joints":
-        """The arm's joints in a file, as part of a chain in which others may be locked; None: there are none.
+        """The arm's joints in a file, as part of a chain in which others may be locked; no names: none are.
 
         Raises:
             RecordingError: when the names that are set are not as many as the joints.
         """
         own, every = tuple(joint_names), tuple(chain or joint_names)
-        named = tuple(columns.joints or every)
+        named = tuple(settings.joints or every)
         if len(named) == len(every):
             return cls(named, tuple(every.index(name) for name in own), own)
         if len(named) == len(own):
@@ -63,9 +63,11 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
 class Finder:
     """Search for the columns of a file that hold time and signals, or the only one of interest."""
 
-    def __init__(self, file: str, table: Table, columns: Columns, joints: Joints, only: str | None) -> None:
-        self.file, self.available, self.columns, self.joints = file, [*table.columns], columns, joints
-        self.only, self.effort = only, columns.effort
+    def __init__(
+        self, file: str, table: Table, settings: RecordingSettings, joints: Joints, only: str | None
+    ) -> None:
+        self.file, self.available, self.settings, self.joints = file, [*table.columns], settings, joints
+        self.only, self.effort = only, settings.effort
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings(table)
         self.numbering, *others = self._likeliest()
@@ -80,7 +82,7 @@ class Finder:
         time = self._time()
         where, patterns, guessed = {"time": time} if time else {}, dict[str, str](), []
         for signal in [self.only] if self.only else SIGNALS:
-            for pattern in filter(None, (getattr(self.columns, signal) or "").split("|")):
+            for pattern in filter(None, (getattr(self.settings, signal) or "").split("|")):
                 columns, found = self._called(signal) if pattern == AUTO else self._set(pattern)
                 if columns:
                     where[signal], patterns[signal] = columns, found
@@ -88,7 +90,7 @@ class Finder:
                     break
             else:
                 self._refuse_missing(signal)
-        loads = [name for name in ("torque", "current") if getattr(self.columns, name) is not None]
+        loads = [name for name in ("torque", "current") if getattr(self.settings, name) is not None]
         if not self.only and loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
@@ -99,11 +101,11 @@ class Finder:
 
     def _time(self) -> list[str]:
         """Columns of time stamps; none of a file without, whose rate is known."""
-        names = self.columns.time.split("|")
+        names = self.settings.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
             stamps = stamps_of(self.available)
-        if not stamps and self.columns.rate is None:
+        if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
                 f"{self.file} has no column {wanted} of time stamps; it has {self._has()}; say which it is, "
@@ -195,8 +197,7 @@ class Finder:
         first = [next(iter(one)) for one in taken if any(one.get(c, place) != place for c, place in named)]
         if not first:
             return []
-        are = "is" if len(first) == 1 else "are"
-        return [f"joints are counted from 0: {listed(first)} {are} taken for {self.joints.own[0]}, and so on"]
+        return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, and so on"]
 
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
         """A sentence about columns of more joints than the arm has."""
@@ -204,18 +205,17 @@ class Finder:
         left = [*dict.fromkeys(column for some in lefts.values() for column in some)]
         if not left:
             return []
-        are = "is" if len(left) == 1 else "are"
         has = f"the arm has {counted(len(self.joints.places), 'joint')}"
-        said = f"{listed(left)} {are} left over: "
+        said = f"left over: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
-        if not self.ambiguous or AUTO not in self.columns.position or not zero:
+        if not self.ambiguous or AUTO not in self.settings.position or not zero:
             return [said + has]
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
         return [f"{said}joints are counted from 0, and {has}; if its first one is number 1, say so: {other}"]
 
     def _refuse_missing(self, signal: str) -> None:
         """Raise when a signal has to be there, or is for half of the joints or more, but not for all."""
-        patterns = (getattr(self.columns, signal) or "").split("|")
+        patterns = (getattr(self.settings, signal) or "").split("|")
         series = self._candidates(signal) if AUTO in patterns else []
         ways = [self._of(one, self.numbering) for one in series]
         nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))

@@ -1,7 +1,7 @@
 """By how much a recording's torques are later than its motion, from the motion and the torques alone."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import torch
@@ -13,7 +13,10 @@ from sidegan.recording.recording import Segment
 _SAMPLES = 3000  # that are looked at, spread over the recording
 _ROUNDS = 4  # of Gauss-Newton
 _SETTLED = 1e-5  # [s]
-_LONGEST = 0.1  # [s]
+_STEP = 0.1  # [s] that a single fit goes at most
+_NEAR = 0.02  # [s] up to which a single fit is right, and a delay is no reason to warn
+_LONGEST = 0.25  # [s]
+_FITS = 8  # with what was found taken off
 _ROUNDING = 1e-12  # relative eigenvalue that is no information
 # samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
 _CORRELATED = 5.0
@@ -28,6 +31,11 @@ class Delay(NamedTuple):
     seconds: float  # negative where they are earlier
     deviation: float = 0.0  # standard deviation of that [s]
     given: bool = False  # whether it was set, not measured
+
+    @property
+    def noticed(self) -> bool:
+        """Whether a person should look at it."""
+        return self.believed and abs(self.seconds) > _NEAR and not self.given
 
     @property
     def believed(self) -> bool:
@@ -55,8 +63,19 @@ def pooled(delays: Sequence[Delay]) -> Delay | None:
     return None if apart else Delay(mean, sum(weights) ** -0.5)
 
 
+def measured(body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]]) -> Delay:
+    """Delay of the torques, however long; ``less`` gives segments that have a delay [s] taken off."""
+    taken, found = 0.0, delay_of(body, segments)
+    for _ in range(_FITS):
+        if abs(found.seconds) <= _NEAR:
+            break
+        taken = max(-_LONGEST, min(_LONGEST, taken + found.seconds))
+        found = delay_of(body, less(taken))
+    return Delay(taken + found.seconds, found.deviation)
+
+
 def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:
-    """Delay of the torques with which an arm of these kinematics explains them best.
+    """Delay of the torques, a short one, with which an arm of these kinematics explains them best.
 
     A torque that is late by d is Y θ − d τ̇. That is fitted with rigid bodies, friction, offsets and rotors,
     so that the description's inertias do not matter; each joint counts by its residual.
@@ -73,7 +92,7 @@ def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:
         # where the torque would be if it came earlier by what was found so far
         now = torque + late * rate + late**2 / 2 * bend
         step, deviation = _step(torch.cat([known, -(rate + late * bend)[..., None]], 2), now)
-        late = max(-_LONGEST, min(_LONGEST, late + step))
+        late = max(-_STEP, min(_STEP, late + step))
         if abs(step) < _SETTLED:
             break
     return Delay(late, deviation)

@@ -5,8 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 import scipy  # its parts are imported when they are used
 
-from sidegan.base.names import counted
-from sidegan.errors import RecordingError
 from sidegan.recording.tables import Numbers
 
 _HIGHEST = 0.8  # of half the sampling rate: above it there is nothing to filter
@@ -18,15 +16,15 @@ def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterato
     """Time (K,) and signals (K, C) on a grid, run by run, by monotone cubic interpolation.
 
     Times (S,) of signals (S, C) ascend. The second of two samples with one stamp is left out; a gap [s] ends
-    a run, and one of fewer than four samples is left out.
+    a run, and one of fewer than four samples is left out, before or on the grid.
 
     Source: Fritsch, Butland 1984, A method for constructing local monotone piecewise cubic interpolants.
     """
     time, signals = _fresh(time, signals)
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
     for t, x in zip(np.split(time, cuts), np.split(signals, cuts)):
-        if len(t) >= _LEAST:
-            steps = np.floor((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9)  # rounding does not lose one
+        steps = np.floor((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9)  # rounding does not lose one
+        if min(len(t), steps + 1) >= _LEAST:
             grid = t[0] + np.arange(steps + 1) * step
             at = np.minimum(grid, t[-1])
             # a curve of all signals at once would take four times the memory of the recording
@@ -53,25 +51,18 @@ def low_pass(x: Numbers, cutoff: float, step: float) -> Numbers:
     """Signals (S, C) without what is faster than ``cutoff`` [Hz], not shifted in time.
 
     A Butterworth filter forwards and backwards; a cut-off near half the sampling rate filters nothing.
-
-    Raises:
-        RecordingError: when there are too few samples.
     """
     if cutoff >= _HIGHEST / (2 * step):
         return x
     sections = scipy.signal.butter(_ORDER, cutoff, fs=1 / step, output="sos")
     pad = min(len(x) - 1, round(3 / (cutoff * step)) + 3 * _ORDER)
-    if pad < 1:
-        raise RecordingError(f"{counted(len(x), 'sample')}: too few to filter")
     return np.ascontiguousarray(scipy.signal.sosfiltfilt(sections, x, axis=0, padlen=pad))
 
 
 def derivative(x: Numbers, step: float) -> Numbers:
-    """Time derivative of signals (S, C), by five-point differences.
+    """Time derivative of signals (S, C) of three samples or more, by five-point differences.
 
     Outside of the samples the signal goes on point-symmetrically.
     """
-    if len(x) < 3:
-        return np.gradient(x, step, axis=0) if len(x) > 1 else np.zeros_like(x)
     p = np.pad(x, ((2, 2), (0, 0)), "reflect", reflect_type="odd")
     return (p[:-4] - 8 * p[1:-3] + 8 * p[3:-1] - p[4:]) / (12 * step)

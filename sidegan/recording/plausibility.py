@@ -50,9 +50,9 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     coarse = load.quantum > _COARSE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
     found = [
-        (position.constant, "{} never " + _verb(position.constant, "move")),
+        (position.constant, "{} never moved"),
         (little.all(), f"the arm hardly moves: {hardly}"),
-        (outside, "{} " + _verb(outside, "leave") + " the limits of position"),
+        (outside, "{} left the limits of position"),
         (load.clipped > 0, f"the {name} of {{}} looks saturated at an extreme"),
         (coarse, f"the {name} of {{}} is coarsely quantised"),
     ]
@@ -65,11 +65,6 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
             "though it moves: take these rows out of the file"
         )
     return warnings
-
-
-def _verb(which: Tensor, verb: str) -> str:
-    """A regular verb of the joints that are marked, (J,)."""
-    return verb + "s" * (int(which.sum()) == 1)
 
 
 def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment]) -> list[str]:

@@ -39,11 +39,6 @@ class Grid:
         return 1 / (self.step * self.stride)
 
     @property
-    def edge(self) -> int:
-        """Samples at either end of a stretch without gaps that the filter could not see around."""
-        return round(2 / (self.cutoff * self.step))
-
-    @property
     def statement(self) -> str:
         """The grid and the filter in words."""
         return (
@@ -152,8 +147,9 @@ def _kept(velocity: Numbers, grid: Grid, still: float) -> Iterator[NDArray[np.in
     if still:
         fast = np.abs(velocity).max(1) > still
         moving = maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1).astype(bool)
-    moving[: grid.edge] = False
-    moving[max(0, len(moving) - grid.edge) :] = False
+    edge = round(2 / (grid.cutoff * grid.step))  # samples at either end that the filter cannot see around
+    moving[:edge] = False
+    moving[max(0, len(moving) - edge) :] = False
     kept = np.arange(0, len(moving), grid.stride)
     for part in np.split(kept, np.flatnonzero(np.diff(moving[kept])) + 1):
         if len(part) >= _LEAST_POINTS and moving[part[0]]:

@@ -37,8 +37,8 @@ class Units:
 
 
 @dataclass(frozen=True)
-class Columns:
-    """Where a file keeps time and signals.
+class RecordingSettings:
+    """Where a file keeps time and signals, what is known of its making, and how it is preprocessed.
 
     A signal is a pattern with ``{joint}`` (the joint's name), ``{index}`` (from 1) or ``{index0}`` (from
     0), the name of one array (S, J), or ``auto``; what stands between bars is tried one after another. A
@@ -58,6 +58,15 @@ class Columns:
     topic: str | None  # of a bag; null: the only topic of joint states
     effort: Literal["torque", "current"]  # what is meant by efforts
     rate: Hertz | None  # of the rows [Hz] of a file without time stamps
+    reverse: list[str]  # joints whose torque or current is counted the other way round
+    cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
+    # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
+    gap: Seconds | None
+    still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
+    # time by which torques are later than states [s], which is taken off; null: measured
+    delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None
+    # what was sent to the arm: a table of excite, or the folder of its run; null: not known
+    sent: str | None
 
     def __post_init__(self) -> None:
         for signal in SIGNALS:
@@ -77,7 +86,7 @@ class Files:
     acceleration: str | None = None
     torque: str | None = None
     current: str | None = None
-    effort: str | None = None  # torque or current, as ``Columns.effort`` says
+    effort: str | None = None  # torque or current, as ``recording.effort`` says
 
     def __post_init__(self) -> None:
         if self.torque is self.current is self.effort is None:
@@ -101,18 +110,3 @@ def paths_of(recorded: Recorded | Path) -> list[str]:
     """Paths of a recording's files, each once."""
     paths = vars(recorded).values() if isinstance(recorded, Files) else [str(recorded)]
     return [*dict.fromkeys(path for path in paths if path)]
-
-
-@dataclass(frozen=True)
-class RecordingSettings(Columns):
-    """Layout of a recorded file, what is known of its making, and how it is preprocessed."""
-
-    reverse: list[str]  # joints whose torque or current is counted the other way round
-    cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
-    # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
-    gap: Seconds | None
-    still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
-    # time by which torques are later than states [s], which is taken off; null: measured
-    delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None
-    # what was sent to the arm: a table of excite, or the folder of its run; null: not known
-    sent: str | None

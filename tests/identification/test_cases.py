@@ -14,8 +14,7 @@ from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
 from sidegan.robot import Setup, load_robot
 from tests.identification.test_workflow import COULOMB, VISCOUS, identified
-from tests.recording.conftest import of_file
-from tests.recording.made import moved
+from tests.recording.conftest import moved, of_file
 
 SIZE = 9.81
 

@@ -12,8 +12,7 @@ from sidegan.identification.identified import CONSISTENT
 from sidegan.identification.workflow import identify_arm, preferred
 from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
-from tests.recording.conftest import of_file
-from tests.recording.made import moved
+from tests.recording.conftest import moved, of_file
 from tests.settings import settings
 
 VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])

@@ -17,8 +17,8 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
 from tests.pipeline.conftest import client_of
+from tests.recording.conftest import moved
 from tests.recording.files import frame
-from tests.recording.made import moved
 from tests.settings import settings
 from tests.tiny import tiny
 

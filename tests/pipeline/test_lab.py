@@ -17,8 +17,8 @@ from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
 from tests.identification.test_drive_gains import TRUE
 from tests.identification.test_payload import CENTRE, MASS, load, runs  # noqa: F401
+from tests.recording.conftest import moved
 from tests.recording.files import frame
-from tests.recording.made import moved
 from tests.tiny import composed
 
 NOISE = 0.2

@@ -33,11 +33,6 @@ def write_parquet(recording, folder):
     return folder / "a.parquet"
 
 
-def write_npz(recording, folder):
-    np.savez(folder / "a.npz", **{name: column.to_numpy() for name, column in frame(recording).items()})
-    return folder / "a.npz"
-
-
 def arrays(**changes):
     """A writer of an array of all joints a signal."""
 

@@ -62,7 +62,7 @@ def test_joints_are_in_the_order_that_the_file_names(made, tmp_path):
 
 LEFT = [
     ("q{i} tau{i}", "q2 tau2", r"counted from 0.* say so: 'recording.position=\"q\{index\}\"' 'rec"),
-    ("q{n} tau{n}", "q3 tau3", "q3, tau3 are left over: the arm has 2 joints"),
+    ("q{n} tau{n}", "q3 tau3", "left over: q3, tau3; the arm has 2 joints"),
 ]
 
 

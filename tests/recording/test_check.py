@@ -11,15 +11,13 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording, split
 from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.robot import Limits, Setup, load_robot
-from tests.recording.conftest import of_file, part_of, recorded
-from tests.recording.made import moved
+from tests.recording.conftest import moved, of_file, part_of, recorded
 
 
 def test_a_good_recording_raises_no_suspicion(planar, recording):
     checked = check_recording(recording, planar, of_file())
     assert not checked.warnings
     assert (checked.agreement.sign > 0.9).all()
-    assert abs(checked.agreement.lag) < 1e-9  # at the very sample
     assert checked.derived == ["acceleration"]
     assert 15 < checked.moving < 20
     json.dumps(checked.as_json(), allow_nan=False)
@@ -73,31 +71,25 @@ def late(arm, delay, noise=0.02, seconds=30):
     return replace(first, torque=second.torque)
 
 
-@pytest.mark.parametrize("delay", [0.08, -0.08])
-def test_a_late_torque_is_noticed(planar, delay):
-    checked = check_recording(late(planar, delay), planar, of_file())
-    assert checked.agreement.lag == pytest.approx(delay, abs=0.02)
-    assert ("later" if delay > 0 else "earlier") in "\n".join(checked.warnings)
-
-
-@pytest.mark.parametrize("delay", [-0.02, 0.0, 0.003, 0.03])
+@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.08])
 def test_a_delay_is_found_within_its_deviation(planar, delay):
     wrong = replace(planar, inertial_parameters=1.7 * planar.inertial_parameters)
-    checked = check_recording(late(planar, delay), planar, of_file())
-    found = delay_of(RigidBody(wrong), checked.segments)
-    assert found.seconds == pytest.approx(delay, abs=4 * found.deviation + 0.02 * abs(delay))
+    checked = check_recording(late(planar, delay), wrong, of_file())
+    found, said = checked.delay, "; ".join(checked.warnings)
+    assert found.seconds == pytest.approx(delay, abs=4 * found.deviation)
     assert found.deviation < 1e-3 and found.believed == (delay != 0)
+    assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: left" in said) == (abs(delay) > 0.02)
 
 
 def test_a_measured_delay_is_taken_off(planar):
-    recording = late(planar, 0.02)
+    recording = late(planar, 0.018)
     left = check_recording(recording, planar, of_file())
     better = check_recording(recording, planar, of_file(delay=None))
-    given, wrong = (check_recording(recording, planar, of_file(delay=delay)) for delay in (0.02, -0.071))
-    assert given.delay == Delay(0.02, given=True) and better.delay.believed
+    given, wrong = (check_recording(recording, planar, of_file(delay=delay)) for delay in (0.018, -0.071))
+    assert given.delay == Delay(0.018, given=True) and better.delay.believed
     assert better.corrected and not left.corrected
     assert "recording.delay=null takes it off" in left.statements[-1]
-    assert "taken off" in better.statements[-1] and "20 ms later" in given.statements[-1]
+    assert "taken off" in better.statements[-1] and "18 ms later" in given.statements[-1]
     assert wrong.statements[-1] == "torques are taken to be 71 ms earlier than the motion, as is set"
     off = [abs(delay_of(RigidBody(planar), checked.segments).seconds) for checked in (left, better, given)]
     assert off[0] > 0.015 and off[1] < 5e-4 and off[2] < 1e-3
@@ -114,6 +106,6 @@ def test_recordings_of_one_arm_have_one_delay():
     assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)
     for other in ([], [Delay(0.03, 1e-4)], [Delay(0.0, float("inf"))]):
         assert pooled([Delay(0.004, 1e-4), *other]) is None
-    # at a tenth of a second the search was stopped: the torques are not late by just that
-    believed = [Delay(seconds, 1e-4).believed for seconds in (0.099, 4e-4, 0.1, -0.1, 2e-4)]
+    # at a quarter of a second the search was stopped: the torques are not late by just that
+    believed = [Delay(seconds, 1e-4).believed for seconds in (0.249, 4e-4, 0.25, -0.25, 2e-4)]
     assert believed == [True, True, False, False, False]

@@ -24,13 +24,15 @@ def scaled(table):
     return table.assign(t=1e3 * table.t, **table[angles] * 180 / np.pi, **1e3 * table[["tau1", "tau2"]])
 
 
-WHOLE = [files.write_csv, files.write_parquet, files.write_npz, files.write_bag, files.write_mcap, alone]
+WHOLE = [files.write_csv, files.write_parquet, files.write_bag, files.write_mcap, alone]
+OTHER = str.maketrans({"1": ".a", "2": ".b"})  # names of joints
 ARRAYS = {"position": "q", "velocity": "qd", "torque": "tau"}
 WRITTEN = [
     *((write, {}) for write in WHOLE),
     (partial(files.write_bag, order=[1, 0]), {}),
     (written(encoding="utf-8-sig"), {}),
     (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
+    (written(lambda t: t.rename(columns=lambda c: c.translate(OTHER))), {"joints": ["a", "b"]}),
     (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
     *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
     (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate

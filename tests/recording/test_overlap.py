@@ -8,8 +8,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.overlap import digests_of, refuse_shared
-from tests.recording.conftest import part_of
-from tests.recording.made import moved
+from tests.recording.conftest import moved, part_of
 
 
 def made(planar, seed):

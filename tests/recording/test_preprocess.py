@@ -1,11 +1,9 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 
 from sidegan.recording.recording import Recording
-from sidegan.recording.segments import grid_for, preprocess
+from sidegan.recording.segments import preprocess
 from sidegan.recording.statistics import statistics_of
 from tests.recording.conftest import of_file, recorded, states
 
@@ -53,25 +51,6 @@ def test_currents_become_torques(planar, clock):
     torch.testing.assert_close(by_current.torque, by_torque.torque)
     (turned,) = preprocess(currents, of_file(reverse=list(planar.joint_names[1:])), (2.0, 2.0))
     torch.testing.assert_close(turned.torque, by_torque.torque * torch.tensor([1.0, -1.0]))
-
-
-def test_the_cutoff_follows_the_bandwidth_and_is_stated(recording):
-    statistics = statistics_of(recording, of_file())
-    assert 0.3 < statistics.bandwidth < 0.6
-    measured = grid_for(statistics, of_file())
-    assert measured.cutoff == pytest.approx(12 * statistics.bandwidth)
-    assert "measured" in measured.statement
-    given = grid_for(statistics, of_file(cutoff=1.0))
-    assert "at 1 Hz" in given.statement and given.stride == 10
-
-
-def test_quantum_and_saturation_are_measured(recording):
-    torque = recording.torque.clone()
-    torque[:, 1] = torque[:, 1].clamp_max(torque[:, 1].max() * 0.5)
-    position = (recording.position / 1e-3).round() * 1e-3
-    signals = statistics_of(replace(recording, torque=torque, position=position), of_file()).signals
-    assert signals["position"].quantum.tolist() == pytest.approx([1e-3, 1e-3], abs=1e-9)
-    assert signals["torque"].clipped[0] == 0 and signals["torque"].clipped[1] > 10
 
 
 def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise(planar):

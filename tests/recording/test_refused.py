@@ -83,7 +83,7 @@ def test_files_of_nothing(tmp_path, name, content):
         load_recording(tmp_path / name, of_file(), ("1", "2"))
 
 
-@pytest.mark.parametrize("write", [files.write_parquet, files.write_npz, files.write_mcap, files.write_bag])
+@pytest.mark.parametrize("write", [files.write_parquet, files.arrays(), files.write_mcap, files.write_bag])
 def test_files_cut_off(made, tmp_path, write):
     path = write(made, tmp_path)
     file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
@@ -169,9 +169,10 @@ WARNED = [
     ("recording.reverse=[elbow]", of_elbow("torque", torch.neg)),
     ("is its sign wrong?", of_elbow("velocity", torch.neg)),
     ("the arm hardly moves", scaled("position", 0.1)),
-    ("elbow never moves", lambda r: replace(of_elbow("position", torch.zeros_like)(r), velocity=None)),
+    ("elbow never moved", lambda r: replace(of_elbow("position", torch.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),
     ("1 sample with the time stamp", but("time", interrupted)),
+    ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
     ("looks saturated", but("torque", lambda x: x.clamp(max=float(x.max()) / 2))),
     ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
     (

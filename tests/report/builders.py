@@ -7,8 +7,7 @@ import torch
 
 from sidegan.recording.check import check_recording
 from tests.identification.test_workflow import COULOMB, VISCOUS, identified
-from tests.recording.conftest import of_file
-from tests.recording.made import moved
+from tests.recording.conftest import moved, of_file
 
 
 def some(family, count):
