@@ -1,7 +1,7 @@
 """The search for the smallest margins: coarse cells first, finer ones only where a margin is small."""
 
+from functools import lru_cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -28,17 +28,13 @@ from sidegan.validity.constraints import NAMES, Constraints
 
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 
-_models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
-
 
 class Search:
     """The state of a check of coefficients (B, J, H, 2): the smallest margins so far."""
 
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Tensor) -> None:
         self.trajectory, self.c = trajectory, c
-        if constraints not in _models:
-            _models[constraints] = model_of(constraints)
-        self.model = _models[constraints]._replace(home=np.array(trajectory.home))
+        self.model = model_of(constraints)._replace(home=np.array(trajectory.home))
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Bounds of the fourth and the fifth derivative: an acceleration or a jerk drifts by the next one at
         # first, and that by the one after it.
@@ -110,6 +106,7 @@ def _cuts(which: Tensor) -> list[int]:
     return [0, *torch.searchsorted(which, starts).tolist(), len(which)]
 
 
+@lru_cache(maxsize=16)
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
     arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
@@ -129,5 +126,5 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         **link_norms(arm),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
-    bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls())
+    bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls)
     return kernel_cells.Model(bodies, **arrays)
