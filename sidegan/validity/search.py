@@ -42,11 +42,6 @@ class Search:
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
 
-    @property
-    def valid(self) -> Tensor:
-        """Whether no margin is negative so far, (B,)."""
-        return torch.from_numpy((self.smallest.margin >= 0).all(1))
-
     def run(self) -> None:
         """Visit cells until every trajectory is settled, or the finest level is done.
 
@@ -57,7 +52,8 @@ class Search:
         asked = self.everything(len(cells))
         for level in range(LEVELS):
             undecided = self.visit(cells, asked, count, level == LEVELS - 1)
-            open_ = undecided.any(1) & self.valid[cells[:, 0]]
+            valid = torch.from_numpy((self.smallest.margin >= 0).all(1))  # so far
+            open_ = undecided.any(1) & valid[cells[:, 0]]
             cells, asked = cells[open_], undecided[open_]
             if not len(cells):
                 break
