@@ -13,6 +13,7 @@ from sidegan.kernels.bodies import Bodies
 from sidegan.motion.arrays import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
+from sidegan.robot.consistency import inertia_matrices
 from sidegan.validity.bounds import (
     COARSE,
     LEVELS,
@@ -22,7 +23,7 @@ from sidegan.validity.bounds import (
     coarse_cells,
     derivative_bound,
     jerk_bound,
-    link_norms,
+    travel,
 )
 from sidegan.validity.constraints import NAMES, Constraints
 
@@ -49,7 +50,7 @@ class Search:
         """
         count = coarse_cells(self.trajectory)
         cells = torch.cartesian_prod(torch.arange(len(self.c)), torch.arange(count)).reshape(-1, 2)
-        asked = self.everything(len(cells))
+        asked = torch.from_numpy(kernel.everything(self.model, len(cells)))
         for level in range(LEVELS):
             undecided = self.visit(cells, asked, count, level == LEVELS - 1)
             valid = torch.from_numpy((self.smallest.margin >= 0).all(1))  # so far
@@ -61,10 +62,6 @@ class Search:
             cells = torch.stack([cells[:, :1].expand_as(finer), finer], -1).reshape(-1, 2)
             asked = asked.repeat_interleave(SPLIT, 0)
             count *= SPLIT
-
-    def everything(self, cells: int) -> Tensor:
-        """That all constraints are asked about in so many cells, (N, 7) bool."""
-        return torch.from_numpy(kernel.everything(self.model, cells))
 
     def visit(self, cells: Tensor, asked: Tensor, count: int, last: bool) -> Tensor:
         """Update the margins from cells (N, 2) of (trajectory, index), of so many in a period.
@@ -106,9 +103,9 @@ def _cuts(which: Tensor) -> list[int]:
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
     arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
-    limit = arm.torque_limit
+    limit, parameters = arm.torque_limit, arm.inertial_parameters
     tensors = {
-        "parameters": arm.inertial_parameters.flatten(),
+        "parameters": parameters.flatten(),
         "home": torch.zeros_like(limit),
         "lower": arm.position_lower,
         "upper": arm.position_upper,
@@ -119,7 +116,11 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "piece_reach": reaches.pieces,
         "region_reach": reaches.regions,
         "reach_most": reaches.largest,
-        **link_norms(arm),
+        # What bounds torques: the way to the next frame, mass, and norms of first and second moments of mass.
+        "travel": travel(arm),
+        "mass": parameters[:, 0].abs(),
+        "first": parameters[:, 1:4].norm(dim=1),
+        "spin": torch.linalg.matrix_norm(inertia_matrices(parameters), ord=2),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
     bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls)

@@ -111,6 +111,7 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
 
     The names of the constraints that were not come back.
     """
+    from sidegan.kernels.proof import everything
     from sidegan.validity.search import Search
 
     count, seen = round(trajectory.period / (2 * half)), set()
@@ -121,7 +122,8 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
             now = margins[10].min() if distance else margins[10]
             search = Search(constraints, trajectory, one)
             search.model = tightened(search.model, name, now.numpy())
-            search.visit(torch.tensor([[0, index]]), search.everything(1), count, last=True)
+            asked = torch.from_numpy(everything(search.model, 1))
+            search.visit(torch.tensor([[0, index]]), asked, count, last=True)
             least = search.smallest.margin[0, NAMES.index(name)]
             slack = 1e-7 * max(1.0, float(now.abs().max()))
             assert float((margins - now).min()) + EPS >= min(least, 0.0) - slack, name
