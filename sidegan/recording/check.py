@@ -186,9 +186,10 @@ def check_recording(
         """Segments of all parts with this delay [s] taken off."""
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
-    body, segments = RigidBody(arm), kept(settings.delay or 0.0)
-    given = Delay(settings.delay, given=True) if settings.delay else None
-    delay = given or known or measured(body, segments, kept)
+    body, given = RigidBody(arm), settings.delay or 0.0
+    segments = kept(given)
+    left = known or measured(body, segments, lambda more: kept(given + more))
+    delay = Delay(given, given=True) if given else left
     corrected = settings.delay is None and delay.believed
     segments = kept(delay.seconds) if corrected else segments
     locked = arm.setup.locked or {}
@@ -196,8 +197,8 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += plausibility.velocity_warnings(statistics, arm, segments)
-    if delay.noticed and not corrected:
-        warnings.append(delay.statement(corrected))
+    if left.noticed and not corrected:
+        warnings.append(left.statement(corrected))
     agreement = agreement_of(body, segments)
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(

@@ -35,7 +35,7 @@ class Delay(NamedTuple):
     @property
     def noticed(self) -> bool:
         """Whether a person should look at it."""
-        return self.believed and abs(self.seconds) > _NEAR and not self.given
+        return self.believed and abs(self.seconds) > _NEAR
 
     @property
     def believed(self) -> bool:

@@ -1,6 +1,6 @@
 """Signed margins of every constraint over a whole trajectory, with nothing missed between samples."""
 
-from sidegan.validity.check import Failure, Validity, check, summarise_faults
+from sidegan.validity.check import Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.home import default_home, usual_effort
 from sidegan.validity.obstacles import Convex, Sphere
@@ -10,7 +10,6 @@ __all__ = [
     "Box",
     "Constraints",
     "Convex",
-    "Failure",
     "Plane",
     "Region",
     "Sphere",

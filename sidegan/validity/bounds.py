@@ -11,7 +11,6 @@ from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.robot.consistency import inertia_matrices
 
 COARSE = 0.1  # [s] longest cell of the first pass
 SPLIT = 3  # parts that a cell is cut into where it cannot be decided
@@ -66,7 +65,7 @@ class Reaches(NamedTuple):
         return cls(reach[outer] * between, piece_reach(arm)[outer] * between, reach[guarded[:, 1]])
 
 
-def _travel(arm: Arm) -> Tensor:
+def travel(arm: Arm) -> Tensor:
     """Upper bound of the distance [m] between a joint's frame and its parent's, (J,)."""
     slide = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
     return arm.translation.norm(dim=1) + torch.where(arm.prismatic, slide, torch.zeros_like(slide))
@@ -78,9 +77,7 @@ def capsule_reach(arm: Arm) -> Tensor:
     The distance of a point to a joint's axis is at most that of the next joint's origin (which turning
     about the axis does not change) plus the lengths from there outwards.
     """
-    capsules = arm.capsules
-    points = torch.stack([capsules.a, capsules.b], 1)
-    return _reach(arm, capsules.link.tolist(), [*points])
+    return _reach(arm, [*torch.stack([arm.capsules.a, arm.capsules.b], 1)])
 
 
 def piece_reach(arm: Arm) -> Tensor:
@@ -88,35 +85,25 @@ def piece_reach(arm: Arm) -> Tensor:
     pieces = arm.capsules.pieces
     if pieces is None:
         return capsule_reach(arm)
-    return _reach(arm, arm.capsules.link.tolist(), [*pieces.corners.split(pieces.start.diff().tolist())])
+    return _reach(arm, [*pieces.corners.split(pieces.start.diff().tolist())])
 
 
-def _reach(arm: Arm, links: list[int], bodies: list[Tensor]) -> Tensor:
-    """Largest speed [m per rad or m] that a joint gives the corners (V, 3) of bodies on links, (C, J)."""
-    travel = _travel(arm)
-    reach = torch.zeros(len(links), arm.joints, dtype=torch.float64)
-    for k, (link, corners) in enumerate(zip(links, bodies)):
+def _reach(arm: Arm, bodies: list[Tensor]) -> Tensor:
+    """Largest speed [m per rad or m] that a joint gives the corners (V, 3) of each capsule's body, (C, J)."""
+    travels = travel(arm)
+    reach = torch.zeros(len(bodies), arm.joints, dtype=torch.float64)
+    for k, (link, corners) in enumerate(zip(arm.capsules.link.tolist(), bodies)):
         for j in range(link + 1):
             if arm.prismatic[j]:
                 reach[k, j] = 1.0
             elif j == link:
                 reach[k, j] = _from_axis(arm, j, corners).max()
             else:
-                step = travel[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
-                reach[k, j] = step + travel[j + 2 : link + 1].sum() + corners.norm(dim=1).max()
+                step = travels[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
+                reach[k, j] = step + travels[j + 2 : link + 1].sum() + corners.norm(dim=1).max()
     return reach
 
 
 def _from_axis(arm: Arm, joint: int, points: Tensor) -> Tensor:
     """Distance [m] of points (…, 3) from a joint's axis, (…)."""
     return torch.linalg.cross(arm.axis[joint].expand_as(points), points).norm(dim=-1)
-
-
-def link_norms(arm: Arm) -> dict[str, Tensor]:
-    """Norms that bound torques, (J,) each: way to the next frame, mass, first and second moments of mass."""
-    return {
-        "travel": _travel(arm),
-        "mass": arm.inertial_parameters[:, 0].abs(),
-        "first": arm.inertial_parameters[:, 1:4].norm(dim=1),
-        "spin": torch.linalg.matrix_norm(inertia_matrices(arm.inertial_parameters), ord=2),
-    }

@@ -1,7 +1,7 @@
 """Where an arm's capsules are, and how far apart, in many configurations at a time; thicker ones."""
 
 from dataclasses import replace
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -11,8 +11,6 @@ from sidegan.kernels.chain import Chain, Shapes
 from sidegan.motion.arrays import array, chain_of, shapes_of
 from sidegan.robot import Arm
 from sidegan.validity.regions import tables
-
-_made: WeakKeyDictionary[Arm, dict[float, Arm]] = WeakKeyDictionary()
 
 
 def capsule_axes(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
@@ -68,16 +66,13 @@ def shapes_alone(arm: Arm, pairs: Tensor) -> Shapes:
     return shapes_of(arm.capsules, pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
 
 
+@lru_cache(maxsize=16)
 def thicker(arm: Arm, clearance: float) -> Arm:
     """The arm with shapes whose surfaces lie half a clearance [m] further out; the arm itself for none."""
     if not clearance:
         return arm
-    known = _made.setdefault(arm, {})
-    if clearance not in known:
-        half, capsules = clearance / 2, arm.capsules
-        pieces = capsules.pieces
-        if pieces is not None:
-            pieces = replace(pieces, radius=pieces.radius + half, core=pieces.core + half)
-        thick = replace(capsules, radius=capsules.radius + half, pieces=pieces)
-        known[clearance] = replace(arm, capsules=thick)
-    return known[clearance]
+    half, capsules = clearance / 2, arm.capsules
+    pieces = capsules.pieces
+    if pieces is not None:
+        pieces = replace(pieces, radius=pieces.radius + half, core=pieces.core + half)
+    return replace(arm, capsules=replace(capsules, radius=capsules.radius + half, pieces=pieces))

@@ -60,9 +60,9 @@ class Validity:
         ]
 
 
-def summarise_faults(faults: Mapping[str, int], most: int = 3) -> str:
-    """The most common faults in words, at most so many."""
-    return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(most))
+def summarise_faults(faults: Mapping[str, int]) -> str:
+    """The three most common faults in words."""
+    return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(3))
 
 
 @torch.no_grad()

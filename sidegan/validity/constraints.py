@@ -28,9 +28,8 @@ class Constraints:
     """Limits, self-collision and keep-out regions of an arm.
 
     Neighbours in the chain are not checked against each other, nor are links that somebody named, nor such
-    that provably cannot touch: ``pairs_of`` has the rule, and ``exempt`` lists them all. Capsules that
-    violate a region in every one of 4,000 random configurations (links that cannot leave it) are excepted
-    too: ``described`` says which.
+    that provably cannot touch: ``pairs_of`` has the rule. Capsules that violate a region in every one of
+    4,000 random configurations (links that cannot leave it) are excepted too: ``described`` says which.
 
     Args:
         arm: the arm.
@@ -45,10 +44,10 @@ class Constraints:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
         pairs: checked capsule pairs, (P, 2).
         pieces: distances of what is inside of these capsules.
-        exempt: pairs of links that are not kept apart, and why.
+        of_links: which links are kept apart and which are not.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: what each element of each margin is, by constraint.
-        excepted: what could be checked and is not, by constraint.
+        never_out: capsules that never leave a region, and which.
 
     Raises:
         InfeasibleError: when links touch always that nobody named, no link ever leaves a region, or some are
@@ -77,11 +76,9 @@ class Constraints:
         heavy = bool(arm.inertial_parameters.any())  # else torques are not known
         self.torque = torque and heavy and bool(torch.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
-        self.excepted: dict[str, tuple[str, ...]] = {}
-        self._of_links = found = self._pairs()
-        self.pairs, self.exempt = found.checked, (*found.neighbours, *found.named, *found.never)
-        if found.named:
-            self.excepted["collision"] = tuple(" – ".join(one.links) for one in found.named)
+        self.of_links = self._pairs()
+        self.pairs = self.of_links.checked
+        self.never_out: tuple[str, ...] = ()
         self.guarded = self._find_guarded()
         self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
             ("position", "velocity", *self.higher), arm.joint_names
@@ -89,7 +86,8 @@ class Constraints:
         if self.torque:
             self.labels["torque"] = arm.joint_names
         if len(self.pairs):
-            self.labels["collision"] = self._pair_names(self.pairs)
+            names = arm.capsules.names
+            self.labels["collision"] = tuple(f"{names[i]} – {names[j]}" for i, j in self.pairs.tolist())
         if len(self.guarded):
             self.labels["keep_out"] = self._guarded_names(self.guarded)
 
@@ -174,7 +172,7 @@ class Constraints:
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
         torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
-        pairs, links, capsules = self._of_links, self.excepted.get("keep_out", ()), self.arm.capsules
+        pairs, links, capsules = self.of_links, self.never_out, self.arm.capsules
         shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
         bare, noun = self.arm.joints - len(shaped), "joint origin" if capsules.points else "link"
         limited = {name: int(limit.isfinite().sum()) for name, limit in self.higher.items()}
@@ -252,8 +250,7 @@ class Constraints:
                 f"region {int(stuck[0])} cannot be kept: no link is outside of it in any of {SAMPLES:,} "
                 "random configurations"
             )
-        if not leaves.all():
-            self.excepted["keep_out"] = self._guarded_names(every[~leaves.flatten()])
+        self.never_out = self._guarded_names(every[~leaves.flatten()])
         short, planes = leaves & (farthest <= 0), self._region_of[len(self.regions) :]
         kept = torch.cat([leaves & ~short, short[planes]])
         short[planes] = False
@@ -265,8 +262,6 @@ class Constraints:
 
     def _pairs(self) -> Pairs:
         """The pairs that are kept apart, by the clearance."""
-        if not self.apart:
-            return pairs_of(self.arm)
         try:
             return pairs_of(self._thick)
         except InfeasibleError:
@@ -274,10 +269,6 @@ class Constraints:
             near = usual_gaps(self._thick)
             names = [" – ".join(links) for links in near]
             raise too_large(self.apart, names, min(near.values(), default=-torch.inf)) from None
-
-    def _pair_names(self, pairs: Tensor) -> tuple[str, ...]:
-        names = self.arm.capsules.names
-        return tuple(f"{names[i]} – {names[j]}" for i, j in pairs.tolist())
 
     def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
         names = self.arm.capsules.names

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import torch
 
@@ -17,33 +17,28 @@ _STANDS = 0.02  # share of random configurations above the floor from which on a
 _STEPS = 1_000  # per metre: heights are whole millimetres
 _ROUNDING = 1e-3  # of a step: an error that is none
 
-_found: WeakKeyDictionary[Arm, Plane | None] = WeakKeyDictionary()
-_pointed: WeakKeyDictionary[Arm, Arm] = WeakKeyDictionary()
 
-
+@lru_cache(maxsize=16)
 def floor_under(arm: Arm) -> Plane | None:
     """The floor at the lowest point of an arm's base, or at z = 0 where the base has no shape.
 
     None for an arm that is mounted so that it hangs, or reaches below that in nearly every configuration.
     """
-    if arm not in _found:
-        height = _lowest(arm)
-        above = stands(arm) and _above(with_points(arm), height) >= _STANDS
-        _found[arm] = Plane((0.0, 0.0, 1.0), height) if above else None
-    return _found[arm]
+    height = _lowest(arm)
+    above = stands(arm) and _above(with_points(arm), height) >= _STANDS
+    return Plane((0.0, 0.0, 1.0), height) if above else None
 
 
+@lru_cache(maxsize=16)
 def with_points(arm: Arm) -> Arm:
     """An arm that has no shapes with its joint origins and its tip in their place; others as they are."""
     if len(arm.capsules.link):
         return arm
-    if arm not in _pointed:
-        places = torch.stack([*arm.translation[1:], arm.tip])
-        names = (*arm.joint_names[1:], "the tip")
-        radius = torch.zeros(arm.joints, dtype=torch.float64)
-        points = Capsules(torch.arange(arm.joints), places, places, radius, names, points=True)
-        _pointed[arm] = replace(arm, capsules=points)
-    return _pointed[arm]
+    places = torch.stack([*arm.translation[1:], arm.tip])
+    names = (*arm.joint_names[1:], "the tip")
+    radius = torch.zeros(arm.joints, dtype=torch.float64)
+    points = Capsules(torch.arange(arm.joints), places, places, radius, names, points=True)
+    return replace(arm, capsules=points)
 
 
 def _lowest(arm: Arm) -> float:

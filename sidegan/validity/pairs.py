@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -29,15 +29,14 @@ Links = tuple[str, str]
 
 @dataclass(frozen=True)
 class Exemption:
-    """A pair of links that is not kept apart."""
+    """A pair of links that somebody named, who, and the share of configurations in which they touch."""
 
     links: Links
-    why: str  # for people: "neighbours", "never touch", or who named the pair
-    share: float | None = None  # of random configurations in which they touch; None: not looked at
+    why: str
+    share: float
 
     def __str__(self) -> str:
-        touching = "" if self.share is None else f", touch in {100 * self.share:.3g} %"
-        return f"{' – '.join(self.links)} ({self.why}{touching})"
+        return f"{' – '.join(self.links)} ({self.why}, touch in {100 * self.share:.3g} %)"
 
 
 @dataclass(frozen=True)
@@ -46,14 +45,12 @@ class Pairs:
 
     checked: Tensor  # (P, 2)
     links: int  # pairs of links that are kept apart
-    neighbours: tuple[Exemption, ...]  # a link and the nearest one with a shape towards the base
+    exempt: tuple[Links, ...]  # named ones; a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user or the description names
-    never: tuple[Exemption, ...]  # that provably cannot touch
+    never: tuple[Links, ...]  # that provably cannot touch
 
 
-_found: WeakKeyDictionary[Arm, Pairs] = WeakKeyDictionary()
-
-
+@lru_cache(maxsize=16)
 def pairs_of(arm: Arm) -> Pairs:
     """The pairs of an arm's capsules that are kept apart.
 
@@ -61,9 +58,20 @@ def pairs_of(arm: Arm) -> Pairs:
         InfeasibleError: when links touch in every random configuration that nobody named, with the setting
             that names them.
     """
-    if arm not in _found:
-        _found[arm] = _find(arm)
-    return _found[arm]
+    touching = _Touching(arm)
+    _refuse(arm, touching)
+    kept = torch.tensor([k for links in touching.open for k in touching.rows[links]], dtype=torch.long)
+    kept = kept.sort().values
+    kept = kept[~never_touching(arm, touching.pairs[kept])]
+    owners = arm.capsules.owners
+    left = {_sorted(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
+    return Pairs(
+        checked=touching.pairs[kept],
+        links=len(left),
+        exempt=(*touching.near, *touching.named),
+        named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
+        never=tuple(links for links in touching.open if links not in left),
+    )
 
 
 def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
@@ -117,23 +125,6 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     return InfeasibleError(
         f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
         f"{listed(list(near), _NEAR)}; 'workspace.clearance={most:g}' leaves room for these"
-    )
-
-
-def _find(arm: Arm) -> Pairs:
-    touching = _Touching(arm)
-    _refuse(arm, touching)
-    kept = torch.tensor([k for links in touching.open for k in touching.rows[links]], dtype=torch.long)
-    kept = kept.sort().values
-    kept = kept[~never_touching(arm, touching.pairs[kept])]
-    owners = arm.capsules.owners
-    left = {_sorted(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
-    return Pairs(
-        checked=touching.pairs[kept],
-        links=len(left),
-        neighbours=tuple(Exemption(links, "neighbours") for links in touching.near),
-        named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
-        never=tuple(Exemption(links, "never touch") for links in touching.open if links not in left),
     )
 
 

@@ -8,8 +8,9 @@ import torch
 from torch import Tensor
 
 from sidegan.motion.arrays import array, chain_of
-from sidegan.robot import Arm
-from sidegan.validity.bounds import piece_reach
+from sidegan.robot import Arm, Capsules
+from sidegan.robot.arm import Pieces
+from sidegan.validity.bounds import Reaches
 from sidegan.validity.capsules import shapes_alone
 
 if TYPE_CHECKING:
@@ -54,33 +55,32 @@ class PieceDistances:
         shapes = shapes_alone(self.arm, self.pairs)
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
-        bodies = kernel.Bodies(chain_of(self.arm), shapes, self.hulls())
+        bodies = kernel.Bodies(chain_of(self.arm), shapes, self.hulls)
         kernel.distances(bodies, array(q), array(asked[order]), need, out, room)
         found = torch.empty(len(asked), dtype=torch.float64)
         found[order] = torch.from_numpy(out)
         return found
 
+    @cached_property
     def hulls(self) -> "Hulls":
         """The pieces as compiled kernels take them."""
         from sidegan.kernels.gjk import Hulls
 
         if self.pieces is None:
             return Hulls.none(len(self.arm.capsules.radius), len(self.pairs))
-        tensors = self.pieces.corners, self.pieces.start, self.pieces.radius, self.around, self.finer
+        pieces, around = self.pieces, _around(self.arm.capsules, self.pieces)
+        tensors = pieces.corners, pieces.start, pieces.radius, around, self.finer
         return Hulls(*map(array, tensors))
 
-    @cached_property
-    def around(self) -> Tensor:
-        """How far the corners of each piece are from its capsule's axis at most [m], (C,)."""
-        capsules, pieces = self.arm.capsules, self.pieces
-        if pieces is None:
-            return torch.zeros_like(capsules.radius)
-        counts = pieces.start.diff()
-        a, along = (x.repeat_interleave(counts, 0) for x in (capsules.a, capsules.b - capsules.a))
-        length = along.square().sum(1).clamp_min(torch.finfo(a.dtype).tiny)
-        share = (((pieces.corners - a) * along).sum(1) / length).clamp(0, 1)
-        apart = (a + share[:, None] * along - pieces.corners).norm(dim=1)
-        return torch.stack([part.max() for part in apart.split(counts.tolist())])
+
+def _around(capsules: Capsules, pieces: Pieces) -> Tensor:
+    """How far the corners of each piece are from its capsule's axis at most [m], (C,)."""
+    counts = pieces.start.diff()
+    a, along = (x.repeat_interleave(counts, 0) for x in (capsules.a, capsules.b - capsules.a))
+    length = along.square().sum(1).clamp_min(torch.finfo(a.dtype).tiny)
+    share = (((pieces.corners - a) * along).sum(1) / length).clamp(0, 1)
+    apart = (a + share[:, None] * along - pieces.corners).norm(dim=1)
+    return torch.stack([part.max() for part in apart.split(counts.tolist())])
 
 
 def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
@@ -96,10 +96,8 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
         return found
     from sidegan.kernels import bodies as kernel
 
-    bodies = kernel.Bodies(chain_of(arm), shapes_alone(arm, pairs), inside.hulls())
-    link = arm.capsules.link[pairs]
-    outer = torch.where(link[:, 0] > link[:, 1], pairs[:, 0], pairs[:, 1])
-    reach = array(piece_reach(arm)[outer])
+    bodies = kernel.Bodies(chain_of(arm), shapes_alone(arm, pairs), inside.hulls)
+    reach, link = array(Reaches.of(arm, pairs, pairs[:0]).pieces), arm.capsules.link[pairs]
     middle, half = arm.position_upper + arm.position_lower, arm.position_upper - arm.position_lower
     work, room = np.empty((2, _DEPTH, arm.joints)), kernel.place_for(bodies.shapes, arm.joints)
     for p, joints in enumerate((link[:, 0] - link[:, 1]).abs().tolist()):

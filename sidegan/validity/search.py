@@ -1,7 +1,7 @@
 """The search for the smallest margins: coarse cells first, finer ones only where a margin is small."""
 
+from functools import lru_cache
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import torch
@@ -13,6 +13,7 @@ from sidegan.kernels.bodies import Bodies
 from sidegan.motion.arrays import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
+from sidegan.robot.consistency import inertia_matrices
 from sidegan.validity.bounds import (
     COARSE,
     LEVELS,
@@ -22,13 +23,11 @@ from sidegan.validity.bounds import (
     coarse_cells,
     derivative_bound,
     jerk_bound,
-    link_norms,
+    travel,
 )
 from sidegan.validity.constraints import NAMES, Constraints
 
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
-
-_models: WeakKeyDictionary[Constraints, kernel_cells.Model] = WeakKeyDictionary()
 
 
 class Search:
@@ -36,20 +35,13 @@ class Search:
 
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Tensor) -> None:
         self.trajectory, self.c = trajectory, c
-        if constraints not in _models:
-            _models[constraints] = model_of(constraints)
-        self.model = _models[constraints]._replace(home=np.array(trajectory.home))
+        self.model = model_of(constraints)._replace(home=np.array(trajectory.home))
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Bounds of the fourth and the fifth derivative: an acceleration or a jerk drifts by the next one at
         # first, and that by the one after it.
         self.drifts = torch.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
-
-    @property
-    def valid(self) -> Tensor:
-        """Whether no margin is negative so far, (B,)."""
-        return torch.from_numpy((self.smallest.margin >= 0).all(1))
 
     def run(self) -> None:
         """Visit cells until every trajectory is settled, or the finest level is done.
@@ -58,10 +50,11 @@ class Search:
         """
         count = coarse_cells(self.trajectory)
         cells = torch.cartesian_prod(torch.arange(len(self.c)), torch.arange(count)).reshape(-1, 2)
-        asked = self.everything(len(cells))
+        asked = torch.from_numpy(kernel.everything(self.model, len(cells)))
         for level in range(LEVELS):
             undecided = self.visit(cells, asked, count, level == LEVELS - 1)
-            open_ = undecided.any(1) & self.valid[cells[:, 0]]
+            valid = torch.from_numpy((self.smallest.margin >= 0).all(1))  # so far
+            open_ = undecided.any(1) & valid[cells[:, 0]]
             cells, asked = cells[open_], undecided[open_]
             if not len(cells):
                 break
@@ -69,10 +62,6 @@ class Search:
             cells = torch.stack([cells[:, :1].expand_as(finer), finer], -1).reshape(-1, 2)
             asked = asked.repeat_interleave(SPLIT, 0)
             count *= SPLIT
-
-    def everything(self, cells: int) -> Tensor:
-        """That all constraints are asked about in so many cells, (N, 7) bool."""
-        return torch.from_numpy(kernel.everything(self.model, cells))
 
     def visit(self, cells: Tensor, asked: Tensor, count: int, last: bool) -> Tensor:
         """Update the margins from cells (N, 2) of (trajectory, index), of so many in a period.
@@ -110,12 +99,13 @@ def _cuts(which: Tensor) -> list[int]:
     return [0, *torch.searchsorted(which, starts).tolist(), len(which)]
 
 
+@lru_cache(maxsize=16)
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
     arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
-    limit = arm.torque_limit
+    limit, parameters = arm.torque_limit, arm.inertial_parameters
     tensors = {
-        "parameters": arm.inertial_parameters.flatten(),
+        "parameters": parameters.flatten(),
         "home": torch.zeros_like(limit),
         "lower": arm.position_lower,
         "upper": arm.position_upper,
@@ -126,8 +116,12 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "piece_reach": reaches.pieces,
         "region_reach": reaches.regions,
         "reach_most": reaches.largest,
-        **link_norms(arm),
+        # What bounds torques: the way to the next frame, mass, and norms of first and second moments of mass.
+        "travel": travel(arm),
+        "mass": parameters[:, 0].abs(),
+        "first": parameters[:, 1:4].norm(dim=1),
+        "spin": torch.linalg.matrix_norm(inertia_matrices(parameters), ord=2),
     }
     arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
-    bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls())
+    bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls)
     return kernel_cells.Model(bodies, **arrays)

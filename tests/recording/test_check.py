@@ -91,6 +91,7 @@ def test_a_measured_delay_is_taken_off(planar):
     assert "recording.delay=null takes it off" in left.statements[-1]
     assert "taken off" in better.statements[-1] and "18 ms later" in given.statements[-1]
     assert wrong.statements[-1] == "torques are taken to be 71 ms earlier than the motion, as is set"
+    assert "89 ± " in wrong.warnings[-1] and not given.warnings
     off = [abs(delay_of(RigidBody(planar), checked.segments).seconds) for checked in (left, better, given)]
     assert off[0] > 0.015 and off[1] < 5e-4 and off[2] < 1e-3
 

@@ -43,9 +43,9 @@ def facts_of(task):
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
         locked=choose(read_tree(root, str(arm.urdf)), arm.setup)[1],
-        exempt=[list(one.links) for one in constraints.exempt if one.why != "never touch"],
+        exempt=constraints.of_links.exempt,
         floor=floors[0] if floors else -np.inf,
-        standing=[name.rpartition(" in region ")[0] for name in constraints.excepted.get("keep_out", ())],
+        standing=[name.rpartition(" in region ")[0] for name in constraints.never_out],
         limits=limits,
     )
 

@@ -21,7 +21,7 @@ class Facts:
     """What a description does not say."""
 
     locked: dict = field(default_factory=dict)  # where other joints stand [rad or m]
-    exempt: list | None = None  # pairs of links that may touch; None: those that one joint lies between
+    exempt: tuple | None = None  # pairs of links that may touch; None: those that one joint lies between
     floor: float = -np.inf  # its height [m]
     standing: list = field(default_factory=list)  # links that need not be above the floor
     limits: dict = field(default_factory=dict)  # by kind and joint, before the file's

@@ -13,8 +13,8 @@ from torch import Tensor
 
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
-from sidegan.validity.capsules import capsule_axes, clearances
-from tests.chains import lenient, random_chain, random_states
+from sidegan.validity.capsules import clearances
+from tests.chains import lenient, random_states
 from tests.oracle import capsule_geometry, chain_model
 
 from .critical import random_segments, segments_as_capsules
@@ -74,19 +74,6 @@ def test_segments_on_a_lattice(numbers: list[float]) -> None:
     a1, b1, a2, b2 = segments
     turned = segment_distance(a2, b2, b1, a1)
     torch.testing.assert_close(turned, segment_distance(*segments), atol=1e-12, rtol=0)
-
-
-@pytest.mark.parametrize("joints", [1, 4, 9])
-def test_points_are_where_pinocchio_puts_them(joints: int) -> None:
-    arm, model = random_chain(joints, 0)
-    data, (q, *_) = model.createData(), random_states(arm, 20)
-    a, b = capsule_axes(arm, q.T.contiguous())
-    for n in range(len(q)):
-        pin.forwardKinematics(model, data, q[n].numpy())
-        for k, carrier in enumerate(arm.capsules.link.tolist()):
-            for found, own in ((a, arm.capsules.a), (b, arm.capsules.b)):
-                expected = data.oMi[carrier + 1].act(own[k].numpy())
-                np.testing.assert_allclose(found[:, k, n], expected, atol=1e-13)
 
 
 def coal_distances(constraints: Constraints, q: Tensor) -> np.ndarray:

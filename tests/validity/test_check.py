@@ -12,6 +12,7 @@ from torch import Tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
+from tests.threads import several_threads
 
 from .critical import BENT, BOX, DESK, HIGHEST, drawn, limited, only, smallest
 
@@ -123,12 +124,16 @@ def test_failure_says_what_where_when_and_by_how_much(constraint, moved, by, whe
     assert str(failure) == f"{constraint} of {where} at {failure.time:.3f} s: margin {failure.margin:.4g}"
 
 
-def test_result_depends_neither_on_the_batch_nor_on_the_chunks(arm, monkeypatch):
+def test_result_depends_on_neither_batch_nor_chunks_nor_threads(arm, monkeypatch):
     constraints, trajectory = Constraints(arm, [DESK]), family(arm)
     c = 0.12 * drawn(trajectory, 12)
     whole = check(constraints, trajectory, c)
     assert 0 < whole.valid.sum() < 12
     single = [check(constraints, trajectory, one[None]) for one in c]
+    monkeypatch.setattr("sidegan.validity.search._WORTH_A_THREAD", 50)
+    with several_threads(3):
+        shared = check(constraints, trajectory, c)
+    assert torch.equal(whole.valid, shared.valid)
     monkeypatch.setattr(sys.modules["sidegan.validity.check"], "_CELLS_AT_ONCE", 70)
     chunked = check(constraints, trajectory, c)
     clear = torch.stack(list(whole.margins.values())).abs().amin(0) > 1e-9  # elsewhere rounding decides
@@ -136,6 +141,8 @@ def test_result_depends_neither_on_the_batch_nor_on_the_chunks(arm, monkeypatch)
     assert torch.equal(whole.valid[clear], chunked.valid[clear])
     assert torch.equal(whole.valid[clear], torch.cat([v.valid for v in single])[clear])
     for name, margin in whole.margins.items():
+        torch.testing.assert_close(shared.margins[name], margin, rtol=0, atol=1e-14)
+        assert torch.equal(shared.elements[name], whole.elements[name])
         torch.testing.assert_close(chunked.margins[name], margin)
         torch.testing.assert_close(torch.cat([v.margins[name] for v in single]), margin)
 
