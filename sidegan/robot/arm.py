@@ -39,13 +39,9 @@ class Capsules:
     b: Tensor  # the other end [m], (C, 3); equal to `a` for a sphere
     radius: Tensor  # radius [m], (C,)
     names: tuple[str, ...]  # what to call each capsule in a message; those of one shape share theirs
-    owners: tuple[str, ...] = ()  # the description's link that each is part of; as named where left out
+    owners: tuple[str, ...]  # the description's link that each is part of
     pieces: Pieces | None = None  # what is inside of them; None where they are the shapes themselves
     points: bool = False  # whether they are points of an arm without shapes, which keep out of regions alone
-
-    def __post_init__(self) -> None:
-        if len(self.owners) != len(self.names):
-            object.__setattr__(self, "owners", self.names)
 
     @property
     def core(self) -> Tensor:

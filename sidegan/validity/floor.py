@@ -37,7 +37,7 @@ def with_points(arm: Arm) -> Arm:
     places = torch.stack([*arm.translation[1:], arm.tip])
     names = (*arm.joint_names[1:], "the tip")
     radius = torch.zeros(arm.joints, dtype=torch.float64)
-    points = Capsules(torch.arange(arm.joints), places, places, radius, names, points=True)
+    points = Capsules(torch.arange(arm.joints), places, places, radius, names, names, points=True)
     return replace(arm, capsules=points)
 
 

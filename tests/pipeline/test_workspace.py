@@ -101,7 +101,9 @@ def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(
     hanging, desk = load_robot(tmp_path / "hanging.urdf"), tiny("workspace=desk").workspace
     assert floor_under(hanging) is None and desk.shapes(hanging) == []
     assert "no floor" in desk.notes(hanging)
-    parts = {name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "names")}
+    parts = {
+        name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "names", "owners")
+    }
     bare = replace(planar, urdf=Path("lost.urdf"), capsules=replace(planar.capsules, **parts))
     assert floor_under(bare).offset == 0
 

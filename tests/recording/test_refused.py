@@ -13,7 +13,7 @@ from sidegan.errors import ConfigError, RecordingError
 from sidegan.recording.check import check_recording
 from sidegan.robot import load_robot
 from tests.recording import files
-from tests.recording.conftest import load_recording, of_file
+from tests.recording.conftest import load_recording, of_file, part_of
 
 PLANAR = load_robot("planar2")
 SETTINGS = [
@@ -59,9 +59,18 @@ FILES = [
     ("time as 't' and as 'time'; say which is meant: 'recording.time=\"t\"'", twice(time="t"), {}),
     (r"position as 'q\{index\}' and as 'q_\{index\}'; say which", twice(q_1="q1", q_2="q2"), {}),
     ("begins with numbers.*write one into it", files.written(header=False), {}),
+    (
+        "100% of its rows .* number, in column t",
+        files.written(lambda table: table.assign(t="2026-01-01")),
+        {},
+    ),
+    ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
+    ("75% of its rows are .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
     ("named twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
     ("not of the same length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
+    ("a number in each row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
+    ("is not a whole npz file", files.arrays(q=np.array([{}] * 200)), ARRAYS),
     ("array q holds complex128, expected real numbers", files.arrays(q=1j * np.ones((200, 2))), ARRAYS),
     ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
     ("has no joint states on /arm, but on /joint_states", files.write_bag, {"topic": "/arm"}),
@@ -147,6 +156,9 @@ CHECKED = [
     ("is it in N·m, and in this order", scaled("torque", 1e7), {}),
     ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
     ("every torque is zero", but("torque", torch.zeros_like), {}),
+    ("torque of shoulder, elbow is constant", but("torque", torch.ones_like), {}),
+    ("holds 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
+    ("too short to identify from", scaled("time", 1e-300), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
     (DEAD, but("velocity", torch.ones_like), {}),
     ("all samples have the same time stamp", but("time", torch.ones_like), {}),

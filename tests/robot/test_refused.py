@@ -102,10 +102,13 @@ REFUSED = {
         (lambda at: load_robot(at.folder / "gone.urdf"), "no URDF file … gone.urdf"),
         (lambda at: load_robot(at.folder), "is a folder, expected a URDF file"),
         (lambda at: load_robot("a" * 5000 + ".urdf"), "cannot look for"),
+        (lambda at: load_robot("~nobody_of_that_name/a.urdf"), "Could not determine home directory"),
+        (lambda at: load_robot(at.folder / "a\0b.urdf"), "there is no URDF file"),
         # The tree of links and joints.
         (one_joint(kind="fixed"), "has no joints that move"),
         (one_joint(kind="planar"), "joint 'turn' is planar"),
         (one_joint(kind="hinge"), "of type 'hinge', expected revolute, prismatic, cont"),
+        (one_joint(kind=""), "joint 'turn' is of type '', expected revolute"),
         (TWO_ARMS, "joints 'left' and 'right' both hang on the base, expected one chain"),
         (more(RING, link("base")), "no joints lead from 'base' to x, y, expected one tree"),
         (LOOP, "joint 'third' leads to link 'upper', as another joint does"),
@@ -130,6 +133,7 @@ REFUSED = {
         (one_joint(axis="0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
         (one_joint(axis="0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
         # Shapes.
+        (shape(""), "collision geometry of none, expected one of sphere"),
         (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
         (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
         (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),

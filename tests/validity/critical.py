@@ -39,7 +39,7 @@ def segments_as_capsules(
     """Sets of segments with end points (3, N) as capsules on the base of the planar arm, of radius zero."""
     ends = [torch.cat([*x], 1).T.contiguous() for x in (a, b)]
     none = torch.zeros(len(ends[0]), dtype=torch.float64)
-    capsules = Capsules(none.long() - 1, *ends, none, ("",) * len(none))
+    capsules = Capsules(none.long() - 1, *ends, none, *2 * [("",) * len(none)])
     return chain_of(load_robot("planar2")), shapes_of(capsules, pairs, guarded, tables(regions))
 
 
@@ -77,7 +77,9 @@ def filled(arm: Arm, seed: int) -> Arm:
 
 def only(capsules: Capsules, which: Tensor) -> Capsules:
     names = tuple(capsules.names[k] for k in which.tolist())
-    return Capsules(capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], names)
+    return Capsules(
+        capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], names, names
+    )
 
 
 def thick(arm: Arm, factor: float) -> Arm:
