@@ -28,7 +28,6 @@ TINY = (
     "long.period=32",
     "long.harmonics=[3,12]",
     "long.samples=64",
-    "long.starts=8",
     "selection.count=6",
     "library.batch=60",
     "identification.rate=20",
