@@ -135,8 +135,8 @@ class Artifacts:
         return defaultdict(lambda: math.nan, self.task.store.costs(artifact))
 
     def seconds(self, artifact: Artifact) -> float:
-        """Wall time in which an artifact was made [s]; not a number where that was not kept."""
-        return float(self.costs(artifact)["seconds"])
+        """CPU time in which an artifact was made [s]; not a number where that was not kept."""
+        return float(self.costs(artifact)["cpu_seconds"])
 
     def _of_sets(self, made: Callable[[Task, ExcitationSet], Artifact], file: str = RESULTS) -> pd.DataFrame:
         frames = [self.task.frame(made(self.task, one), file) for one in excitation_sets(self.task)]
