@@ -89,7 +89,7 @@ class PublishedPretraining:
         """
         torch.manual_seed(seed)
         valid = self.valid
-        held, learnt = torch.randperm(len(valid)).tensor_split([int(_HELD_OUT * len(valid))])
+        held, learnt = _split(len(valid))
         network = PublishedPredictor()
         if weights is None:
             self._fit(network, (self.samples[learnt], valid[learnt]), progress)
@@ -111,7 +111,7 @@ class PublishedPretraining:
         """Mean relative error on held-out seeds of a converter to features (N, p), left in ``folder``."""
         torch.manual_seed(seed)
         target = features.float()
-        held, learnt = torch.randperm(len(target)).tensor_split([int(_HELD_OUT * len(target))])
+        held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)
         self._fit(network, (self.seeds[learnt], target[learnt]), progress)
@@ -131,3 +131,8 @@ def write_converter(path: Path, weights: dict[str, Tensor]) -> None:
     outputs = len(weights["fc2.bias"])
     scaled = {"scale": torch.ones(outputs), **weights}
     write_task(path, {"arguments": {"features": outputs}, "weights": scaled})
+
+
+def _split(count: int) -> tuple[Tensor, ...]:
+    """Rows that are held out, and those that are learnt from, at random."""
+    return torch.randperm(count).tensor_split([int(_HELD_OUT * count)])

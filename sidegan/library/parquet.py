@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import reading
-from sidegan.errors import ArtifactError
+from sidegan.base.typed import Number, Positive, build
+from sidegan.errors import ArtifactError, ConfigError
 
 if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
     import pyarrow as pa
@@ -31,8 +32,8 @@ class Family:
     digest: str
     joints: int
     harmonics: int
-    period: float
-    home: list[float]
+    period: Positive
+    home: list[Number]
     parameters: int
     margins: list[str]
 
@@ -84,7 +85,11 @@ def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Tensor]
     family = _family(path, table)
     schema, columns = _schema(family), dict[str, Tensor]()
     with reading(path, "library"):
-        table = table.select(schema.names).cast(schema)
+        table = table.select(schema.names)
+        for own, expected in zip(table.schema, schema):
+            if own.type != expected.type:
+                raise ArtifactError(f"{path}: column {own.name} is {own.type}, expected {expected.type}")
+        table = table.cast(schema)  # refuses empty cells
         for name, shape in family.shapes().items():
             column = table[name].combine_chunks()
             cells = (column.flatten() if shape else column).to_numpy(zero_copy_only=False)
@@ -103,7 +108,10 @@ def _family(path: Path, table: "pa.Table") -> Family:
         values = json.loads(stored)
         if (number := values.pop("format", None)) != FORMAT:
             raise ArtifactError(f"{path} has library format {number}, this version reads format {FORMAT}")
-        family = Family(**values)
-        if len(family.home) != family.joints:
-            raise ArtifactError(f"{path}: home has {len(family.home)} of {family.joints} joints")
-        return family
+    try:
+        family = build(Family, values)
+    except ConfigError as error:
+        raise ArtifactError(f"{path}: the library's metadata is wrong: {error}") from error
+    if len(family.home) != family.joints:
+        raise ArtifactError(f"{path}: home has {len(family.home)} of {family.joints} joints")
+    return family
