@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -144,14 +143,13 @@ def test_recursive_least_squares(rate: Rate, by: str) -> None:
     count, samples = (60, 1600) if by == OURS else (1, 1600)
     motion = FAMILY.roll_out(start(count), FAMILY.grid(samples))
     torque = BODY.torque(*motion[1:])
-    if by == OURS:
-        model = TorqueModel(BODY, RIGID)
-        recordings = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
-        work = partial(_least_squares, model, recordings)
-    else:
-        work = partial(Pinocchio(CONSTRAINTS).estimate, *motions(count, samples), torque[0].numpy())
+    model, opponent = TorqueModel(BODY, RIGID), Pinocchio(CONSTRAINTS)
+    recordings = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
+    states = motions(count, samples)[0]
+
+    def work() -> object:
+        if by == OURS:
+            return LeastSquares().fit(gather(model, iter(recordings)))
+        return opponent.estimate(states, torque[0].numpy())
+
     rate(work, count * samples, "samples", 3)
-
-
-def _least_squares(model: TorqueModel, recordings: list[Measurements]) -> object:
-    return LeastSquares().fit(gather(model, iter(recordings)))

@@ -134,10 +134,6 @@ class Artifacts:
         """Costs of making an artifact; not a number where they were not kept."""
         return defaultdict(lambda: math.nan, self.task.store.costs(artifact))
 
-    def seconds(self, artifact: Artifact) -> float:
-        """CPU time in which an artifact was made [s]; not a number where that was not kept."""
-        return float(self.costs(artifact)["cpu_seconds"])
-
     def _of_sets(self, made: Callable[[Task, ExcitationSet], Artifact], file: str = RESULTS) -> pd.DataFrame:
         frames = [self.task.frame(made(self.task, one), file) for one in excitation_sets(self.task)]
         return pd.concat(frames, ignore_index=True)

@@ -57,13 +57,13 @@ def longs(artifacts: Artifacts) -> pd.DataFrame:
 def timing(artifacts: Artifacts) -> pd.DataFrame:
     """Each time of the paper's text beside ours, for people."""
     speed, task, seed = artifacts.speed, artifacts.task, artifacts.seed_seconds
-    trainings = [artifacts.seconds(trained(task, name, k)) for name, k in generators(task)]
+    trainings = [artifacts.costs(trained(task, *one))["cpu_seconds"] for one in generators(task)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
     rows = {
         "long": ("the single long trajectory, CPU", long),
         "seed": ("one seed, CPU", seed),
         "seeds": ("the seed set, CPU", seed * task.cfg.seeds.count),
-        "surrogates": ("the surrogates, CPU", artifacts.seconds(surrogates(task))),
+        "surrogates": ("the surrogates, CPU", artifacts.costs(surrogates(task))["cpu_seconds"]),
         "training": ("one training, CPU", float(np.mean(trainings))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
         "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),

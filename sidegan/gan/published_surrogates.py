@@ -100,10 +100,7 @@ class PublishedPretraining:
             right = (network(self.samples[held])[:, 0] > 0) == valid[held]
             of_seeds = network(self.seeds)[:, 0] > 0
         on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
-        return {
-            "accuracy_broad": float(right.double().mean()),
-            "accuracy_paper": float(on_paper),
-        }
+        return {"accuracy_broad": float(right.double().mean()), "accuracy_paper": float(on_paper)}
 
     def train_features(
         self, name: str, features: Tensor, folder: Path, seed: int, progress: Report

@@ -39,7 +39,7 @@ def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:
 def markdown(table: pd.DataFrame) -> str:
     """A Markdown table without its index; columns of numbers line up on the right."""
     text = _cells(table).map(lambda cell: " ".join(cell.replace("|", "\\|").splitlines()))
-    rules = ["---:" if text[name].map(_is_number).all() else "---" for name in text]
+    rules = ["---:" if all(map(_NUMBER.fullmatch, text[name])) else "---" for name in text]
     rows = [[str(name).replace("|", "\\|") for name in text], rules, *text.to_numpy().tolist()]
     return "\n".join(f"| {' | '.join(row)} |" for row in rows)
 
@@ -47,10 +47,6 @@ def markdown(table: pd.DataFrame) -> str:
 def _cells(table: pd.DataFrame) -> pd.DataFrame:
     """Cells as text, with a dash for what is unknown."""
     return table.map(lambda cell: "—" if pd.isna(cell) else str(cell))
-
-
-def _is_number(cell: str) -> bool:
-    return _NUMBER.fullmatch(cell) is not None
 
 
 def show(table: pd.DataFrame, caption: str) -> None:
