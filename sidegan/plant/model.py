@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 
 
 def mujoco_model(
-    arm: Arm,
-    settings: PlantSettings = IDEAL,
-    stiffness: Tensor | None = None,
-    damping: Tensor | None = None,
+    arm: Arm, settings: PlantSettings = IDEAL, stiffness: Tensor | None = None, damping: Tensor | None = None
 ) -> "mujoco.MjModel":
     """MuJoCo's model of an arm, without contacts.
 

@@ -94,7 +94,11 @@ def _open(
     suffix, dataset = path.suffix.lower(), is_dataset(path)
     if is_bag(path) and not dataset:
         table, where = bag_table(path, settings, joints.names)
-        return table, {name: x for name, x in where.items() if only in (None, name) or name == "time"}, []
+        if only and only not in where:
+            raise RecordingError(
+                f"{path.name}: its joint states have no {only}, but {', '.join([*where][1:])}"
+            )
+        return table, {name: where[name] for name in ("time", only)} if only else where, []
     if not dataset and suffix not in _READERS:
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):

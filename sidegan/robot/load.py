@@ -39,10 +39,7 @@ def is_built_in(arm: Arm) -> bool:
 
 
 def load_robot(
-    name_or_path: str | Path,
-    setup: Setup = PLAIN,
-    home: Sequence[float] | None = None,
-    planning: bool = True,
+    name_or_path: str | Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
 ) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 

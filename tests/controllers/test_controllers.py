@@ -15,7 +15,8 @@ from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import script_text
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
-from tests.recording.conftest import load_recording, of_file
+from sidegan.recording.load import load_recording
+from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(joints=6, harmonics=6, period=16.0, home=(0.1, -0.2, 0.3, 0.0, 0.5, -1.0))
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist, 3")

@@ -8,7 +8,8 @@ import torch
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
 from sidegan.plant import IDEAL, Plant, save_recording
-from tests.recording.conftest import load_recording, of_file
+from sidegan.recording.load import load_recording
+from tests.recording.conftest import of_file
 
 RATE = 1000.0  # Hz
 

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording import load
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
 from tests.settings import settings
@@ -25,10 +24,6 @@ def real(name):
 def of_file(**changes):
     """Settings of a CSV file with a column per joint and signal."""
     return settings(RecordingSettings, "recording/csv", **changes)
-
-
-def load_recording(path, columns, joint_names):
-    return load.load_recording(Path(path), columns, joint_names)
 
 
 def states(time, joints=2):

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from sidegan.errors import RecordingError
-from sidegan.recording.load import files_of
+from sidegan.recording.load import files_of, load_recording
 from sidegan.recording.settings import RecordingSettings
-from tests.recording.conftest import load_recording, recorded
+from tests.recording.conftest import recorded
 from tests.settings import settings
 
 FPS, CUTS = 100, (0, 700, 1200, 2000)  # frames at which episodes begin

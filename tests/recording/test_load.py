@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.recording.load import load_recording
 from tests.recording import files
-from tests.recording.conftest import load_recording, of_file, part_of
+from tests.recording.conftest import of_file, part_of
 from tests.recording.files import written
 
 JOINTS = ("1", "2")

@@ -11,9 +11,11 @@ import torch
 
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.recording.check import check_recording
+from sidegan.recording.load import load_recording
+from sidegan.recording.settings import Files
 from sidegan.robot import load_robot
 from tests.recording import files
-from tests.recording.conftest import load_recording, of_file, part_of
+from tests.recording.conftest import of_file, part_of
 
 PLANAR = load_robot("planar2")
 SETTINGS = [
@@ -33,6 +35,9 @@ def test_settings(words, changes):
 
 def of_text(_, folder):
     return files.write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
+
+
+bag = partial(files.write_bag, names=["1", "2"])
 
 
 def without(*columns):
@@ -74,6 +79,7 @@ FILES = [
     ("array q holds complex128, expected real numbers", files.arrays(q=1j * np.ones((200, 2))), ARRAYS),
     ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
     ("has no joint states on /arm, but on /joint_states", files.write_bag, {"topic": "/arm"}),
+    ("have no acceleration, but position", lambda made, to: Files("", None, str(bag(made, to)), ""), {}),
     (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
 ]
 
@@ -132,10 +138,6 @@ def limited(torque):
     return replace(PLANAR, torque_limit=torch.full((2,), torque, dtype=torch.float64))
 
 
-def same(recording):
-    return recording
-
-
 def check(recording, arm=PLANAR, gains=None, **changes):
     return check_recording(recording, arm, of_file(**changes), gains)
 
@@ -165,9 +167,9 @@ CHECKED = [
     ("time runs backwards.* after sample 100", but("time", shuffled), {}),
     ("give the drive gains", currents(), {}),
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
-    ("reverse names wrist", same, {"reverse": ["wrist"]}),
-    ("no joint is ever faster than 100 rad/s", same, {"still": 100.0}),
-    (LOW, same, {"cutoff": 1e-11}),
+    ("reverse names wrist", lambda same: same, {"reverse": ["wrist"]}),
+    ("no joint is ever faster than 100 rad/s", lambda same: same, {"still": 100.0}),
+    (LOW, lambda same: same, {"cutoff": 1e-11}),
 ]
 
 
