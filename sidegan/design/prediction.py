@@ -1,0 +1,155 @@
+"""How well sets of trajectories predict torques: errors that least squares is expected to make.
+
+A trajectory has the information M = Σ wⱼ² yᵀ y on the base parameters, over joints and times, and noise
+S = Σ wⱼ⁴ σ² yᵀ y where torques have noise of variance σ² and joint j's equations y count by wⱼ. Those of a
+set are their sums. An estimate's covariance is then M⁻¹ S M⁻¹, and torques that it predicts have the expected
+squared error tr(V M⁻¹ S M⁻¹), V being the information of the motions whose torques are predicted.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from sidegan.design.coordinates import Coordinates
+from sidegan.design.problem import Problem
+from sidegan.errors import ShapeError
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.threads import eigh
+from sidegan.motion.trajectory import Trajectory
+
+SAMPLES = 40  # of a trajectory, whose sums differ by less than 1 % from those of many more
+_STATES_AT_ONCE = 4096  # whose regressor is kept: 10 MB at seven joints
+_STATES, _PACE = 1000, 0.5  # random ones, and their share of the velocity limits
+_FLOOR = 0.02  # of the largest joint's torque, that a small joint's counts as at least
+_STILL = 1e-12  # of the mean square: a torque of smaller variance does not vary
+_ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueNoise:
+    """Noise on measured torques, and how much the joints' equations count."""
+
+    weights: Tensor  # what each joint's equations are multiplied with, (J,)
+    level: float  # uniform noise as a share of the torque, τ (1 + level · U(−1, 1))
+    deviation: Tensor  # of noise of one size whatever the torque [N·m or N], (J,)
+
+    @classmethod
+    def proportional(cls, level: float, weights: Tensor) -> "TorqueNoise":
+        """Noise in proportion to the torque, as the paper has it, with equal weights or others."""
+        return cls(weights, level, torch.zeros_like(weights))
+
+    @classmethod
+    def constant(cls, body: RigidBody, share: float) -> "TorqueNoise":
+        """Noise of a share of each joint's torque limit, whose inverse is the weight.
+
+        Where the arm states no limit it is a share of the largest torque over random states.
+        """
+        limit = body.arm.torque_limit.double()
+        if not limit.isfinite().all():
+            limit = torch.where(limit.isfinite(), limit, _largest_torque(body))
+        return cls(1 / (share * limit), 0.0, share * limit)
+
+    def variance(self, torque: Tensor) -> Tensor:
+        """Variance of the noise on torques, (…, J)."""
+        return self.level**2 / 3 * torque.square() + self.deviation.square()
+
+
+def _largest_torque(body: RigidBody) -> Tensor:
+    """Largest torque of each joint over random states [N·m or N], not below a share of the largest one's."""
+    arm, random = body.arm, torch.Generator().manual_seed(0)
+    draw = 2 * torch.rand(3, _STATES, arm.joints, generator=random, dtype=torch.float64) - 1
+    q = torch.lerp(arm.position_lower, arm.position_upper, (draw[0] + 1) / 2)
+    speed = _PACE * arm.velocity_limit
+    largest = body.torque(q, speed * draw[1], speed * draw[2]).abs().amax(0)
+    return largest.clamp_min(_FLOOR * float(largest.max()))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Expected errors of the torques that are predicted from what was measured along trajectories.
+
+    The estimate is that of recursive least squares with P₀ = 1 / least: a direction that nothing excites
+    stays at zero, and is wrong by all that it is.
+    """
+
+    body: RigidBody
+    trajectory: Trajectory  # the family of the trajectories
+    wanted: Tensor  # information of the torques that are to be predicted, by ``wanted_torques``, (K, p, p)
+    noise: TorqueNoise
+    times: Tensor  # at which torques are measured [s], (T,)
+    each: float = 1.0  # measurements that stand at each of the times
+    least: float = 1e-6  # information that there is of each parameter before
+
+    @torch.no_grad()
+    def informations(self, c: Tensor) -> tuple[Tensor, Tensor]:
+        """Information M and noise S of trajectories [rad/s] (N, J, H, 2), (N, p, p) each."""
+        both = []
+        for y, torque in _equations(self.body, self.trajectory, c, self.times):
+            weighted = self.noise.weights[:, None] * y
+            noisy = (self.noise.weights * self.noise.variance(torque).sqrt()).mT[:, None] * weighted
+            both.append([x @ x.mT for x in (weighted.flatten(2), noisy.flatten(2))])
+        information, noise = (self.each * torch.cat(x) for x in zip(*both))
+        return information, noise
+
+    def nmse(self, information: Tensor, noise: Tensor) -> Tensor:
+        """Expected nMSE of each joint whose torque varies, (B, K), of sets with such sums, (B, p, p) each."""
+        inverse = inverse_of(information, self.least)
+        bias = self.least * inverse @ self.body.base.values
+        squares = inverse @ noise @ inverse + bias[:, :, None] * bias[:, None]
+        return torch.einsum("kpq,bqp->bk", self.wanted, squares)
+
+    def of_draws(self, c: Tensor, count: int = 35, draws: int = 200, seed: int = 0) -> Tensor:
+        """Expected nMSE, (draws, K), of sets of so many trajectories drawn from c (N, J, H, 2), at random.
+
+        Raises:
+            ShapeError: when there are fewer trajectories than a set has.
+        """
+        if len(c) < count:
+            raise ShapeError(f"a set of {count} trajectories cannot be drawn from {len(c)}")
+        random = torch.Generator().manual_seed(seed)
+        picks = torch.rand(draws, len(c), generator=random).argsort(1)[:, :count]
+        chosen = torch.zeros(draws, len(c), dtype=torch.float64).scatter_(1, picks, 1.0)
+        sums = [torch.tensordot(chosen, x, 1) for x in self.informations(c)]
+        return self.nmse(*sums)
+
+
+def inverse_of(information: Tensor, least: float) -> Tensor:
+    """Inverse of information + least · I, (B, p, p), by eigenvalues in units of the diagonal."""
+    scale = (information.diagonal(dim1=1, dim2=2) + least).sqrt()
+    units = scale[:, :, None] * scale[:, None]
+    own = torch.eye(scale.shape[1], dtype=scale.dtype)
+    values, vectors = eigh((information + least * own) / units)
+    rounding = _ROUNDING * scale.shape[1] * torch.finfo(values.dtype).eps
+    values = torch.maximum(values, rounding * values[:, -1:])
+    return (vectors / values[:, None]) @ vectors.mT / units
+
+
+def wanted_torques(body: RigidBody, trajectory: Trajectory, c: Tensor, times: Tensor) -> Tensor:
+    """Information of exact torques along trajectories over each joint's variance of torque, (K, p, p).
+
+    For a parameter error e, eᵀ V e is the nMSE. Joints whose torque does not vary have none.
+    """
+    parts = [(y.permute(2, 0, 3, 1).flatten(1, 2), x) for y, x in _equations(body, trajectory, c, times)]
+    torque = torch.cat([x.flatten(0, 1) for _, x in parts])
+    variance = torque.var(0, correction=0)
+    varies = variance > _STILL * torque.square().mean(0)
+    information = torch.stack([rows.mT @ rows for rows, _ in parts]).sum(0)  # of rows (J, n T, p)
+    return (information / len(torque) / variance[:, None, None])[varies]
+
+
+def random_motions(problem: Problem, count: int = 20, reach: float = 0.55, seed: int = 99) -> Tensor:
+    """Motions within the limits on motion, each joint using a share of its tightest one, (count, J, H, 2)."""
+    natural, random = Coordinates.of(problem), torch.Generator().manual_seed(seed)
+    return natural.coefficients(natural.start(problem, count, random, reach))
+
+
+def _equations(
+    body: RigidBody, trajectory: Trajectory, c: Tensor, times: Tensor
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Base regressor, (n, p, J, T), and torque, (n, T, J), along some of the trajectories after others."""
+    for part in c.to("cpu", torch.float64).split(max(1, _STATES_AT_ONCE // len(times))):
+        states = trajectory.roll_out(part, times)[1:]
+        y = body.base_regressor(*states)  # (n, T, J, p)
+        yield y.permute(0, 3, 2, 1), y @ body.base.values
