@@ -114,13 +114,16 @@ def _sample(count: int, size: int) -> Tensor:
     return torch.randperm(count, generator=torch.Generator().manual_seed(0))[:size]
 
 
-def effective_rank(x: Tensor) -> float:
+def effective_rank(x: Tensor, centred: bool = True) -> float:
     """Number of directions that the rows span: exp of the entropy of the covariance's eigenvalues.
+
+    Of the second moments' where the mean is not taken off: one, where a common offset is all that there is.
 
     Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
     """
     rows = _rows(x)
-    eigenvalues = torch.linalg.eigvalsh(torch.cov(rows.T).reshape(rows.shape[1], rows.shape[1])).clamp_min(0)
+    away = rows - rows.mean(0) if centred else rows
+    eigenvalues = torch.linalg.eigvalsh(away.T @ away / len(rows)).clamp_min(0)
     total = eigenvalues.sum()
     noise = (torch.finfo(rows.dtype).eps * rows.abs().amax()) ** 2 * rows.shape[1]
     if total <= noise:  # all rows are one, but for rounding

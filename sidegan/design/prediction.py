@@ -20,6 +20,8 @@ from sidegan.motion.threads import eigh
 from sidegan.motion.trajectory import Trajectory
 
 SAMPLES = 40  # of a trajectory, whose sums differ by less than 1 % from those of many more
+_PER_HARMONIC = 7  # of a trajectory with many harmonics
+TOGETHER, DRAWS = 35, 200  # trajectories of a set, as the paper has it, and sets that are drawn
 _STATES_AT_ONCE = 4096  # whose regressor is kept: 10 MB at seven joints
 _STATES, _PACE = 1000, 0.5  # random ones, and their share of the velocity limits
 _FLOOR = 0.02  # of the largest joint's torque, that a small joint's counts as at least
@@ -82,6 +84,20 @@ class Prediction:
     each: float = 1.0  # measurements that stand at each of the times
     least: float = 1e-6  # information that there is of each parameter before
 
+    @classmethod
+    def at_rate(
+        cls,
+        body: RigidBody,
+        trajectory: Trajectory,
+        wanted: Tensor,
+        noise: TorqueNoise,
+        rate: float = 100.0,
+        prior: float = 1e6,
+    ) -> "Prediction":
+        """Errors after measurements at a rate [Hz], for which ``sampled`` times stand, with P₀ = prior · I."""
+        times = sampled(trajectory)
+        return cls(body, trajectory, wanted, noise, times, trajectory.period * rate / len(times), 1 / prior)
+
     @torch.no_grad()
     def informations(self, c: Tensor) -> tuple[Tensor, Tensor]:
         """Information M and noise S of trajectories [rad/s] (N, J, H, 2), (N, p, p) each."""
@@ -100,7 +116,7 @@ class Prediction:
         squares = inverse @ noise @ inverse + bias[:, :, None] * bias[:, None]
         return torch.einsum("kpq,bqp->bk", self.wanted, squares)
 
-    def of_draws(self, c: Tensor, count: int = 35, draws: int = 200, seed: int = 0) -> Tensor:
+    def of_draws(self, c: Tensor, count: int = TOGETHER, draws: int = DRAWS, seed: int = 0) -> Tensor:
         """Expected nMSE, (draws, K), of sets of so many trajectories drawn from c (N, J, H, 2), at random.
 
         Raises:
@@ -113,6 +129,11 @@ class Prediction:
         chosen = torch.zeros(draws, len(c), dtype=torch.float64).scatter_(1, picks, 1.0)
         sums = [torch.tensordot(chosen, x, 1) for x in self.informations(c)]
         return self.nmse(*sums)
+
+
+def sampled(trajectory: Trajectory) -> Tensor:
+    """Times [s] whose sums stand for those of many more, (T,)."""
+    return trajectory.grid(max(SAMPLES, _PER_HARMONIC * trajectory.harmonics))
 
 
 def inverse_of(information: Tensor, least: float) -> Tensor:

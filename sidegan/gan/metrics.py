@@ -2,21 +2,28 @@
 
 from collections.abc import Mapping, Sequence
 
+import torch
 from torch import Tensor
 
 from sidegan.design.excitation import diversity, excite, mean_distance
+from sidegan.design.fidelity import proportions
+from sidegan.design.prediction import TOGETHER, Prediction, TorqueNoise, random_motions, sampled, wanted_torques
+from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 _TINY = 1e-12  # a valid share that is not none
+_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
+_POOL, _DRAWS = 200, 100  # valid trajectories from which sets are drawn, and how many of these
 
 
 def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict[str, float]:
-    """Validity, fitness and diversity of generated coefficients (N, J, H, 2).
+    """Validity, fitness, diversity and worth of generated coefficients (N, J, H, 2).
 
-    The three only count together: a generator that hardly moves is valid, one with a few distant modes
-    has a large mean distance. ``condition`` is over all samples, ``condition_valid`` over the valid ones
-    (not a number when there are none).
+    They only count together: a generator that hardly moves is valid, one with a few distant modes has a large
+    mean distance, one that adds the same motion to all of them has a small condition number. ``condition`` is
+    over all samples, ``condition_valid`` over the valid ones (not a number when there are none), and so are
+    the errors of ``expected_errors``.
     """
     valid = check(constraints, trajectory, c).valid
     excitation = excite(constraints.body, trajectory, c)
@@ -28,7 +35,28 @@ def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict
         "diagonal_ratio": float(excitation.diagonal_fitness.median()),
         "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
         **diversity(c, excitation),
+        **(proportions(c) if len(c) > 1 else {}),
+        **expected_errors(constraints, trajectory, c[valid]),
     }
+
+
+def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict[str, float]:
+    """Expected nMSE of 35 of some valid trajectories (N, J, H, 2), drawn at random, on random motions.
+
+    Under the paper's noise and equal weights, and under a constant noise by which joints are weighted; mean
+    over joints and draws, and geometric mean. Not a number where there are no 35.
+    """
+    body, motions = constraints.body, random_motions(Problem(constraints, trajectory))
+    wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
+    equal = torch.ones(body.joints, dtype=torch.float64)
+    noises = TorqueNoise.proportional(_LEVEL, equal), TorqueNoise.constant(body, _SHARE)
+    errors = {}
+    for name, noise in zip(("error", "error_constant"), noises):
+        predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_empty(0)
+        if len(c) >= TOGETHER:
+            nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)
+        errors |= {name: float(nmse.mean()), f"{name}_geometric": float(nmse.log().mean().exp())}
+    return errors
 
 
 def kept_epoch(history: Sequence[Mapping[str, float]], least_valid: float | None) -> int:

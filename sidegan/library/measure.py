@@ -3,13 +3,15 @@
 import torch
 from torch import Tensor
 
-from sidegan.design.excitation import Excitation, diversity, excite
+from sidegan.design.excitation import Excitation, diversity, excite, nearest_distance
+from sidegan.design.fidelity import beyond, density_and_coverage, distance_to, proportions, told_apart
 from sidegan.library.collection import Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
 _AT_ONCE = 250  # trajectories
+_LEAST = 1e-30  # of diag(YᵀY), which is zero where a column is never excited
 
 
 def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
@@ -44,4 +46,27 @@ def summary(library: Library) -> dict[str, float]:
         "condition": float(library.fitness.median()),
         "diagonal_ratio": float(library.diagonal_fitness.median()),
         **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
+    }
+
+
+def likeness(library: Library, seeds: Library) -> dict[str, float]:
+    """What a library has in common, and how it is like seeds, of which it holds none.
+
+    Most of these depend on how many there are: of both the first ones count, as many as the smaller has.
+    """
+    count = min(len(library), len(seeds))
+    c, other = library.coefficients[:count], seeds.coefficients[:count]
+    diagonals = (one.diagonal[:count].clamp_min(_LEAST).log() for one in (library, seeds))
+    density, coverage = density_and_coverage(c, other)
+    density_diagonal, coverage_diagonal = density_and_coverage(*diagonals)
+    return {
+        **proportions(c),
+        "nearest_other": nearest_distance(c),
+        "nearest_seed": distance_to(c, other),
+        "beyond": beyond(c, other),
+        "density": density,
+        "coverage": coverage,
+        "density_diagonal": density_diagonal,
+        "coverage_diagonal": coverage_diagonal,
+        "told_apart": told_apart(c, other),
     }

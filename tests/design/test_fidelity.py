@@ -1,0 +1,128 @@
+"""Measures of likeness: closed answers, and which of them sees through which cheat."""
+
+import math
+
+import pytest
+import torch
+
+from sidegan.design.excitation import effective_rank, mean_distance, nearest_distance
+from sidegan.design.fidelity import (
+    beyond,
+    density_and_coverage,
+    distance_to,
+    mean_cosine,
+    mean_norm,
+    told_apart,
+)
+from sidegan.errors import ShapeError
+
+N, D, BOX, NOISE, OFFSET = 300, 24, 0.2, 0.01, 0.3
+OTHER, HALF = (
+    BOX * (2 * torch.rand(2, N, D, generator=torch.Generator().manual_seed(0), dtype=torch.float64) - 1)
+).unflatten(2, (2, 6, 2))
+SPREAD = BOX * math.sqrt(D / 3)  # root mean square of a row's size
+
+MEASURES = {
+    "distance": mean_distance,
+    "nearest": nearest_distance,
+    "rank": effective_rank,
+    "rank, uncentred": lambda x: effective_rank(x, centred=False),
+    "cosine": mean_cosine,
+    "norm": mean_norm,
+    "beyond": lambda x: beyond(x, OTHER),
+    "nearest seed": lambda x: distance_to(x, OTHER),
+    "density": lambda x: density_and_coverage(x, OTHER)[0],
+    "coverage": lambda x: density_and_coverage(x, OTHER)[1],
+    "told apart": lambda x: told_apart(x, OTHER),
+}
+APART = 0.66 * math.sqrt(2) * SPREAD  # the nearest of so many, as a share of the mean
+# What a good set has, such as the seeds' other half …
+GOOD = {
+    "distance": pytest.approx(math.sqrt(2) * SPREAD, rel=0.02),
+    "nearest": pytest.approx(APART, rel=0.05),
+    "rank": pytest.approx(D, rel=0.07),
+    "rank, uncentred": pytest.approx(D, rel=0.07),
+    "cosine": pytest.approx(0, abs=0.01),
+    "norm": pytest.approx(SPREAD, rel=0.03),
+    "beyond": pytest.approx(2 / (N + 1), abs=0.003),
+    "nearest seed": pytest.approx(APART, rel=0.05),
+    "density": pytest.approx(1, abs=0.1),
+    "coverage": pytest.approx(1 - 2**-5, abs=0.03),
+    "told apart": pytest.approx(0.5, abs=0.06),
+}
+ONE = HALF[0].norm().item()
+# … and what gives others away; all that is not named here they pass as good ones do.
+SEEN = {
+    "the seeds' other half": (HALF, {}),
+    "copies of one": (
+        HALF[:1].expand(N, -1, -1, -1),
+        {
+            "distance": 0.0,
+            "nearest": 0.0,
+            "rank": 0.0,
+            "rank, uncentred": pytest.approx(1),
+            "cosine": pytest.approx(1),
+            "norm": pytest.approx(ONE),
+            "beyond": pytest.approx(1 / D),  # one element, by chance
+            "nearest seed": pytest.approx((HALF[:1] - OTHER).flatten(1).norm(dim=1).min().item()),
+            "density": pytest.approx(0.4),  # in two neighbourhoods of the five
+            "coverage": pytest.approx(2 / N),
+            "told apart": 1.0,
+        },
+    ),
+    "copies of seeds with a little noise": (  # of which only a look at the seeds themselves tells
+        OTHER + NOISE / BOX * HALF,
+        {
+            "nearest seed": pytest.approx(NOISE / BOX * SPREAD, rel=0.03),
+            "beyond": pytest.approx(NOISE / (4 * BOX), abs=0.006),
+            "coverage": 1.0,
+        },
+    ),
+    "seeds and an offset": (  # which distances, nearest ones and the centred rank do not see
+        HALF + OFFSET,
+        {
+            "rank, uncentred": pytest.approx(2.1, abs=0.1),
+            "cosine": pytest.approx(OFFSET**2 / (OFFSET**2 + BOX**2 / 3), abs=0.02),
+            "norm": pytest.approx(math.sqrt(D * OFFSET**2 + SPREAD**2), rel=0.02),
+            "beyond": pytest.approx(OFFSET / (2 * BOX), abs=0.01),
+            "nearest seed": pytest.approx(math.sqrt(D) * OFFSET, rel=0.15),
+            "density": 0.0,
+            "coverage": 0.0,
+            "told apart": 1.0,
+        },
+    ),
+    "seeds at three times their size": (  # which cosine and both ranks do not see
+        3 * HALF,
+        {
+            "distance": pytest.approx(3 * math.sqrt(2) * SPREAD, rel=0.02),
+            "nearest": pytest.approx(3 * APART, rel=0.05),
+            "norm": pytest.approx(3 * SPREAD, rel=0.02),
+            "beyond": pytest.approx(2 / 3, abs=0.02),
+            "nearest seed": pytest.approx(2.5 * SPREAD, rel=0.05),
+            "density": 0.0,
+            "coverage": 0.0,
+            "told apart": pytest.approx(1, abs=0.03),
+        },
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_every_cheat_is_seen_by_a_measure_that_the_seeds_other_half_passes(name):
+    x, seen = SEEN[name]
+    assert {key: measure(x) for key, measure in MEASURES.items()} == GOOD | seen
+
+
+def test_density_and_coverage_by_hand():
+    """Six points on a line, each of whose neighbourhoods reaches to the end that is further away."""
+    other = torch.arange(6.0)[:, None]
+    assert density_and_coverage(other, other) == (pytest.approx(6 / 5), 1.0)
+    assert density_and_coverage(torch.tensor([[8.0]]), other) == (pytest.approx(2 / 5), pytest.approx(2 / 6))
+    assert density_and_coverage(torch.tensor([[11.0]]), other) == (0.0, 0.0)
+
+
+def test_rows_without_a_direction_and_sets_of_one():
+    assert mean_cosine(torch.tensor([[1.0, 0.0], [-2.0, 0.0], [0.0, 3.0]])) == pytest.approx(-1 / 3)
+    assert mean_cosine(torch.zeros(3, 2)) == 0.0
+    with pytest.raises(ShapeError, match="sets of 2 rows or more are compared, got 1"):
+        mean_cosine(torch.ones(1, 2))
