@@ -9,16 +9,17 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import torch
 
+from sidegan.gan.metrics import measure
 from sidegan.library import Library
-from sidegan.library.measure import summary
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.settings import Config
-from sidegan.pipeline.stages.baselines import long_trajectory, random_set
+from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
 from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.library import library
+from sidegan.pipeline.stages.measures import measures
+from sidegan.pipeline.stages.measures import pools as measured_pools
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, ExcitationSet, excitation_sets, pools, selection
@@ -36,6 +37,8 @@ class Artifacts:
     Attributes:
         task: the settings and where their artifacts are.
         expected: NMSE of every excitation set expected over all noise, by set, training, weighted and joint.
+        constant: the same under a constant noise, weighted.
+        draws: expected NMSE of random draws of every measured set, by set, training and noise.
         plant: NMSE of every excitation set as executed on the plant, by set, training, repeat, ….
         whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
@@ -51,7 +54,9 @@ class Artifacts:
 
     task: Task
 
-    expected = cached_property(lambda self: self._of_sets(identification, EXPECTED))
+    expected = cached_property(lambda self: self._expected("paper"))
+    constant = cached_property(lambda self: self._expected("constant"))
+    draws = cached_property(lambda self: pd.concat([self.task.frame(one) for one in self._measures.values()]))
     plant = cached_property(lambda self: self._of_sets(plant))
     whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
     whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
@@ -85,15 +90,28 @@ class Artifacts:
 
     @cached_property
     def generators(self) -> pd.DataFrame:
-        """Validity, fitness and diversity of the seeds and of each generator's every training, a row each."""
+        """Validity, fitness, worth and likeness of the seeds, baselines and every training, a row each.
+
+        Gains are errors of random draws of the seeds over those of the others.
+        """
         rows: list[Report] = [{"name": SEEDS, "training": 0, **self.seeds}]
+        for name, one in baselines(self.task).items():
+            rows.append({"name": name, "training": 0, **self.task.report(one)})
         ends = self.histories[self.histories.kept].drop(columns=["epoch", "kept"])
         for row in ends.rename(columns={"variant": "name"}).to_dict("records"):
             kept = self.task.report(library(self.task, row["name"], row["training"]))
             # A library holds what is valid: its condition number is not that of all that the generator makes.
             both = {"condition": row["condition"], "condition_valid": kept.get("condition", math.nan)}
             rows.append({str(key): value for key, value in row.items()} | kept | both)
-        return pd.DataFrame(rows)
+        made = self._measures
+        frame = pd.DataFrame([row | self.task.report(made[row["name"], row["training"]]) for row in rows])
+        errors = frame.filter(like="error").astype(float)
+        return frame.join((errors.loc[0] / errors).rename(columns=lambda key: key.replace("error", "gain")))
+
+    @cached_property
+    def _measures(self) -> dict[tuple[str, int], Artifact]:
+        """Measures of each set, by its name and training."""
+        return {(one.name, one.training or 0): measures(self.task, one) for one in measured_pools(self.task)}
 
     @cached_property
     def longs(self) -> dict[str, tuple[Report, Library]]:
@@ -110,12 +128,12 @@ class Artifacts:
 
     @cached_property
     def few_seeds(self) -> dict[str, float]:
-        """Validity, fitness and diversity of as many seeds as samples are measured after an epoch.
+        """What histories tell of as many seeds as samples are measured after an epoch.
 
         Rank and nearest distance depend on how many there are.
         """
-        seeds = self.task.load(seed_set(self.task))
-        return summary(seeds.take(torch.arange(min(len(seeds), self.cfg.evaluation))))
+        seeds = self.task.load(seed_set(self.task)).coefficients[: self.cfg.evaluation]
+        return measure(self.task.constraints, self.task.trajectory, seeds)
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""
@@ -137,6 +155,10 @@ class Artifacts:
     def _of_sets(self, made: Callable[[Task, ExcitationSet], Artifact], file: str = RESULTS) -> pd.DataFrame:
         frames = [self.task.frame(made(self.task, one), file) for one in excitation_sets(self.task)]
         return pd.concat(frames, ignore_index=True)
+
+    def _expected(self, noise: str) -> pd.DataFrame:
+        frame = self._of_sets(identification, EXPECTED)
+        return frame[frame.noise == noise]
 
     def _histories(self, task: Task) -> pd.DataFrame:
         parts = []

@@ -32,6 +32,8 @@ _TRACES = 8  # of generated trajectories, as in the paper's figure 2
 # Tables of all conditions together, with the rows of them that are on the page; all where none are named.
 _JOINED: dict[str, tuple[str, ...]] = {
     "generators": (),
+    "likeness": (),
+    "draws": (),
     "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.PLANT),
     "factors": (exp1.SIMULATOR, exp1.EXPECTED),
     "table2": (),
@@ -113,7 +115,8 @@ def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
         nmse = made.errors[~made.errors.weighted].groupby("set").nmse.mean()
         norms = made.whole_facts.groupby("set").covariance_norm.mean().rename({"seeds ×1": SEEDS})
         for name, mean in training.means(made.generators).to_dict("index").items():
-            row = mean | {"nMSE": nmse[str(name)], "‖diag P‖ [1e-9]": 1e9 * norms[str(name)]}
+            identified = {"nMSE": nmse, "‖diag P‖ [1e-9]": 1e9 * norms}
+            row = mean | {key: x.get(str(name), np.nan) for key, x in identified.items()}
             rows[f"{condition}-{name}"] = {
                 str(k): float(f"{x:.4g}") for k, x in row.items() if np.isfinite(x)
             }
@@ -151,8 +154,10 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
     """The tables of a condition, by name."""
     shown = {
         "generators": tables.generators(made.generators),
+        "likeness": tables.likeness(made.generators),
+        "draws": exp1.draws(made.draws),
         "epochs": training.speed(made.histories),
-        "table1": exp1.table1(made.errors, made.plant, made.expected),
+        "table1": exp1.table1(made.errors, made.plant, made.expected, made.constant),
         "factors": exp1.factors(made.errors, made.expected, made.cfg.gan),
         "sets": tables.excitation_sets(made.errors),
         "long": comparisons.longs(made),
@@ -167,11 +172,12 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
 def _figures(made: Artifacts) -> dict[str, "Figure"]:
     """The figures of a condition, by name."""
     eigen = made.generators[made.generators.name == "eigen"]
-    union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal", "rank")}
+    union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal")}
     subsets, taught = made.subsets[made.subsets.kept], ("seeds", "seeds trained on")
     return {
         "training": training.figure(made.histories, made.few_seeds, union),
         "nmse": figures.errors(made.errors),
+        **training.pictures(made),
         "sizes": figures.panels(subsets, taught, ["success"]),
         **_motion(made),
     }

@@ -13,6 +13,7 @@ from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
 from experiments.verdicts import TRAINING
 from sidegan.base.names import counted
+from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
@@ -21,7 +22,13 @@ if TYPE_CHECKING:  # slow to import
 
 RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
 EARLY = 10  # epochs after which the paper says so
-
+WORTH = (
+    "Seeds, baselines and generators of the kept epoch, true physics. Gain: expected error of 35 seeds that "
+    "are drawn at random over that of 35 others; natural: random draws in natural coordinates"
+)
+LIKENESS = "The same sets beside one half of the seeds, whose row is their other half; of as many of each"
+_MEANS = ("valid", "condition", "rank", *tables.WORTH, *tables.LIKENESS)
+_SHOWN = 50  # trajectories of a set in its picture
 
 collect = Artifacts
 
@@ -33,33 +40,43 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     shown = {
         "generators": (
             tables.generators(artifacts.generators),
-            f"Seeds and generators of the kept epoch, true physics ({over})",
+            f"{WORTH} ({over})",
         ),
+        "likeness": (tables.likeness(artifacts.generators), LIKENESS),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
-    drawn = {"training": figure(histories, artifacts.few_seeds)}
+    drawn = {"training": figure(histories, artifacts.few_seeds), **pictures(artifacts)}
     leave(folder, tracker, shown, summary(artifacts.generators), drawn)
 
 
 def summary(generators: pd.DataFrame) -> pd.DataFrame:
-    """Validity, fitness and diversity of every generator, mean over trainings, for the table of a sweep."""
-    columns = {"valid": "valid share", "condition": "median cond(YᵀY)", "distance": "mean distance"}
-    return means(generators).rename(columns={**columns, "rank": "effective rank"})
+    """What every generator and those beside it are worth, mean over trainings, for the table of a sweep."""
+    return means(generators).rename(columns={"valid": "valid share", **tables.WORTH, **tables.LIKENESS})
 
 
 def means(generators: pd.DataFrame) -> pd.DataFrame:
-    """Columns valid, condition, distance and rank, mean over trainings; a row a generator, and the seeds."""
+    """Validity, worth and likeness, mean over trainings; a row a generator, baseline, and the seeds."""
     frame = generators.assign(valid=generators.success.fillna(generators.valid))
-    numbers = frame[["valid", "condition", "distance", "rank"]].astype(float)
+    numbers = frame[[key for key in _MEANS if key in frame]].astype(float)
     return numbers.groupby(frame["name"], sort=False).mean()
+
+
+def pictures(artifacts: Artifacts) -> dict[str, "Figure"]:
+    """Coefficients of seeds beside those of each generator, first training, by name."""
+    first = artifacts.cfg.trainings[0]
+    sets = {SEEDS: artifacts.task.load(seed_set(artifacts.task))}
+    sets |= {name: artifacts.generated(name, first) for name in artifacts.cfg.gan}
+    shown = {name: one.coefficients[:_SHOWN].flatten(1).numpy() for name, one in sets.items()}
+    return {"coefficients": figures.coefficients(shown)}
 
 
 def figure(
     histories: pd.DataFrame, seeds: dict[str, float], union: dict[str, float] | None = None
 ) -> "Figure":
     """Metrics after every epoch, the seeds' dashed, and those of seeds and generated ones together."""
-    compared = {SEEDS: seeds | {"success": seeds["valid"]}, "union": union or {}}
-    return figures.panels(histories, ("epoch", "epoch"), figures.METRICS, compared)
+    return figures.panels(
+        histories, ("epoch", "epoch"), figures.METRICS, {SEEDS: seeds, "union": union or {}}
+    )
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:

@@ -16,7 +16,8 @@ _RIDGE = 0.1  # of its least squares
 
 def proportions(x: Tensor) -> dict[str, float]:
     """Size, cosine and uncentred rank of a set: what it has in common, which distances do not show."""
-    return {"norm": mean_norm(x), "cosine": mean_cosine(x), "rank_uncentred": effective_rank(x, centred=False)}
+    rank = effective_rank(x, centred=False)
+    return {"norm": mean_norm(x), "cosine": mean_cosine(x), "rank_uncentred": rank}
 
 
 def mean_norm(x: Tensor) -> float:
@@ -25,7 +26,7 @@ def mean_norm(x: Tensor) -> float:
 
 
 def mean_cosine(x: Tensor) -> float:
-    """Mean cosine over all pairs of rows: zero where directions are random, one where they have one offset."""
+    """Mean cosine over all pairs of rows: zero where directions are random, one where all have one."""
     unit = torch.nn.functional.normalize(_some(x).double(), dim=1)
     return float((unit.sum(0).square().sum() - unit.square().sum()) / (len(unit) * (len(unit) - 1)))
 
@@ -44,10 +45,10 @@ def distance_to(x: Tensor, other: Tensor) -> float:
 def density_and_coverage(x: Tensor, other: Tensor) -> tuple[float, float]:
     """Density and coverage of another set's neighbourhoods by this one's rows.
 
-    The neighbourhood of a row reaches to the fifth nearest of its own set. Density is how many a row of x lies
-    in, over five: one on average where both sets are drawn alike, zero elsewhere. Coverage is the share of
-    those that hold a row of x: 1 − 2⁻⁵ there on average, where both are as large, and little where few of
-    the others are repeated.
+    The neighbourhood of a row reaches to the fifth nearest of its own set. Density is in how many of them a
+    row of x lies, over five: one on average where both sets are drawn alike, zero elsewhere. Coverage is the
+    share of those that hold a row of x: 1 − 2⁻⁵ where both are drawn alike and as large, little where few
+    rows are repeated.
 
     Source: Naeem et al. 2020, Reliable fidelity and diversity metrics for generative models.
     """

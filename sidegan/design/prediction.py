@@ -94,7 +94,7 @@ class Prediction:
         rate: float = 100.0,
         prior: float = 1e6,
     ) -> "Prediction":
-        """Errors after measurements at a rate [Hz], for which ``sampled`` times stand, with P₀ = prior · I."""
+        """Errors after measurements at a rate [Hz], for which ``sampled`` times stand; P₀ = prior · I."""
         times = sampled(trajectory)
         return cls(body, trajectory, wanted, noise, times, trajectory.period * rate / len(times), 1 / prior)
 
@@ -158,6 +158,12 @@ def wanted_torques(body: RigidBody, trajectory: Trajectory, c: Tensor, times: Te
     varies = variance > _STILL * torque.square().mean(0)
     information = torch.stack([rows.mT @ rows for rows, _ in parts]).sum(0)  # of rows (J, n T, p)
     return (information / len(torque) / variance[:, None, None])[varies]
+
+
+def torque_size(body: RigidBody, trajectory: Trajectory, c: Tensor) -> Tensor:
+    """Root mean square torque of each joint along trajectories [N·m or N], (J,)."""
+    torques = [torque.flatten(0, 1) for _, torque in _equations(body, trajectory, c, sampled(trajectory))]
+    return torch.cat(torques).square().mean(0).sqrt()
 
 
 def random_motions(problem: Problem, count: int = 20, reach: float = 0.55, seed: int = 99) -> Tensor:

@@ -7,7 +7,14 @@ from torch import Tensor
 
 from sidegan.design.excitation import diversity, excite, mean_distance
 from sidegan.design.fidelity import proportions
-from sidegan.design.prediction import TOGETHER, Prediction, TorqueNoise, random_motions, sampled, wanted_torques
+from sidegan.design.prediction import (
+    TOGETHER,
+    Prediction,
+    TorqueNoise,
+    random_motions,
+    sampled,
+    wanted_torques,
+)
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -50,7 +57,7 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor)
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
     equal = torch.ones(body.joints, dtype=torch.float64)
     noises = TorqueNoise.proportional(_LEVEL, equal), TorqueNoise.constant(body, _SHARE)
-    errors = {}
+    errors: dict[str, float] = {}
     for name, noise in zip(("error", "error_constant"), noises):
         predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_empty(0)
         if len(c) >= TOGETHER:

@@ -18,6 +18,9 @@ class StudySettings:
     rate: Hertz  # of sampling [Hz]
     prior: Positive  # P₀ = prior · I
     noise: Noise  # of the simulated measurements; test torques are free of it
+    # deviation of a noise of one size, as real sensors have it, under which errors are expected as well: a
+    # share of each joint's torque limit, of its largest torque over random states where there is none
+    constant: Positive
     repeats: Count  # noise realisations
     tests: Count  # test trajectories
     # of test trajectories: share of its tightest limit that each of them uses

@@ -14,7 +14,8 @@ from sidegan.report.canvas import blank, legend, logarithmic, tidy
 from sidegan.report.style import colour
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
-METRICS = ("success", "condition", "distance", "rank", "nearest", "distance_diagonal")  # of a generator
+METRICS = ["success", "condition", "error", "error_constant", "distance", "cosine"]  # of a generator
+METRICS += ["rank_uncentred", "nearest", "distance_diagonal"]
 _LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
 _FEW = 10  # points of a line that are marked
 
@@ -44,7 +45,7 @@ def panels(
         for name, values in references.items():
             if values.get(metric) is not None:
                 handles[name] = axis.axhline(values[metric], color=colour(name), ls="--", lw=1.3)
-        if metric == "condition":
+        if metric in ("condition", "error", "error_constant"):
             logarithmic(axis)
         if metric == "success":
             axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)
@@ -87,4 +88,33 @@ def errors(raw: pd.DataFrame) -> Figure:
         tidy(axis, "y")
     figure.axes[0].set_ylabel("nMSE", fontsize=9)
     legend(figure, dict(zip(map(title, names), axis.containers[1::2])))
+    return figure
+
+
+def coefficients(sets: Mapping[str, np.ndarray]) -> Figure:
+    """Coefficients of sets, (N, D) each, as strips, a row a trajectory; and along the axes of all of them.
+
+    The axes are the two of the largest second moments of each set and the first, with no mean taken off:
+    a motion that all of a set have in common lies far from the origin.
+    """
+    figure = blank(2.6 * len(sets) + 0.6, 5.6)
+    strips, clouds = figure.subplots(2, len(sets), squeeze=False)
+    (first, reference), *_ = sets.items()
+    ends = float(np.abs(reference).max())
+    for (name, rows), strip, cloud in zip(sets.items(), strips, clouds):
+        colours = {"cmap": "RdBu_r", "vmin": -ends, "vmax": ends}
+        drawn = strip.imshow(rows, aspect="auto", interpolation="nearest", **colours)
+        strip.set_title(name, fontsize=10)
+        strip.set_xlabel("coefficient", fontsize=9)
+        strip.tick_params(labelsize=8)
+        axes = np.linalg.svd(np.concatenate([reference, rows]), full_matrices=False)[2][:2]
+        for label, x in ((first, reference), (name, rows)):
+            cloud.scatter(*(axes @ x.T), s=9, color=colour(label), alpha=0.7, linewidths=0)
+        reach = 1.05 * max(np.abs(axes @ x.T).max() for x in (reference, rows))
+        cloud.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        cloud.set_xlabel("first axis [rad/s]", fontsize=9)
+        tidy(cloud)
+    strips[0].set_ylabel("trajectory", fontsize=9)
+    clouds[0].set_ylabel("second axis [rad/s]", fontsize=9)
+    figure.colorbar(drawn, ax=list(strips), label="rad/s", shrink=0.8)
     return figure

@@ -8,7 +8,8 @@ import pyarrow as pa
 
 from sidegan.base.names import plain
 
-_FIRST = ("random", "seeds", "vanilla", "eigen", "diagonal")
+_FIRST = ("random", "natural", "seeds", "vanilla", "eigen", "diagonal")
+_SEARCH = "search-"  # of so many evaluations
 _AGAIN = "seeds ×"  # measured so often
 _SETS = {
     "duration": ("duration [s]", "g"),
@@ -22,10 +23,38 @@ NAMES = {
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
     "condition_valid": "… of the valid",
+    "error": "expected nMSE, noise of 10 % of the torque",
+    "error_constant": "expected nMSE, constant noise",
     "distance": "mean distance",
     "nearest": "nearest distance",
-    "rank": "effective rank",
+    "cosine": "mean cosine",
+    "rank_uncentred": "effective rank, uncentred",
     "distance_diagonal": "mean distance of diag(YᵀY)",
+}
+# … what trajectories are worth, beside the shares that are valid …
+WORTH = {
+    "condition": NAMES["condition"],
+    "condition_valid": NAMES["condition_valid"],
+    "gain": "gain, the paper's noise",
+    "gain_geometric": "… geometric",
+    "gain_constant": "gain, constant noise",
+    "gain_constant_geometric": "… geometric, constant",
+    "distance": NAMES["distance"],
+    "norm": "mean norm",
+    "cosine": NAMES["cosine"],
+    "rank_uncentred": NAMES["rank_uncentred"],
+}
+# … and how they are like seeds.
+LIKENESS = {
+    "nearest_other": NAMES["nearest"],
+    "nearest_seed": "to the nearest seed",
+    "beyond": "share beyond the seeds' ranges",
+    "density": "density of c",
+    "coverage": "coverage of c",
+    "density_diagonal": "density of log diag(YᵀY)",
+    "coverage_diagonal": "coverage of log diag(YᵀY)",
+    "told_apart": "told apart from seeds",
+    "distance_diagonal": NAMES["distance_diagonal"],
 }
 
 
@@ -40,6 +69,8 @@ def ordered(sets: Iterable[str]) -> list[str]:
     def place(name: str) -> tuple[int, int, str]:
         if name.startswith("long-"):
             return -1, int(name.removeprefix("long-")), name
+        if name.startswith(_SEARCH):
+            return _FIRST.index("natural"), int(name.removeprefix(_SEARCH)), name
         if name.startswith(_AGAIN):
             return _FIRST.index("seeds"), int(name.removeprefix(_AGAIN)), name
         return _FIRST.index(name) if name in _FIRST else len(_FIRST), 0, name
@@ -106,13 +137,23 @@ def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
 
 
 def generators(frame: pd.DataFrame) -> pd.DataFrame:
-    """Validity, fitness and diversity of the seeds and of every generator, over its trainings."""
+    """What the seeds, baselines and every generator are worth, over its trainings."""
     rows = frame.assign(
         valid_share=frame.valid_share.fillna(frame.valid),
         condition_valid=frame.condition_valid.fillna(frame.condition),
     )
+    return _spreads(rows, {"valid_share": NAMES["valid_share"], **WORTH})
+
+
+def likeness(frame: pd.DataFrame) -> pd.DataFrame:
+    """How baselines and every generator, over its trainings, are like the seeds, and these themselves."""
+    return _spreads(frame, LIKENESS)
+
+
+def _spreads(frame: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Columns with their names for people, a row for each generator."""
     cells = {
-        str(name): {label: spread(part[key]) for key, label in NAMES.items() if key in part}
-        for name, part in rows.drop(columns="success").groupby("name", sort=False)
+        str(name): {label: spread(part[key]) for key, label in columns.items() if key in part}
+        for name, part in frame.groupby("name", sort=False)
     }
     return pd.DataFrame.from_dict(cells, orient="index").loc[ordered(cells)].rename_axis("generator")

@@ -87,7 +87,7 @@ def model_of(arm, **terms):
 
 
 def study_settings(**changes):
-    values = {"rate": 20.0, "prior": 1e6, "noise": NOISE, "repeats": 2}
+    values = {"rate": 20.0, "prior": 1e6, "noise": NOISE, "constant": 0.01, "repeats": 2}
     return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})
 
 

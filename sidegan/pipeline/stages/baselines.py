@@ -1,13 +1,19 @@
-"""Stages random and long: baselines, valid trajectories that nobody optimised, and a single long one."""
+"""Stages random and long: baselines, trajectories of nobody or of a short search, and a single long one."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 
 import torch
 from torch import Tensor
 
 from sidegan.base.storage import write_json
+from sidegan.design.coordinates import Coordinates
+from sidegan.design.goal import Goal
+from sidegan.design.prediction import Prediction, TorqueNoise, wanted_torques
 from sidegan.design.problem import Problem
+from sidegan.design.search import search
+from sidegan.design.settings import SearchSettings
+from sidegan.errors import InfeasibleError
 from sidegan.library.draw import Draws, Expansion, draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
@@ -18,6 +24,10 @@ from sidegan.seeds import Gradient, make_long
 
 REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
 _TRIES = 1000  # draws for each random trajectory, most of them
+_DRAWN, _VALID, _BISECTIONS = 400, 0.99, 10  # natural draws, the share of them that is valid, its precision
+_SEARCHED = 200  # trajectories of each search
+_EVALUATIONS = (10, 40, 160)
+_SEARCH = SearchSettings(evaluations=10, patience=130, samples=40, reserve=0.03)
 
 
 def random_set(task: Task) -> Artifact:
@@ -44,13 +54,75 @@ def test_trajectories(task: Task) -> Tensor:
     return random_valid(task, settings.tests, "tests", settings.reach).coefficients
 
 
+def prediction(task: Task, noise: TorqueNoise, family: Trajectory | None = None) -> Prediction:
+    """Expected errors, on the test trajectories, of what is identified from some of a family or the short."""
+    settings, tests = task.cfg.identification, test_trajectories(task)
+    times = task.trajectory.times(settings.rate)
+    wanted = wanted_torques(task.body, task.trajectory, tests, times)
+    return Prediction.at_rate(
+        task.body, family or task.trajectory, wanted, noise, settings.rate, settings.prior
+    )
+
+
+def natural_set(task: Task) -> Artifact:
+    """Random draws in natural coordinates, at the largest reach at which nearly all are valid."""
+    settings = {"drawn": _DRAWN, "valid": _VALID}
+    return task.artifact("baseline", "natural", _make_natural, settings, title="natural")
+
+
+def searched_set(task: Task, evaluations: int) -> Artifact:
+    """Trajectories of a search for a small condition number, of so many evaluations each."""
+    name = f"search-{evaluations}"
+    settings = {"count": _SEARCHED, **asdict(replace(_SEARCH, evaluations=evaluations))}
+    make = partial(_make_searched, evaluations=evaluations)
+    return task.artifact("baseline", name, make, settings, title=name)
+
+
+def baselines(task: Task) -> dict[str, Artifact]:
+    """Sets that every generator stands beside, by name."""
+    searched = {f"search-{n}": searched_set(task, n) for n in _EVALUATIONS}
+    return {"random": random_set(task), "natural": natural_set(task), **searched}
+
+
+def _make_natural(task: Task, build: Build) -> None:
+    problem, random = task.problem, torch.Generator().manual_seed(task.number("natural"))
+    natural = Coordinates.of(problem)
+    whole = natural.coefficients(natural.start(problem, _DRAWN, random, 1.0))
+    reach, above = 0.0, 1.0
+    for _ in range(_BISECTIONS):
+        middle = (reach + above) / 2
+        if float(task.check(middle * whole).valid.double().mean()) >= _VALID:
+            reach = middle
+        else:
+            above = middle
+    c = reach * whole
+    valid = task.check(c).valid
+    _save(task, build, c[valid], "natural", reach=reach, valid_share=float(valid.double().mean()))
+
+
+def _make_searched(task: Task, build: Build, evaluations: int) -> None:
+    settings, found, first = replace(_SEARCH, evaluations=evaluations), [], task.number("search")
+    for k in range(_SEARCHED):
+        try:
+            found.append(search(task.problem, Goal(), settings, first + k).coefficients)
+        except InfeasibleError:
+            if k + 1 == _SEARCHED and not found:
+                raise
+        build.report(k + 1, _SEARCHED)
+    _save(task, build, torch.stack(found), f"search-{evaluations}", valid_share=len(found) / _SEARCHED)
+
+
+def _save(task: Task, build: Build, c: Tensor, name: str, **facts: float) -> None:
+    library = measured(task.constraints, task.trajectory, c, name)
+    library.save(build.folder / LIBRARY)
+    write_json(build.folder / REPORT, {**summary(library), **facts})
+
+
 def _make_random(task: Task, build: Build) -> None:
     count = task.cfg.library.count
     draws = random_valid(task, count, "random set")
-    library = measured(task.constraints, task.trajectory, draws.coefficients, "random")
-    library.save(build.folder / LIBRARY)
     share = {"drawn": draws.drawn, "valid_share": count / draws.drawn}
-    write_json(build.folder / REPORT, {**summary(library), **share})
+    _save(task, build, draws.coefficients, "random", **share)
 
 
 def long_family(task: Task, harmonics: int) -> Trajectory:
@@ -84,6 +156,6 @@ def _make_long(task: Task, build: Build, harmonics: int) -> None:
 
 
 STAGES = {
-    "random": Stage(lambda task: [random_set(task)]),
+    "random": Stage(lambda task: baselines(task).values()),
     "long": Stage(lambda task: [long_trajectory(task, h) for h in task.cfg.long.harmonics]),
 }

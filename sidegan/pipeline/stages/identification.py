@@ -15,11 +15,12 @@ import pandas as pd
 from torch import Tensor
 
 from sidegan.base.storage import write_parquet
+from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import Measurements, TorqueModel, estimate, score, study
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.baselines import test_trajectories
+from sidegan.pipeline.stages.baselines import prediction, test_trajectories
 from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets
 from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 from sidegan.plant.recorded import recorded
@@ -61,9 +62,19 @@ def _identify(task: Task, build: Build, one: ExcitationSet) -> None:
     tests = task.trajectory, test_trajectories(task)
     family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
     frames = study.compare(task.body, {one.name: family}, tests, settings, random, build.report)
-    expected = study.expected_errors(task.body, family, tests, settings).assign(set=one.name)
+    expected = study.expected_errors(task.body, family, tests, settings).assign(noise="paper")
+    expected = pd.concat([expected, _under_constant_noise(task, *family)]).assign(set=one.name)
     for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
+
+
+def _under_constant_noise(task: Task, family: Trajectory, c: Tensor) -> pd.DataFrame:
+    """Expected nMSE by joint, under noise of one size by which joints are weighted."""
+    noise = TorqueNoise.constant(task.body, task.cfg.identification.constant)
+    predicting = prediction(task, noise, family)
+    nmse = predicting.nmse(*(x.sum(0, keepdim=True) for x in predicting.informations(c)))[0].tolist()
+    columns = {"weighted": True, "joint": task.arm.joint_names, "nmse": nmse, "noise": "constant"}
+    return pd.DataFrame(columns)
 
 
 def _execute(task: Task, build: Build, one: ExcitationSet) -> None:
