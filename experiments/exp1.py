@@ -51,8 +51,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         ),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
-        "generators": (tables.generators(artifacts.generators), training.WORTH),
-        "likeness": (tables.likeness(artifacts.generators), training.LIKENESS),
+        "generators": (tables.generators(artifacts.generators), training.GENERATORS),
+        "likeness": (tables.likeness(artifacts.generators), training.BESIDE),
     }
     progress = training.figure(artifacts.histories, artifacts.few_seeds)
     drawn = {"training": progress, "nmse": figures.errors(raw), **training.pictures(artifacts)}

@@ -22,12 +22,12 @@ if TYPE_CHECKING:  # slow to import
 
 RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
 EARLY = 10  # epochs after which the paper says so
-WORTH = (
+GENERATORS = (
     "Seeds, baselines and generators of the kept epoch, true physics. Gain: expected error of 35 seeds that "
     "are drawn at random over that of 35 others; natural: random draws in natural coordinates"
 )
-LIKENESS = "The same sets beside one half of the seeds, whose row is their other half; of as many of each"
-_MEANS = ("valid", "condition", "rank", *tables.WORTH, *tables.LIKENESS)
+BESIDE = "The same sets beside one half of the seeds, whose row is their other half; of as many of each"
+_MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)
 _SHOWN = 50  # trajectories of a set in its picture
 
 collect = Artifacts
@@ -40,9 +40,9 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     shown = {
         "generators": (
             tables.generators(artifacts.generators),
-            f"{WORTH} ({over})",
+            f"{GENERATORS} ({over})",
         ),
-        "likeness": (tables.likeness(artifacts.generators), LIKENESS),
+        "likeness": (tables.likeness(artifacts.generators), BESIDE),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
     drawn = {"training": figure(histories, artifacts.few_seeds), **pictures(artifacts)}

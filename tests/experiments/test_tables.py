@@ -26,7 +26,7 @@ def results(nmse, repeats=2, sets=SETS):
 def test_table_1_is_mean_and_deviation_over_repeats_of_the_joints_mean():
     base = {"eigen": 1.0, "long-6": 3.0, "seeds": 2.0}
     raw = results(lambda name, repeat: base[name] + 2 * repeat)
-    table = exp1.table1(raw, raw.assign(nmse=raw.nmse * 10), raw.iloc[:0])
+    table = exp1.table1(raw, raw.assign(nmse=raw.nmse * 10), raw.iloc[:0], raw.iloc[:0])
     assert list(table.columns) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
     assert table.loc[exp1.SIMULATOR].tolist() == ["4 ± 1.4", "3 ± 1.4", "2 ± 1.4"]
     assert table.loc[exp1.WEIGHTED].tolist() == ["16 ± 5.7", "12 ± 5.7", "8 ± 5.7"]
@@ -39,12 +39,34 @@ def test_expected_errors_stand_below_those_of_some_draws_and_what_was_not_made_h
     raw = results(lambda name, repeat: 1.0 + repeat)
     sure = results(lambda name, repeat: 7.0, repeats=1).drop(columns="repeat")
     both = pd.concat([sure, sure.assign(training=1, nmse=3 * sure.nmse)])
-    table = exp1.table1(raw, raw, both)
-    assert list(table.index)[:4] == [exp1.SIMULATOR, exp1.WEIGHTED, exp1.EXPECTED, exp1.EXPECTED_WEIGHTED]
+    constant = both[both.weighted]
+    table = exp1.table1(raw, raw, both, constant)
+    expected = [exp1.EXPECTED, exp1.EXPECTED_WEIGHTED, exp1.CONSTANT]
+    assert list(table.index)[:5] == [exp1.SIMULATOR, exp1.WEIGHTED, *expected]
     assert table.loc[exp1.EXPECTED].tolist() == ["14 ± 9.9"] * 3
+    assert table.loc[exp1.CONSTANT].tolist() == ["56 ± 40"] * 3
     plain = raw[~raw.weighted]
-    table = exp1.table1(plain, plain, both.iloc[:0])
+    table = exp1.table1(plain, plain, both.iloc[:0], both.iloc[:0])
     assert exp1.EXPECTED not in table.index and table.loc[exp1.WEIGHTED].tolist() == ["—"] * 3
+    assert exp1.CONSTANT not in table.index
+
+
+@pytest.mark.parametrize(("weighted", "said"), [(0.9, True), (0.5, False)])
+def test_random_draws_have_their_range_and_the_finding_is_told_where_it_is_one(weighted, said):
+    """Of 101 draws of the seeds from 1 to 3, and as many of a generator that has a share of their errors."""
+    shares = {"seeds": dict.fromkeys(exp1.NOISES, 1.0)}
+    shares["eigen"] = {"error": 0.5, "error_weighted": weighted, "error_constant": 2.0}
+    rows = [
+        (name, noise, share * (1 + k / 50))
+        for name, by_noise in shares.items()
+        for noise, share in by_noise.items()
+        for k in range(101)
+    ]
+    frame = pd.DataFrame(rows, columns=["set", "noise", "nmse"])
+    table = exp1.draws(frame)
+    assert list(table.index) == ["seeds", "eigen"]
+    assert table.loc["eigen"].tolist()[::2] == ["1 (0.55 … 1.45)", "4 (2.2 … 5.8)"]
+    assert ("eigen, has 0.90 of the seeds' error" in exp1.finding(frame)) == said
 
 
 def test_factors_are_ratios_of_errors_draw_by_draw_with_their_intervals():
@@ -110,7 +132,7 @@ def test_epochs_to_reliability():
 
 @pytest.fixture
 def artifacts():
-    row = {"success": 0.5, "condition": 9.0, "distance": 1.0, "rank": 4.0}
+    row = {"success": 0.5, "condition": 9.0, "gain": 4.0, "norm": 1.0}
     rows = [{"name": "seeds", "valid": 1.0, **row}, {"name": "eigen", "valid_share": 0.6, **row}]
     return SimpleNamespace(
         errors=results(lambda name, repeat: 1.0 + repeat),
@@ -133,4 +155,4 @@ def test_and_improvements_and_norms_and_what_generators_are_worth(whole, artifac
     assert table.loc["eigen"].tolist() == pytest.approx([0.625, 81.25, 62.5, 25.0, 0.008])
     assert table.loc["seeds ×4", "nMSE"] == 2.0 and table.loc["seeds ×4"].isna().sum() == 3
     generators = pd.concat([artifacts.generators, artifacts.generators.assign(success=0.7, condition=11.0)])
-    assert training.summary(generators).loc["eigen"].tolist() == pytest.approx([0.6, 10.0, 1.0, 4.0])
+    assert training.summary(generators).loc["eigen"].tolist() == pytest.approx([0.6, 10.0, 4.0, 1.0])

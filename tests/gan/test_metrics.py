@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from sidegan.design.excitation import excite
-from sidegan.gan.metrics import kept_epoch, measure
+from sidegan.gan.metrics import expected_errors, kept_epoch, measure
 
 
 def test_seeds_are_valid_and_diverse(constraints, family, seeds):
@@ -16,12 +16,35 @@ def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     everything = torch.pdist(seeds.flatten(1)).mean()
     assert metrics["distance"] == pytest.approx(float(everything), rel=0.1)
     assert 0 < metrics["nearest"] < metrics["distance"]
-    assert 6 < metrics["rank"] <= 12
+    assert 6 < metrics["rank"] <= 12 and abs(metrics["rank"] - metrics["rank_uncentred"]) < 0.5
+    assert metrics["norm"] == pytest.approx(float(seeds.flatten(1).norm(dim=1).mean()))
+    assert abs(metrics["cosine"]) < 0.05
+
+
+def test_an_offset_and_small_motions_are_seen(constraints, family, seeds):
+    plain = measure(constraints, family, 0.5 * seeds)
+    offset = measure(constraints, family, 0.5 * seeds + 0.5 * seeds[:1])
+    assert [offset[key] for key in ("distance", "rank")] == pytest.approx([plain["distance"], plain["rank"]])
+    assert offset["cosine"] > 0.3 and offset["rank_uncentred"] < 0.8 * offset["rank"]
+    small = measure(constraints, family, 0.1 * seeds)
+    assert small["success"] == 1 and small["error_constant"] > 10 * plain["error_constant"]
+    assert plain["error_geometric"] < plain["error"]
+
+
+def test_worth_is_that_of_sets_of_35_valid_ones(constraints, family, seeds):
+    few = expected_errors(constraints, family, seeds[:34])
+    assert list(few) == ["error", "error_geometric", "error_constant", "error_constant_geometric"]
+    assert all(map(math.isnan, few.values()))
+    enough = expected_errors(constraints, family, seeds[:36])
+    assert all(map(math.isfinite, enough.values()))
+    copies = expected_errors(constraints, family, seeds[:1].expand(60, -1, -1, -1))
+    assert copies["error_constant"] > 1.2 * enough["error_constant"]
 
 
 def test_what_is_not_there_is_not_a_number(constraints, family, seeds):
     for count in (2, 3):
-        assert all(map(math.isfinite, measure(constraints, family, seeds[:count]).values()))
+        metrics = measure(constraints, family, seeds[:count])
+        assert all(math.isfinite(x) for key, x in metrics.items() if "error" not in key)
     invalid = measure(constraints, family, 20 * seeds[:20])
     assert invalid["success"] == 0
     assert math.isnan(invalid["condition_valid"]) and not math.isnan(invalid["condition"])

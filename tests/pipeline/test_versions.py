@@ -17,7 +17,7 @@ from tests.golden.make import draw
 
 RECORDED = {
     "identification": {
-        "expected/nmse": 1.02520905e-05,
+        "expected/nmse": 7.85452292e-05,
         "results/nmse": 4.92982295e-06,
         "facts/covariance_norm": 0.00094240276,
         "facts/condition": 621.553249,

@@ -8,9 +8,10 @@ from sidegan.report import figures
 from sidegan.report.canvas import blank, svg
 from tests.report.pages import Page
 
-SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank": 20.0}
-HISTORY = pd.DataFrame({"success": [0.1, 0.9], "condition": [1e4, None], "distance": [3.0, 2.0], "rank": 3.0})
-HISTORY = HISTORY.assign(nearest=1.0, distance_diagonal=[2.0, 1.0], epoch=[1, 2])
+SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank_uncentred": 20.0}
+HISTORY = pd.DataFrame({"success": [0.1, 0.9], "condition": [1e4, None], "distance": [3.0, 2.0]})
+HISTORY = HISTORY.assign(distance_diagonal=[2.0, 1.0], nearest=1.0, rank_uncentred=3.0, cosine=0.5)
+HISTORY = HISTORY.assign(error=0.1, error_constant=0.2, epoch=[1, 2])
 
 
 def results(*weightings):
@@ -37,7 +38,7 @@ def test_metrics_have_a_line_per_variant_and_a_dashed_one_for_the_seeds():
     references = {"seeds": SEEDS, "union": {"distance_diagonal": 7.0}}
     figure = figures.panels(frame, ("epoch", "epoch"), figures.METRICS, references)
     panels = {axis.get_title(): axis for axis in figure.axes}
-    assert len(panels) == 6 and legend(figure) == ["vanilla", "eigen", "seeds", "union"]
+    assert len(panels) == 9 and legend(figure) == ["vanilla", "eigen", "seeds", "union"]
     vanilla, eigen, seeds = panels["valid share"].get_lines()
     assert list(vanilla.get_xdata()) == [1, 2] and list(vanilla.get_ydata()) == pytest.approx([0.5, 0.5])
     assert list(eigen.get_ydata()) == [0.1] and list(seeds.get_ydata()) == [1.0, 1.0]
@@ -60,6 +61,21 @@ def test_errors_have_a_panel_per_weighting_and_a_bar_with_its_range_per_set_and_
         assert whisker[:, 1] == pytest.approx([0.1, 0.3])
         assert [label.get_text() for label in axis.get_xticklabels()] == ["shoulder", "elbow"]
     assert legend(figure) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
+
+
+def test_coefficients_are_strips_of_one_scale_and_an_offset_lies_apart():
+    random = np.random.default_rng(0)
+    seeds, like = (0.1 * random.uniform(-1, 1, (50, 12)) for _ in range(2))
+    figure = figures.coefficients({"seeds": seeds, "vanilla": like, "eigen": like + 0.5})
+    strips, clouds = figure.axes[:3], figure.axes[3:6]
+    assert [axis.get_title() for axis in strips] == ["seeds", "vanilla", "eigen"]
+    for axis, rows in zip(strips, (seeds, like, like + 0.5)):
+        (image,) = axis.get_images()
+        np.testing.assert_array_equal(image.get_array(), rows)
+        assert image.get_clim() == (-np.abs(seeds).max(), np.abs(seeds).max())
+    apart = [np.diff([x.get_offsets().mean(0) for x in axis.collections], axis=0) for axis in clouds]
+    sizes = [np.linalg.norm(x) for x in apart]
+    assert sizes[0] == 0 and sizes[1] < 0.1 and sizes[2] == pytest.approx(0.5 * np.sqrt(12), rel=0.1)
 
 
 @pytest.mark.parametrize("words", ["$a$", "a < b & c", "肩", "x 1.23456"])

@@ -66,14 +66,28 @@ def test_facts_of_the_sets_are_means(raw):
 
 
 def test_generators_show_what_is_known():
-    eigen = KNOWN | {"name": "eigen", "valid_share": 0.9, "rank": 12.3456, "distance_diagonal": None}
-    seeds = {"name": "seeds", "valid": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank": 20.0}
-    rows = [seeds | {"distance_diagonal": 5.0}, eigen, eigen | {"condition": 300.0}]
-    table = tables.generators(pd.DataFrame(rows))
-    assert list(table.index) == ["seeds", "eigen"]
-    assert table.loc["eigen"].tolist()[:3] == ["0.9 ± 0", "200 ± 140", "90 ± 0"]
+    eigen = KNOWN | {"name": "eigen", "valid_share": 0.9, "gain": 12.3456, "rank_uncentred": None}
+    seeds = {
+        "name": "seeds",
+        "valid": 1.0,
+        "condition": 80.0,
+        "distance": 3.0,
+        "told_apart": 0.5,
+        "gain": 1.0,
+    }
+    rows = [
+        seeds | {"rank_uncentred": 5.0},
+        eigen,
+        eigen | {"condition": 300.0},
+        seeds | {"name": "search-40"},
+    ]
+    frame = pd.DataFrame(rows)
+    table = tables.generators(frame)
+    assert list(table.index) == ["search-40", "seeds", "eigen"]
+    assert table.loc["eigen"].tolist()[:4] == ["0.9 ± 0", "200 ± 140", "90 ± 0", "12.3 ± 0"]
     assert table.loc["eigen"].tolist()[-1] == "—"
-    assert table.loc["seeds"].tolist() == ["1", "80", "80", "3", "1.5", "20", "5"]
+    assert table.loc["seeds"].tolist() == ["1", "80", "80", "1", "3", "5"]
+    assert tables.likeness(frame)["told apart from seeds"].tolist() == ["0.5", "0.5", "—"]
 
 
 DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h"}
