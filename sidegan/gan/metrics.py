@@ -51,7 +51,7 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor)
     """Expected nMSE of 35 of some valid trajectories (N, J, H, 2), drawn at random, on random motions.
 
     Under the paper's noise and equal weights, and under a constant noise by which joints are weighted; mean
-    over joints and draws, and geometric mean. Not a number where there are no 35.
+    over joints and draws, and geometric mean. Infinite where there are no 35.
     """
     body, motions = constraints.body, random_motions(Problem(constraints, trajectory))
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
@@ -59,7 +59,7 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor)
     noises = TorqueNoise.proportional(_LEVEL, equal), TorqueNoise.constant(body, _SHARE)
     errors: dict[str, float] = {}
     for name, noise in zip(("error", "error_constant"), noises):
-        predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_empty(0)
+        predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_tensor(torch.inf)
         if len(c) >= TOGETHER:
             nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)
         errors |= {name: float(nmse.mean()), f"{name}_geometric": float(nmse.log().mean().exp())}

@@ -27,7 +27,7 @@ def stamps(tmp_path_factory):
     return made
 
 
-def of(*variants, makers=("gan", "library", "selection", "identification", "plant")):
+def of(*variants, makers=("gan", "library", "measures", "selection", "identification", "plant")):
     return {f"{maker}/{variant}" for maker in makers for variant in variants}
 
 
@@ -35,7 +35,9 @@ LEARNING = ("vanilla", "eigen", "diagonal")  # from seeds
 SETS = ("long-3", "long-12", "random", "seeds", "exact", *LEARNING)
 IDENTIFICATIONS, PLANTS = (of(*SETS, makers=[maker]) for maker in ("identification", "plant"))
 LONG = {"long/3", "long/12"} | of("long-3", "long-12", makers=["identification", "plant"])
-UNSEEDED = {"gan/exact", "library/exact", "random"}
+BASELINES = ("natural", "search-10", "search-40", "search-160")
+MEASURES = of("seeds", "random", "exact", *BASELINES, *LEARNING, makers=["measures"])
+UNSEEDED = {"gan/exact", "library/exact", "random", *BASELINES}
 UNSEEDED |= of("random", makers=["selection", "identification", "plant"])
 
 
@@ -51,9 +53,10 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
         ("gan.vanilla.epochs=3", of("vanilla")),
         ("surrogates.epochs=3", {"surrogates"} | of("eigen", "diagonal")),
         ("long.steps=6", LONG),
-        ("identification.noise.level=0.2", IDENTIFICATIONS),
+        ("identification.noise.level=0.2", IDENTIFICATIONS | MEASURES),
+        ("identification.constant=0.02", IDENTIFICATIONS | MEASURES),
         ("identification.repeats=3", IDENTIFICATIONS),
-        ("identification.reach=0.6", IDENTIFICATIONS | PLANTS),
+        ("identification.reach=0.6", IDENTIFICATIONS | PLANTS | MEASURES),
         ("subset=20", {"surrogates"} | of(*LEARNING)),
         # Long trajectories have the seeds' optimiser, but steps of their own.
         ("seeds.steps=21", lambda every: every - UNSEEDED - LONG),

@@ -11,16 +11,19 @@ import pandas as pd
 import pytest
 import torch
 
+from sidegan.base.storage import read_json
 from sidegan.identification import study
 from sidegan.library import Library
 from sidegan.library.measure import measured
+from sidegan.pipeline.stages import baselines
 from sidegan.pipeline.stages import density as densities
 from sidegan.pipeline.stages import identification as plants
-from sidegan.pipeline.stages.baselines import random_set, random_valid
+from sidegan.pipeline.stages.baselines import natural_set, random_set, random_valid, searched_set
 from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification, plant
+from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
-from sidegan.pipeline.task import LIBRARY, RESULTS, Task
+from sidegan.pipeline.task import LIBRARY, REPORT, RESULTS, Task
 from sidegan.validity import check
 
 TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall that random motions hit
@@ -72,6 +75,58 @@ def test_random_trajectories_are_checked_and_those_that_fail_are_missing(task, b
     random_set(made).make(build)
     library = Library.load(build.folder / LIBRARY, made.arm)
     assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
+
+
+def test_natural_draws_reach_as_far_as_nearly_all_are_valid(task, build):
+    made = task(*TIGHT)
+    natural_set(made).make(build)
+    library, report = Library.load(build.folder / LIBRARY, made.arm), read_json(build.folder / REPORT)
+    assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
+    assert report["valid_share"] >= 0.99 and len(library) == 400 * report["valid_share"]
+    farther = check(made.constraints, made.trajectory, 1.1 * library.coefficients).valid
+    assert 0.5 < farther.double().mean() < 0.99
+    use = made.problem.limit_use(library.coefficients)
+    torch.testing.assert_close(use, torch.full_like(use, report["reach"]), rtol=0.02, atol=0)
+
+
+def test_a_longer_search_finds_better_conditions_and_all_are_valid(task, build, monkeypatch):
+    monkeypatch.setattr(baselines, "_SEARCHED", 12)
+    made, conditions = task(), []
+    for evaluations in (10, 80):
+        searched_set(made, evaluations).make(build)
+        library = Library.load(build.folder / LIBRARY, made.arm)
+        assert len(library) == 12 and library.valid.all()
+        conditions.append(float(library.fitness.median()))
+    assert conditions[1] < 0.5 * conditions[0]
+
+
+def test_sets_are_measured_beside_half_of_the_seeds_and_by_random_draws(planted, build, monkeypatch):
+    """Seeds, the same ones shifted, and ones that hardly move: each is told from the others."""
+    made, _, _ = planted
+    seeds = measured(made.constraints, made.trajectory, drawn(made, 80, reach=0.4), "seeds")
+    monkeypatch.setattr(Task, "load", lambda self, artifact: seeds)
+
+    def measures_of(name, c):
+        library = measured(made.constraints, made.trajectory, c, name)
+        measures(made, Planted(name, None, (), library)).make(build)
+        return read_json(build.folder / REPORT), pd.read_parquet(build.folder / RESULTS)
+
+    (own, draws), (shifted, _), (small, _) = (
+        measures_of(*one)
+        for one in (
+            ("seeds", seeds.coefficients),
+            ("eigen", seeds.coefficients + 0.3),
+            ("exact", 0.1 * seeds.coefficients),
+        )
+    )
+    assert own["nearest_seed"] > 0.1 and own["coverage"] > 0.8 and abs(own["told_apart"] - 0.5) < 0.15
+    assert shifted["cosine"] > own["cosine"] + 0.1 and shifted["told_apart"] > 0.9
+    assert small["error_constant"] > 10 * own["error_constant"] and small["norm"] < 0.2 * own["norm"]
+    assert list(draws.noise.value_counts()) == [200] * 3 and set(draws["set"]) == {"seeds"}
+    mean = draws.groupby("noise").nmse.mean()
+    assert {key: own[key] for key in mean.index} == pytest.approx(mean.to_dict())
+    few, none = measures_of("diagonal", seeds.coefficients[:5])  # fewer than a set has
+    assert few["error"] is None and none.nmse.isna().all() and "cosine" in few
 
 
 @pytest.fixture

@@ -24,7 +24,7 @@ from sidegan.seeds import Gradient, make_long
 
 REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
 _TRIES = 1000  # draws for each random trajectory, most of them
-_DRAWN, _VALID, _BISECTIONS = 400, 0.99, 10  # natural draws, the share of them that is valid, its precision
+_DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, the share of them that is valid, its precision
 _SEARCHED = 200  # trajectories of each search
 _EVALUATIONS = (10, 40, 160)
 _SEARCH = SearchSettings(evaluations=10, patience=130, samples=40, reserve=0.03)
