@@ -112,6 +112,7 @@ def coefficients(sets: Mapping[str, np.ndarray]) -> Figure:
             cloud.scatter(*(axes @ x.T), s=9, color=colour(label), alpha=0.7, linewidths=0)
         reach = 1.05 * max(np.abs(axes @ x.T).max() for x in (reference, rows))
         cloud.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+        cloud.locator_params(nbins=5)
         cloud.set_xlabel("first axis [rad/s]", fontsize=9)
         tidy(cloud)
     strips[0].set_ylabel("trajectory", fontsize=9)
