@@ -99,11 +99,11 @@ def draws(frame: pd.DataFrame) -> pd.DataFrame:
 
 def finding(frame: pd.DataFrame) -> str:
     """What weighting under the paper's noise leaves to be gained, in a sentence; nothing where it is much."""
-    error = frame[frame.noise == "error_weighted"].groupby("set").nmse.mean()
-    gains = (error["seeds"] / error.drop("seeds")).dropna()
+    logs = np.log(frame[frame.noise == "error_weighted"].set_index("set").geometric).groupby("set").mean()
+    gains = np.exp(logs["seeds"] - logs.drop("seeds")).dropna()
     if gains.empty or gains.max() > _MUCH:
         return ""
-    best = f"the best of the others, {gains.idxmax()}, has {1 / gains.max():.2f} of the seeds' error"
+    best = f"the best of the others, {gains.idxmax()}, has {1 / gains.max():.2f} of the seeds' geometric mean"
     return f". Under the paper's noise and with weights {best}: more motion is more noise there"
 
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from sidegan.design.excitation import diversity, excite
-from sidegan.library.measure import RATE, measured, summary
+from sidegan.library.measure import RATE, likeness, measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
@@ -35,3 +35,14 @@ def test_a_library_and_its_summary_hold_what_checks_and_excitation_say(pool):
     assert facts["count"] == len(c) and 0 < facts["valid"] < 1
     assert facts["condition"] == pytest.approx(float(excitation.eigenvalue_fitness.median()))
     assert {key: facts[key] for key in diversity(c, excitation)} == pytest.approx(diversity(c, excitation))
+
+
+def test_likeness_is_that_of_as_many_as_the_smaller_set_has_and_knows_what_excites_nothing(pool):
+    constraints, family, c = pool
+    seeds, library = (measured(constraints, family, x, "any") for x in (c[:60], c[60:]))
+    found = likeness(library, seeds)
+    assert found == likeness(library.take(range(60)), seeds)
+    assert found["coverage"] > 0.8 and found["coverage_diagonal"] > 0.8 and 0.3 < found["told_apart"] < 0.7
+    assert likeness(seeds, seeds)["nearest_seed"] == 0
+    still = likeness(measured(constraints, family, 0 * c[:60], "any"), seeds)
+    assert still["norm"] == still["cosine"] == still["coverage_diagonal"] == 0 and still["told_apart"] > 0.9
