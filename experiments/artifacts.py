@@ -176,4 +176,4 @@ def comparison(task: Task) -> dict[str, Artifacts]:
     """Artifacts of every condition that the page compares, by its name."""
     own = task.cfg.condition.name
     names = task.cfg.conditions or [own]
-    return {name: Artifacts(task if name == own else task.under(name)) for name in names}
+    return {name: Artifacts(task if name == own else task.with_other("condition", name)) for name in names}

@@ -98,6 +98,7 @@ class Config:
     replication: ReplicationSettings = _group("replication")
     condition: Condition = _group("condition")
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
+    arms: list[str] = _group("arms")  # that are compared, files of the group robot
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
     recordings: list[Recorded] = _group("recordings")  # to identify from, each a file or one for each signal

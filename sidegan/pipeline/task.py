@@ -160,10 +160,10 @@ class Task:
         """A copy with other settings, by their name in the configuration."""
         return replace(self, cfg=replace(self.cfg, stages=[], **changes))
 
-    def under(self, condition: str) -> "Task":
-        """A copy under another condition."""
-        kept = [one for one in self.overrides if one.partition("=")[0] != "condition"]
-        return replace(self, cfg=composed(*kept, f"condition={condition}"))
+    def with_other(self, group: str, name: str) -> "Task":
+        """A copy with another choice of a group: a condition, an arm."""
+        kept = [one for one in self.overrides if one.partition("=")[0] != group]
+        return replace(self, cfg=composed(*kept, f"{group}={name}"))
 
     def require_room(self, count: int, setting: str) -> None:
         """Refuse a setting by which there would be more trajectories than fit into memory."""

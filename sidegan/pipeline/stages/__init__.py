@@ -15,6 +15,7 @@ STAGES = {
     "library": "valid trajectories of each generator",
     "random": "baselines: random valid trajectories, and those of a short search",
     "measures": "what the trajectories of each are worth, and how they are like the seeds",
+    "arms": "all of the above, for several arms",
     "long": "the single long trajectory in each of its readings",
     "selection": "the excitation sets, picked from every pool",
     "identification": "Table I: identification from each set",

@@ -1,0 +1,85 @@
+"""One recipe on several arms: what each generator is worth beside its arm's seeds, and on other arms."""
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.artifacts import SEEDS, Artifacts
+from experiments.pages import leave
+from sidegan.base.names import plain
+from sidegan.pipeline.stages.arms import of_arms
+from sidegan.pipeline.task import Task
+from sidegan.pipeline.tracking import Tracker
+from sidegan.report import tables
+from sidegan.report.document import write_page
+
+NAME = "generality"  # of the page and its template
+_TRIED = 200  # trajectories of one arm that are tried on another
+_BASELINES = ("natural", "search-10", "search-160")
+_ARMS = "Generators and baselines; but for valid share and cosine over the value of their arm's own seeds"
+_TRANSFER = (
+    f"Share of {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
+)
+VALID, COSINE = "valid", "mean cosine"
+# Of a generator or baseline over the seeds of its arm; an error is one over a gain.
+_OVER = {
+    "condition": "cond(YᵀY)",
+    "distance": "mean distance",
+    "rank_uncentred": "uncentred rank",
+    "gain": "error, the paper's noise",
+    "gain_geometric": "… geometric",
+    "gain_constant": "error, constant noise",
+    "gain_constant_geometric": "… geometric, constant",
+}
+
+Arms = Mapping[str, Artifacts]
+
+
+def collect(task: Task) -> dict[str, Artifacts]:
+    """Artifacts of every arm, by its name among the settings."""
+    return {name: Artifacts(one) for name, one in of_arms(task).items()}
+
+
+def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
+    """Print, write and record the tables of arms, and the page."""
+    first = next(iter(arms.values())).cfg
+    numbers = {name: beside_seeds(one.generators, first.gan) for name, one in arms.items()}
+    joined = pd.concat(numbers, names=["arm"])
+    shown = {
+        "arms": (joined.map(plain, na_action="ignore").reset_index(level="generator"), _ARMS),
+        "transfer": (transfer(arms).map(plain, na_action="ignore"), _TRANSFER),
+    }
+    rows = joined.set_axis([f"{arm} {name}" for arm, name in joined.index])
+    leave(folder, tracker, shown, rows)
+    target = Path(first.publish or folder) / f"{NAME}.md"
+    template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
+    context = {"arms": arms, "cfg": first, "captions": {"arms": _ARMS, "transfer": _TRANSFER}}
+    write_page(template, target, {name: table for name, (table, _) in shown.items()}, {}, **context)
+    tracker.log_artifact(target, "report")
+
+
+def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
+    """Valid share and cosine of generators and baselines, the rest over the seeds', mean over trainings."""
+    rows = frame.assign(valid=frame.valid_share.fillna(frame.valid))
+    means = rows[["name", VALID, "cosine", *_OVER]].set_index("name").astype(float)
+    means = means.groupby(level=0, sort=False).mean()
+    over = means[[*_OVER]] / means.loc[SEEDS, [*_OVER]]
+    gains = [name for name in _OVER if name.startswith("gain")]
+    over[gains] = 1 / means[gains]
+    table = pd.concat(
+        [means[[VALID]], means[["cosine"]].set_axis([COSINE], axis=1), over.rename(columns=_OVER)], axis=1
+    )
+    order = [name for name in tables.ordered(means.index) if name in (SEEDS, *_BASELINES, *trained)]
+    return table.loc[order].rename_axis("generator")
+
+
+def transfer(arms: Arms) -> pd.DataFrame:
+    """Share of each arm's generated trajectories that are valid on the arms with as many joints."""
+    rows = {}
+    for name, made in arms.items():
+        variant = next(one for one, kind in made.cfg.gan.items() if kind.features)
+        c = made.generated(variant, made.cfg.trainings[0]).coefficients[:_TRIED]
+        others = {key: one.task for key, one in arms.items() if one.task.trajectory.shape == c.shape[1:]}
+        rows[name] = {key: float(task.check(c).valid.double().mean()) for key, task in others.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("generated for")

@@ -1,0 +1,47 @@
+"""One recipe on several arms: every arm's own artifacts, and one table."""
+
+import pandas as pd
+import pytest
+
+from experiments.generality import beside_seeds
+from sidegan.pipeline.stages import arms, library
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.task import Task
+from tests.tiny import TINY, composed, validate
+
+OWN = [one for one in TINY if not one.startswith(("long.", "selection.", "robot=", "seeds=", "tracking="))]
+GIVEN = ("+experiment=generality", "arms=[planar2]", "gan=eigen", *OWN)
+
+
+def test_one_command_compares_arms(command, tmp_path):
+    assert command(*GIVEN, "publish=docs") == 0
+    (folder,) = (tmp_path / "outputs" / "runs" / "generality").iterdir()
+    table = pd.read_csv(folder / "arms.csv").set_index("generator")
+    assert set(table.arm) == {"planar2"} and {"natural", "search-10", "seeds", "eigen"} <= set(table.index)
+    assert (table.loc["seeds"].drop(["arm", "mean cosine"]).astype(float) == 1).all()
+    assert float(pd.read_csv(folder / "transfer.csv").planar2[0]) == 1  # a library holds what is valid
+    page = (tmp_path / "docs" / "generality.md").read_text()
+    assert "arms=[planar2]" in page and "| planar2 | 2 | 0 |" in page and len(page.split()) < 600
+
+
+def test_an_arm_has_the_artifacts_of_a_run_of_its_own(task):
+    shared = GIVEN[2:]
+    compared = Task(validate(composed(*GIVEN)), task().store, GIVEN)
+    own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
+    alone = Task(own, task().store, ())
+    found = {one.digest: one.title for one in arms.STAGES["arms"].artifacts(compared)}
+    for one in (seed_set(alone), library.library(alone, "eigen", 0)):
+        assert found[one.digest] == f"planar2 {one.title}"
+
+
+def test_errors_are_over_those_of_the_seeds():
+    rows = {"name": ["seeds", "eigen", "eigen", "timing"], "valid_share": [None, 0.9, 1.0, 1.0]}
+    rows |= {"valid": [1.0, None, None, None], "cosine": [0.0, 0.1, 0.3, 0.0]}
+    rows |= dict.fromkeys(("condition", "distance", "rank_uncentred"), [2.0, 1.0, 3.0, 9.0])
+    gains = ("gain", "gain_geometric", "gain_constant", "gain_constant_geometric")
+    rows |= dict.fromkeys(gains, [1.0, 4.0, 6.0, 9.0])
+    table = beside_seeds(pd.DataFrame(rows), ["eigen"])
+    assert list(table.index) == ["seeds", "eigen"] and (table.loc["seeds"].iloc[2:] == 1).all()
+    eigen = table.loc["eigen"].to_dict()
+    assert eigen["valid"] == pytest.approx(0.95) and eigen["mean cosine"] == pytest.approx(0.2)
+    assert eigen["cond(YᵀY)"] == 1 and eigen["error, the paper's noise"] == pytest.approx(0.2)
