@@ -37,9 +37,9 @@ def test_an_arm_has_the_artifacts_of_a_run_of_its_own(task):
 def test_errors_are_over_those_of_the_seeds():
     rows = {"name": ["seeds", "eigen", "eigen", "timing"], "valid_share": [None, 0.9, 1.0, 1.0]}
     rows |= {"valid": [1.0, None, None, None], "cosine": [0.0, 0.1, 0.3, 0.0]}
-    rows |= dict.fromkeys(("condition", "distance", "rank_uncentred"), [2.0, 1.0, 3.0, 9.0])
+    rows |= {key: [2.0, 1.0, 3.0, 9.0] for key in ("condition", "distance", "rank_uncentred")}
     gains = ("gain", "gain_geometric", "gain_constant", "gain_constant_geometric")
-    rows |= dict.fromkeys(gains, [1.0, 4.0, 6.0, 9.0])
+    rows |= {key: [1.0, 4.0, 6.0, 9.0] for key in gains}
     table = beside_seeds(pd.DataFrame(rows), ["eigen"])
     assert list(table.index) == ["seeds", "eigen"] and (table.loc["seeds"].iloc[2:] == 1).all()
     eigen = table.loc["eigen"].to_dict()
