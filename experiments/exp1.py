@@ -30,7 +30,6 @@ NOISES = {
 }
 DRAWS = "Expected nMSE of sets drawn at random, mean over joints, with the range of nine in ten of them"
 _NINE_IN_TEN = 0.05, 0.95
-_MUCH = 1.25  # times smaller an error, that is much
 
 collect = Artifacts
 
@@ -98,13 +97,16 @@ def draws(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def finding(frame: pd.DataFrame) -> str:
-    """What weighting under the paper's noise leaves to be gained, in a sentence; nothing where it is much."""
-    logs = np.log(frame[frame.noise == "error_weighted"].set_index("set").geometric).groupby("set").mean()
-    gains = np.exp(logs["seeds"] - logs.drop("seeds")).dropna()
-    if gains.empty or gains.max() > _MUCH:
+    """What weights leave of the gain of the set that is best with them, in words; none if all of it."""
+    logs = np.log(frame.set_index(["set", "noise"]).geometric).groupby(level=[0, 1]).mean().unstack()
+    gains = np.exp(logs.loc["seeds"] - logs.drop("seeds"))[["error", "error_weighted"]].dropna()
+    if gains.empty:
         return ""
-    best = f"the best of the others, {gains.idxmax()}, has {1 / gains.max():.2f} of the seeds' geometric mean"
-    return f". Under the paper's noise and with weights {best}: more motion is more noise there"
+    plain, weighted = gains.loc[best := gains.error_weighted.idxmax()]
+    if weighted >= plain:
+        return ""
+    left = f"of {best}'s {plain:.2f} times less error than seeds' (geometric) weights leave {weighted:.2f}"
+    return f"; {left}: where noise is a share of the torque, more motion is more noise"
 
 
 def factors(raw: pd.DataFrame, expected: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.excitation import diversity, excite, mean_distance
-from sidegan.design.fidelity import proportions
+from sidegan.design.fidelity import beyond, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,
@@ -24,8 +24,10 @@ _LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of e
 _POOL, _DRAWS = 200, 100  # valid trajectories from which sets are drawn, and how many of these
 
 
-def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict[str, float]:
-    """Validity, fitness, diversity and worth of generated coefficients (N, J, H, 2).
+def measure(
+    constraints: Constraints, trajectory: Trajectory, c: Tensor, seeds: Tensor | None = None
+) -> dict[str, float]:
+    """Validity, fitness, diversity and worth of generated coefficients (N, J, H, 2), beside seeds.
 
     They only count together: a generator that hardly moves is valid, one with a few distant modes has a large
     mean distance, one that adds the same motion to all of them has a small condition number. ``condition`` is
@@ -43,6 +45,7 @@ def measure(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict
         "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
         **diversity(c, excitation),
         **(proportions(c) if len(c) > 1 else {}),
+        **({} if seeds is None else {"beyond": beyond(c, seeds)}),
         **expected_errors(constraints, trajectory, c[valid]),
     }
 

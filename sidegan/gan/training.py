@@ -91,7 +91,9 @@ class Measured(pl.Callback):
         c = generator.sample(run.evaluation, noise)
         if not torch.isfinite(c).all():
             pl_module.stop("not a number")
-        metrics = measure(pl_module.data.constraints, pl_module.data.trajectory, c)
+        data = pl_module.data
+        seeds = data.seeds if pl_module.settings.seeded else None
+        metrics = measure(data.constraints, data.trajectory, c, seeds)
         samples = generator.network.sample(run.samples, noise).cpu() if run.samples else torch.empty(0)
         left = {"weights": generator.network.state_dict(), "metrics": metrics, "samples": samples}
         write_torch(_left(run, epoch), left)

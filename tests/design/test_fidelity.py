@@ -91,6 +91,19 @@ SEEN = {
             "told apart": 1.0,
         },
     ),
+    "seeds at half their size": (  # which are within many neighbourhoods, and cover all
+        HALF / 2,
+        {
+            "distance": pytest.approx(math.sqrt(2) * SPREAD / 2, rel=0.02),
+            "nearest": pytest.approx(APART / 2, rel=0.05),
+            "norm": pytest.approx(SPREAD / 2, rel=0.03),
+            "beyond": 0.0,
+            "nearest seed": pytest.approx(0.76 * SPREAD, rel=0.05),
+            "density": pytest.approx(15, rel=0.1),
+            "coverage": 1.0,
+            "told apart": pytest.approx(0.95, abs=0.03),
+        },
+    ),
     "seeds at three times their size": (  # which cosine and both ranks do not see
         3 * HALF,
         {

@@ -8,7 +8,7 @@ from sidegan.gan.metrics import expected_errors, kept_epoch, measure
 
 
 def test_seeds_are_valid_and_diverse(constraints, family, seeds):
-    metrics = measure(constraints, family, seeds)
+    metrics = measure(constraints, family, seeds, seeds)
     excitation = excite(constraints.body, family, seeds)
     assert metrics["success"] == 1
     assert metrics["condition"] == metrics["condition_valid"]
@@ -18,7 +18,7 @@ def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     assert 0 < metrics["nearest"] < metrics["distance"]
     assert 6 < metrics["rank"] <= 12 and abs(metrics["rank"] - metrics["rank_uncentred"]) < 0.5
     assert metrics["norm"] == pytest.approx(float(seeds.flatten(1).norm(dim=1).mean()))
-    assert abs(metrics["cosine"]) < 0.05
+    assert abs(metrics["cosine"]) < 0.05 and metrics["beyond"] == 0
 
 
 def test_an_offset_and_small_motions_are_seen(constraints, family, seeds):

@@ -42,7 +42,7 @@ def _make(task: Task, build: Build) -> None:
         c = torch.from_numpy(np.ascontiguousarray(drawn.T)).reshape(-1, *seeds.shape[1:])
         distance = torch.cdist(c.flatten(1), seeds.flatten(1)).amin(1).mean()
         estimated = {"bandwidth": bandwidth, "factor": estimate.factor, "from_seed": float(distance)}
-        rows.append(estimated | measure(task.constraints, task.trajectory, c))
+        rows.append(estimated | measure(task.constraints, task.trajectory, c, seeds))
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 
