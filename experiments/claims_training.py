@@ -7,8 +7,18 @@ import numpy as np
 import pandas as pd
 from scipy.special import logit
 
-from experiments.artifacts import Artifacts
-from experiments.finding import SIDE_GANS, Judgement, at, by_epoch, ratios, shares, unless_same, words
+from experiments.artifacts import SEEDS, Artifacts
+from experiments.finding import (
+    SIDE_GANS,
+    Judgement,
+    at,
+    by_epoch,
+    listed,
+    ratios,
+    shares,
+    unless_same,
+    words,
+)
 from experiments.training import EARLY, RELIABLE
 from experiments.verdicts import (
     HOLDS,
@@ -29,7 +39,8 @@ from sidegan.report.style import seconds
 
 _STRUGGLES = 0.4  # valid share that vanilla stays below
 _ACCURATE = 0.99  # of the success predictor
-_COMPARABLE = 0.85  # of the seeds' distance to the nearest other, and of their effective rank
+_COMPARABLE = 0.85  # of the seeds' mean distance, uncentred rank, and coverage of one half by the other
+_ALONG = 0.1  # mean cosine from which on trajectories share a direction
 _MORE = 1.1  # times the seeds' diversity that is significantly more
 _FAILS = 0.001  # valid share of density estimates that fail completely
 _FEW = 0.2  # valid share that is "about 10 %"
@@ -103,15 +114,26 @@ def _traded(made: Artifacts) -> Judgement:
 
 
 def _comparable(made: Artifacts) -> Judgement:
-    effects = {
-        f"{name}, {key}": np.log(at(made, name, key, _LATE) / made.seeds[key])
+    few = made.few_seeds
+    shares_of = {
+        f"{name}, {key}": np.log(at(made, name, key, _LATE) / few[key])
         for name in SIDE_GANS
-        for key in ("nearest", "rank")
+        for key in ("distance", "rank_uncentred")
     }
-    verdict = together(above(x, np.log(_COMPARABLE)) for x in effects.values())
-    distance = {n: np.log(at(made, n, "distance", _LATE) / made.seeds["distance"]) for n in SIDE_GANS}
-    ours = f"shares of the seeds': {ratios(effects)}; mean distance: {ratios(distance)}"
-    return Judgement(verdict, ours, {"comparable": _COMPARABLE, "late": _LATE})
+    shares_of |= {f"{name}, coverage": np.log(x) for name, x in _coverage(made).items()}
+    cosines = {name: at(made, name, "cosine", _LATE) for name in SIDE_GANS}
+    alike = (above(x, np.log(_COMPARABLE)) for x in shares_of.values())
+    verdict = together([*alike, *(below(x, _ALONG) for x in cosines.values())])
+    ours = f"shares of the seeds': {ratios(shares_of)}; mean cosine: {listed(cosines)}"
+    return Judgement(verdict, ours, {"comparable": _COMPARABLE, "along": _ALONG, "late": _LATE})
+
+
+def _coverage(made: Artifacts) -> dict[str, pd.Series]:
+    """Coverage of the seeds by each library, over that by other seeds, training by training."""
+    parts = dict(
+        iter(made.generators.set_index(TRAINING).astype({"coverage": float}).groupby("name").coverage)
+    )
+    return {name: parts[name] / parts[SEEDS].mean() for name in SIDE_GANS}
 
 
 def _inertial(made: Artifacts) -> Judgement:
