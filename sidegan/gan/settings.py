@@ -77,6 +77,7 @@ class Variant:
     # of the best epoch's; null: the last one.
     least_valid: Share | None
     limited: bool  # position and velocity limits hold by construction
+    boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
     exact: ExactPhysics | None = None  # of Exact
     published: Published | None = None  # of the published ones
 
@@ -91,8 +92,9 @@ class Variant:
         for group, named in (("exact", not self.seeded), ("published", "Published" in self.variant)):
             if (getattr(self, group) is not None) != named:
                 raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
-        if self.published is not None and self.gaussian_start:
-            raise ConfigError("the published networks have no gaussian_start: set it false")
+        for option in ("gaussian_start", "boxed"):
+            if self.published is not None and getattr(self, option):
+                raise ConfigError(f"the published networks have no {option}: set it false")
         sizes = [term.together for term in self.exact.terms.values()] if self.exact is not None else [1]
         if not 1 <= max(sizes, default=0) <= self.batch:
             raise ConfigError(

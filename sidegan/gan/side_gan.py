@@ -11,6 +11,7 @@ from torch import Tensor
 
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.limits import Box
 from sidegan.gan.losses import Adversary, Batch, Loss, missing_distance, missing_rank
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
@@ -29,6 +30,7 @@ class Data:
     seeds: Tensor
     success_predictor: Any = None  # a frozen network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
+    box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
 
 
 class SideGAN(pl.LightningModule):
@@ -60,14 +62,15 @@ class SideGAN(pl.LightningModule):
 
     def make_generator(self) -> TrajectoryGenerator:
         """The generator before its training, with the scale of the seeds."""
-        settings, family, seeds = self.settings, self.data.trajectory, self.data.seeds
+        settings, family, box = self.settings, self.data.trajectory, self.data.box
         joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
+        seeds = self.data.seeds if box is None else Box(box).free(self.data.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
         arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, settings.limited)
+        return TrajectoryGenerator(network, scaling, family, arm, settings.limited, box)
 
     @abstractmethod
     def losses(self) -> list[Loss]:
@@ -94,7 +97,7 @@ class SideGAN(pl.LightningModule):
         """So many new trajectories, as losses see them."""
         images = self.generator.network.sample(count)
         c = self.generator.coefficients(images)
-        if self.generator.limits is not None:
+        if self.generator.limits is not None or self.generator.box is not None:
             images = self.generator.scaling.image(c)
         return Batch(c, images, self.convert)
 

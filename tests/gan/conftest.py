@@ -34,12 +34,12 @@ def normal(family, seed=0, scale=1.0, count=8):
     return scale * torch.randn(count, *family.shape, generator=random(seed))
 
 
-def untrained(arm, family, start, limited=False):
+def untrained(arm, family, start, limited=False, box=None):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm, limited).eval()
+    return TrajectoryGenerator(network, scaling, family, arm, limited, box).eval()
 
 
 @pytest.fixture(scope="session")
