@@ -15,6 +15,7 @@ from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.metrics import kept_epoch, measure
+from sidegan.gan.refresh import Refreshed
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.trainer import fit
@@ -64,7 +65,8 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
     batches = DataLoader(rows, settings.batch, sampler=order)
-    fit(model, batches, settings.epochs, [Measured(run)], run.work, run.device)
+    refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
+    fit(model, batches, settings.epochs, [*refresh, Measured(run)], run.work, run.device)
     files = [_left(run, epoch) for epoch in range(settings.epochs)]
     history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_torch, files)))
     kept = kept_epoch(history, settings.least_valid)

@@ -1,6 +1,7 @@
 import math
 import signal
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -44,9 +45,12 @@ def test_the_generator_is_that_of_the_chosen_epoch(trained, vanilla, tmp_path, m
     assert any((kept[name] != last[name]).any() for name in kept)
 
 
-@pytest.mark.parametrize("kind", ["vanilla", "exact"])
-def test_an_interrupted_training_becomes_what_it_would_have_been(trained, vanilla, exact, kind, tmp_path):
-    first, second, variant = [], [], replace(exact, steps=3) if kind == "exact" else vanilla
+@pytest.mark.parametrize("kind", ["vanilla", "full", "exact"])
+def test_an_interrupted_training_becomes_what_it_would_have_been(
+    trained, taught, vanilla, full, exact, kind, tmp_path
+):
+    variant = {"vanilla": vanilla, "full": full, "exact": replace(exact, steps=3)}[kind]
+    first, second, trained = [], [], partial(trained, variant, data=taught)
 
     def stop(done, total):
         first.append(done)
@@ -55,11 +59,11 @@ def test_an_interrupted_training_becomes_what_it_would_have_been(trained, vanill
 
     handler = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        trained(variant, tmp_path, progress=stop)
+        trained(tmp_path, progress=stop)
     assert signal.getsignal(signal.SIGINT) is handler  # a second interrupt must be heard too
-    made = trained(variant, tmp_path, progress=lambda done, total: second.append(done))
+    made = trained(tmp_path, progress=lambda done, total: second.append(done))
     assert first == [1, 2] and second == [2, 3]  # the second epoch had not been saved
-    whole = trained(variant, tmp_path / "whole")
+    whole = trained(tmp_path / "whole")
     assert made.history == whole.history
     assert same_weights(made.generator, whole.generator)
 
