@@ -87,9 +87,6 @@ class Variant:
     last_rate: Share  # of the learning rate, to which it falls along half a cosine
     betas: tuple[Beta, Beta]  # of Adam
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
-    # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
-    # of the best epoch's; null: the last one.
-    least_valid: Share | None
     limited: bool  # position and velocity limits hold by construction
     boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
     refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained

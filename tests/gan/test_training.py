@@ -6,9 +6,7 @@ from functools import partial
 import pytest
 import torch
 
-from sidegan.base.storage import read_torch
 from sidegan.errors import SideganError
-from sidegan.gan import training
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
 from sidegan.validity import check
@@ -34,17 +32,6 @@ def test_every_option_trains(trained, vanilla, settings, tmp_path):
     assert torch.isfinite(made.generator.sample(5)).all()
 
 
-def test_the_generator_is_that_of_the_chosen_epoch(trained, vanilla, tmp_path, monkeypatch):
-    planted = iter((0.5, 0.9, 0.2))
-    monkeypatch.setattr(training, "measure", lambda *_: {"success": next(planted), "condition_valid": 100.0})
-    made = trained(replace(vanilla, least_valid=1.0), tmp_path)
-    assert made.epoch == 1
-    kept, last = (read_torch(tmp_path / f"epoch-{epoch}.pt")["weights"] for epoch in (1, 2))
-    for name, weights in made.generator.network.state_dict().items():
-        torch.testing.assert_close(weights, kept[name], rtol=0, atol=0)
-    assert any((kept[name] != last[name]).any() for name in kept)
-
-
 @pytest.mark.parametrize("kind", ["vanilla", "full", "exact"])
 def test_an_interrupted_training_becomes_what_it_would_have_been(
     trained, taught, vanilla, full, exact, kind, tmp_path
@@ -66,6 +53,12 @@ def test_an_interrupted_training_becomes_what_it_would_have_been(
     whole = trained(tmp_path / "whole")
     assert made.history == whole.history
     assert same_weights(made.generator, whole.generator)
+
+
+def test_the_learning_rate_falls_from_its_start_to_its_end(vanilla):
+    falling = replace(vanilla, learning_rate=2.0, last_rate=0.1)
+    assert [falling.rate(share) for share in (0, 0.5, 1)] == pytest.approx([2, 1.1, 0.2])
+    assert replace(falling, last_rate=1.0).rate(0.7) == 2
 
 
 def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(

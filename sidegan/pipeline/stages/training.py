@@ -117,8 +117,7 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     if samples:
         write_torch(build.folder / SAMPLES, trained.samples)
     write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
-    kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
-    write_json(build.folder / REPORT, finite(kept))
+    write_json(build.folder / REPORT, finite(trained.history[-1]))
 
 
 def _pretrain_published(task: Task, build: Build, settings: PublishedSurrogates) -> None:
