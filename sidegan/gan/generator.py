@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.limits import LimitLayer
+from sidegan.gan.limits import Box, LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.published_networks import ConvolutionalGenerator
 from sidegan.gan.scaling import Scaling
@@ -15,7 +15,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.seeds.published import Layout
 
-_FORMAT = 6
+_FORMAT = 7
 
 
 class TrajectoryGenerator(nn.Module):
@@ -23,10 +23,11 @@ class TrajectoryGenerator(nn.Module):
 
     Args:
         network: noise → images.
-        scaling: images → coefficients.
+        scaling: images → coefficients; where there is a box, before it.
         trajectory: the family of trajectories.
         arm: whose trajectories they are.
         limited: whether a last layer keeps the limits on motion.
+        box: largest absolute coefficient [rad/s]; None where there is no such bound.
     """
 
     def __init__(
@@ -36,16 +37,19 @@ class TrajectoryGenerator(nn.Module):
         trajectory: Trajectory,
         arm: Arm,
         limited: bool = False,
+        box: float | None = None,
     ) -> None:
         super().__init__()
         self.network, self.scaling = network, scaling
+        self.box = None if box is None else Box(box)
         self.limits = LimitLayer(arm, trajectory) if limited else None
         self.trajectory, self.robot, self.digest = trajectory, arm.name, arm.digest
         self.float()
 
     def coefficients(self, images: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of images, within the limits where there is a layer of them."""
+        """Coefficients [rad/s], (B, J, H, 2), of images, within the box and the limits where it has them."""
         c = self.scaling.coefficients(images)
+        c = c if self.box is None else self.box(c)
         return c if self.limits is None else self.limits(c)
 
     @torch.no_grad()
@@ -68,6 +72,7 @@ class TrajectoryGenerator(nn.Module):
             "trajectory": self.trajectory.describe(),
             "network": self.network.settings,
             "limited": self.limits is not None,
+            "box": None if self.box is None else self.box.size,
             "published": isinstance(self.scaling, Layout),
             "weights": self.state_dict(),
         }
@@ -97,6 +102,6 @@ class TrajectoryGenerator(nn.Module):
         else:
             network = Generator(**content["network"])
             scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-        generator = cls(network, scaling, family, arm, content["limited"])
+        generator = cls(network, scaling, family, arm, content["limited"], content["box"])
         generator.load_state_dict(content["weights"])
         return generator.eval()

@@ -1,5 +1,6 @@
 """Settings of the variants and of the surrogates that they learn from."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -27,7 +28,8 @@ class Weights:
     """Weights of the generator's losses, which are off unless a variant's file says otherwise.
 
     ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others
-    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions.
+    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions
+    from home, ``offset`` in what all have in common.
     """
 
     adversarial: NonNegative = 0.0
@@ -36,6 +38,17 @@ class Weights:
     fitness: NonNegative = 0.0
     distance: NonNegative = 0.0
     rank: NonNegative = 0.0
+    offset: NonNegative = 0.0
+
+
+@dataclass(frozen=True)
+class Refresh:
+    """How surrogates go on learning from what the generator makes, before every epoch."""
+
+    samples: Size  # new ones, labelled by the true physics
+    window: Count  # epochs whose samples are learned from
+    steps: Natural  # of batches of 100
+    learning_rate: Positive
 
 
 @dataclass(frozen=True)
@@ -71,12 +84,12 @@ class Variant:
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
+    last_rate: Share  # of the learning rate, to which it falls along half a cosine
     betas: tuple[Beta, Beta]  # of Adam
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
-    # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
-    # of the best epoch's; null: the last one.
-    least_valid: Share | None
     limited: bool  # position and velocity limits hold by construction
+    boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
+    refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
     exact: ExactPhysics | None = None  # of Exact
     published: Published | None = None  # of the published ones
 
@@ -91,14 +104,22 @@ class Variant:
         for group, named in (("exact", not self.seeded), ("published", "Published" in self.variant)):
             if (getattr(self, group) is not None) != named:
                 raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
-        if self.published is not None and self.gaussian_start:
-            raise ConfigError("the published networks have no gaussian_start: set it false")
+        if self.refresh is not None and (self.published is not None or not self.features):
+            raise ConfigError(f"{self.variant} has no surrogates that could go on learning: set refresh null")
+        for option in ("gaussian_start", "boxed"):
+            if self.published is not None and getattr(self, option):
+                raise ConfigError(f"the published networks have no {option}: set it false")
         sizes = [term.together for term in self.exact.terms.values()] if self.exact is not None else [1]
         if not 1 <= max(sizes, default=0) <= self.batch:
             raise ConfigError(
                 f"the objectives exact.terms are of {sizes} trajectories together, expected one or "
                 f"more of them, none of more than batch={self.batch}"
             )
+
+    def rate(self, share: float) -> float:
+        """Learning rate when a share of the training is done."""
+        fallen = (1 - math.cos(math.pi * share)) / 2
+        return self.learning_rate * (1 + (self.last_rate - 1) * fallen)
 
     @property
     def seeded(self) -> bool:

@@ -1,8 +1,10 @@
 """SIDE-GAN: the adversarial loop, once for all variants."""
 
 from abc import abstractmethod
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import pytorch_lightning as pl
@@ -11,7 +13,8 @@ from torch import Tensor
 
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.losses import Adversary, Batch, Loss, missing_distance, missing_rank
+from sidegan.gan.limits import Box
+from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Variant
@@ -29,6 +32,7 @@ class Data:
     seeds: Tensor
     success_predictor: Any = None  # a frozen network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
+    box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
 
 
 class SideGAN(pl.LightningModule):
@@ -56,18 +60,20 @@ class SideGAN(pl.LightningModule):
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
         self.generator = self.make_generator()
-        self.success_predictor, self.converter = data.success_predictor, data.converter
+        # Copies, since they may go on learning.
+        self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
     def make_generator(self) -> TrajectoryGenerator:
         """The generator before its training, with the scale of the seeds."""
-        settings, family, seeds = self.settings, self.data.trajectory, self.data.seeds
+        settings, family, box = self.settings, self.data.trajectory, self.data.box
         joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
+        seeds = self.data.seeds if box is None else Box(box).free(self.data.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
         arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, settings.limited)
+        return TrajectoryGenerator(network, scaling, family, arm, settings.limited, box)
 
     @abstractmethod
     def losses(self) -> list[Loss]:
@@ -75,10 +81,13 @@ class SideGAN(pl.LightningModule):
 
     @cached_property
     def floors(self) -> list[Loss]:
-        """Losses of every variant: a batch is as diverse as seeds, on the average and in directions."""
+        """Losses of every variant: a batch is as diverse as seeds."""
         weights, seeds = self.settings.weights, self.data.seeds
-        distance, rank = missing_distance(seeds), missing_rank(seeds, self.settings.batch)
-        return [Loss(weights.distance, distance), Loss(weights.rank, rank)]
+        return [
+            Loss(weights.distance, missing_distance(seeds)),
+            Loss(weights.rank, missing_rank(seeds, self.settings.batch)),
+            Loss(weights.offset, common_offset(seeds)),
+        ]
 
     @property
     def adversaries(self) -> list[Adversary]:
@@ -94,7 +103,7 @@ class SideGAN(pl.LightningModule):
         """So many new trajectories, as losses see them."""
         images = self.generator.network.sample(count)
         c = self.generator.coefficients(images)
-        if self.generator.limits is not None:
+        if self.generator.limits is not None or self.generator.box is not None:
             images = self.generator.scaling.image(c)
         return Batch(c, images, self.convert)
 
@@ -107,9 +116,11 @@ class SideGAN(pl.LightningModule):
         rows = batch[0]
         optimisers = self.optimizers()
         generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
+        self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
+        for group in chain.from_iterable(one.param_groups for one in (generator, *critics)):
+            group["lr"] = self.settings.rate(self.share)
         for optimiser in critics:
             self._step(optimiser, self.adversary_loss(rows))
-        self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
 

@@ -11,7 +11,7 @@ from sidegan.gan.labels import Labelled
 from sidegan.gan.networks import Generator
 from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.settings import Weights
+from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.gan.variants import VARIANTS
@@ -21,8 +21,9 @@ from tests.tiny import tiny
 
 STEPS = 32  # time points that the surrogates see
 SMALL = {"epochs": 3, "steps": 2, "batch": 32, "noise": 20, "width": 32}
-NONE = Weights(adversarial=0, features=0, success=0, fitness=0, distance=0, rank=0)
-FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, distance=1, rank=1)
+NONE = Weights()
+FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, distance=1, rank=1, offset=1)
+REFRESH = Refresh(samples=40, window=2, steps=5, learning_rate=1e-3)
 
 
 def random(seed=0):
@@ -34,12 +35,12 @@ def normal(family, seed=0, scale=1.0, count=8):
     return scale * torch.randn(count, *family.shape, generator=random(seed))
 
 
-def untrained(arm, family, start, limited=False):
+def untrained(arm, family, start, limited=False, box=None):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm, limited).eval()
+    return TrajectoryGenerator(network, scaling, family, arm, limited, box).eval()
 
 
 @pytest.fixture(scope="session")
@@ -88,7 +89,7 @@ def vanilla():
 @pytest.fixture(scope="session")
 def full():
     """A small variant with every loss."""
-    return replace(tiny().gan["diagonal"], weights=FULL, **SMALL)
+    return replace(tiny().gan["diagonal"], weights=FULL, refresh=REFRESH, **SMALL)
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeErr
 from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.validity import Constraints, Plane
-from tests.gan.conftest import NONE, untrained
+from tests.gan.conftest import NONE, REFRESH, untrained
 
 SINGLE = asdict(Term("log_condition", 1.0, 1))
 MANY = {**SINGLE, "together": 99}
@@ -33,6 +33,8 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "weights": asdict(NONE)}
         ({**EXACT, "exact": None}, "Exact needs settings exact"),
         ({"exact": PHYSICS}, "Vanilla has no settings exact"),
         ({"published": {"fitness": "ratio"}}, "Vanilla has no settings published"),
+        ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates that could go on learning"),
+        ({"last_rate": 1.1}, "last_rate is 1.1, expected a number ≤ 1"),
         ({"variant": "PublishedVanilla"}, "PublishedVanilla needs settings published"),
         ({**EXACT, "exact": {**PHYSICS, "terms": {"set": MANY}}}, "none of more than batch=32"),
     ],

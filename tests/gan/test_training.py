@@ -1,13 +1,12 @@
 import math
 import signal
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
 
-from sidegan.base.storage import read_torch
 from sidegan.errors import SideganError
-from sidegan.gan import training
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
 from sidegan.validity import check
@@ -33,20 +32,12 @@ def test_every_option_trains(trained, vanilla, settings, tmp_path):
     assert torch.isfinite(made.generator.sample(5)).all()
 
 
-def test_the_generator_is_that_of_the_chosen_epoch(trained, vanilla, tmp_path, monkeypatch):
-    planted = iter((0.5, 0.9, 0.2))
-    monkeypatch.setattr(training, "measure", lambda *_: {"success": next(planted), "condition_valid": 100.0})
-    made = trained(replace(vanilla, least_valid=1.0), tmp_path)
-    assert made.epoch == 1
-    kept, last = (read_torch(tmp_path / f"epoch-{epoch}.pt")["weights"] for epoch in (1, 2))
-    for name, weights in made.generator.network.state_dict().items():
-        torch.testing.assert_close(weights, kept[name], rtol=0, atol=0)
-    assert any((kept[name] != last[name]).any() for name in kept)
-
-
-@pytest.mark.parametrize("kind", ["vanilla", "exact"])
-def test_an_interrupted_training_becomes_what_it_would_have_been(trained, vanilla, exact, kind, tmp_path):
-    first, second, variant = [], [], replace(exact, steps=3) if kind == "exact" else vanilla
+@pytest.mark.parametrize("kind", ["vanilla", "full", "exact"])
+def test_an_interrupted_training_becomes_what_it_would_have_been(
+    trained, taught, vanilla, full, exact, kind, tmp_path
+):
+    variant = {"vanilla": vanilla, "full": full, "exact": replace(exact, steps=3)}[kind]
+    first, second, trained = [], [], partial(trained, variant, data=taught)
 
     def stop(done, total):
         first.append(done)
@@ -55,13 +46,19 @@ def test_an_interrupted_training_becomes_what_it_would_have_been(trained, vanill
 
     handler = signal.getsignal(signal.SIGINT)
     with pytest.raises(KeyboardInterrupt):
-        trained(variant, tmp_path, progress=stop)
+        trained(tmp_path, progress=stop)
     assert signal.getsignal(signal.SIGINT) is handler  # a second interrupt must be heard too
-    made = trained(variant, tmp_path, progress=lambda done, total: second.append(done))
+    made = trained(tmp_path, progress=lambda done, total: second.append(done))
     assert first == [1, 2] and second == [2, 3]  # the second epoch had not been saved
-    whole = trained(variant, tmp_path / "whole")
+    whole = trained(tmp_path / "whole")
     assert made.history == whole.history
     assert same_weights(made.generator, whole.generator)
+
+
+def test_the_learning_rate_falls_from_its_start_to_its_end(vanilla):
+    falling = replace(vanilla, learning_rate=2.0, last_rate=0.1)
+    assert [falling.rate(share) for share in (0, 0.5, 1)] == pytest.approx([2, 1.1, 0.2])
+    assert replace(falling, last_rate=1.0).rate(0.7) == 2
 
 
 def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
