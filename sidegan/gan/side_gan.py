@@ -30,7 +30,7 @@ class Data:
     trajectory: Trajectory  # the family of trajectories
     # Coefficients [rad/s], (N, J, H, 2); of ``training.random_trajectories`` for Exact, which needs none.
     seeds: Tensor
-    success_predictor: Any = None  # a frozen network, where the variant has features; None elsewhere
+    success_predictor: Any = None  # a trained network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
     box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
 
@@ -49,7 +49,7 @@ class SideGAN(pl.LightningModule):
 
     Args:
         settings: of the variant.
-        data: seeds, and frozen surrogates for a variant that learns from them.
+        data: seeds, and trained surrogates for a variant that learns from them.
         name: of what is trained, for messages.
     """
 
@@ -91,8 +91,8 @@ class SideGAN(pl.LightningModule):
 
     @property
     def adversaries(self) -> list[Adversary]:
-        """Discriminators."""
-        return [module for module in self.children() if isinstance(module, Adversary)]
+        """Discriminators whose loss counts."""
+        return [loss.value for loss in self.losses() if loss.weight and isinstance(loss.value, Adversary)]
 
     @property
     def steps(self) -> int:

@@ -9,7 +9,7 @@ from sidegan.gan.losses import Batch, common_offset, missing_distance, missing_r
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
 from sidegan.gan.variants import Exact
-from tests.gan.conftest import random
+from tests.gan.conftest import FULL, NONE, random
 
 
 def test_losses_are_their_closed_forms(made, full):
@@ -45,6 +45,13 @@ def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatc
         parts = [weight * float(value(batch).detach()) for weight, value in losses]
         assert found[-1] == pytest.approx(sum(parts), rel=1e-5)
     assert found[1] > found[0] + 0.1
+
+
+def test_discriminators_that_do_not_count_do_not_learn(made, full):
+    for weights, count in ((FULL, 2), (replace(FULL, features=0), 1), (NONE, 0)):
+        model = made(replace(full, weights=weights))
+        assert len(model.adversaries) == count
+        assert len(model.configure_optimizers()) == 1 + (count > 0)
 
 
 def test_the_weight_of_violations_grows_geometrically(data, exact):
