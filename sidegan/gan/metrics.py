@@ -8,16 +8,15 @@ from sidegan.design.fidelity import beyond, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,
-    TorqueNoise,
     random_motions,
     sampled,
     wanted_torques,
 )
 from sidegan.design.problem import Problem
+from sidegan.gan.reward import noises
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
-_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
 _POOL, _DRAWS = 200, 100  # valid trajectories from which sets are drawn, and how many of these
 
 
@@ -55,10 +54,8 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor)
     """
     body, motions = constraints.body, random_motions(Problem(constraints, trajectory))
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
-    equal = torch.ones(body.joints, dtype=torch.float64)
-    noises = TorqueNoise.proportional(_LEVEL, equal), TorqueNoise.constant(body, _SHARE)
     errors: dict[str, float] = {}
-    for name, noise in zip(("error", "error_constant"), noises):
+    for name, noise in zip(("error", "error_constant"), noises(body).values()):
         predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_tensor(torch.inf)
         if len(c) >= TOGETHER:
             nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)

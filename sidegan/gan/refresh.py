@@ -36,7 +36,14 @@ class Refreshed(pl.Callback):
         """Label new samples, and take some steps on those of the last epochs."""
         data, settings, (predictor, converter) = pl_module.data, self.settings, self.surrogates
         c = pl_module.generator.sample(settings.samples, self.random)
-        made = label(data.constraints, data.trajectory, c, predictor.roll_out.steps, lambda *_: None)
+        made = label(
+            data.constraints,
+            data.trajectory,
+            c,
+            predictor.roll_out.steps,
+            lambda *_: None,
+            pl_module.energies,
+        )
         self.window = [*self.window, made][-settings.window :]
         every = Labelled.join(self.window)
         target = converter.standardise(getattr(every, str(pl_module.settings.features)))

@@ -16,6 +16,7 @@ from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.limits import Box
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import Generator
+from sidegan.gan.reward import Energies
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Variant
 from sidegan.motion.trajectory import Trajectory
@@ -54,6 +55,7 @@ class SideGAN(pl.LightningModule):
     """
 
     share = 1.0  # of the training that is done
+    energies: Energies | None = None  # that a converter predicts, where it does
 
     def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
         super().__init__()
@@ -73,7 +75,7 @@ class SideGAN(pl.LightningModule):
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
         arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, settings.limited, box)
+        return TrajectoryGenerator(network, scaling, family, arm, settings.limited, box, settings.corrections)
 
     @abstractmethod
     def losses(self) -> list[Loss]:
@@ -101,7 +103,7 @@ class SideGAN(pl.LightningModule):
 
     def forward(self, count: int) -> Batch:
         """So many new trajectories, as losses see them."""
-        images = self.generator.network.sample(count)
+        images = self.generator.images(count)
         c = self.generator.coefficients(images)
         if self.generator.limits is not None or self.generator.box is not None:
             images = self.generator.scaling.image(c)
@@ -154,7 +156,7 @@ class SideGAN(pl.LightningModule):
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for the generator, and for the discriminators where there are any."""
         critics = [parameter for one in self.adversaries for parameter in one.parameters()]
-        learning = [list(self.generator.network.parameters()), critics]
+        learning = [list(self.generator.parameters()), critics]
         rate, betas = self.settings.learning_rate, self.settings.betas
         fused = self.device.type != "mps"  # one pass over all weights: five times as fast
         return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in learning if weights]

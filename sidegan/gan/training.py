@@ -14,6 +14,7 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.limits import Box
 from sidegan.gan.metrics import measure
 from sidegan.gan.refresh import Refreshed
 from sidegan.gan.settings import Variant
@@ -93,13 +94,15 @@ class Measured(pl.Callback):
         data = pl_module.data
         seeds = data.seeds if pl_module.settings.seeded else None
         metrics = measure(data.constraints, data.trajectory, c, seeds)
-        samples = generator.network.sample(run.samples, noise).cpu() if run.samples else torch.empty(0)
+        samples = generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0)
         write_torch(_left(run, epoch), {"metrics": metrics, "samples": samples})
         run.progress(epoch + 1, trainer.max_epochs or 0)
 
 
-def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:
-    """Random trajectories that use all of their limits on motion, (N, J, H, 2) [rad/s].
+def random_trajectories(
+    constraints: Constraints, trajectory: Trajectory, seed: int, box: float | None = None
+) -> Tensor:
+    """Random trajectories that use all of their limits on motion, in a box, (N, J, H, 2) [rad/s].
 
     What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
 
@@ -116,4 +119,4 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
             f"{_SMALL:.0%} of their limits on motion, {summarise_faults(verdict.faults())}"
         )
-    return c
+    return c if box is None else Box(box)(c)

@@ -101,12 +101,13 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     from sidegan.gan.training import Run, random_trajectories, train
 
     seed, evaluation = task.number(f"gan {name}", training), task.cfg.evaluation
+    box = _box(task, variant)
     if variant.seeded:
         seeds = training_seeds(task).coefficients
         task.cfg.seeds.refuse_beyond(seeds)
     else:
-        seeds = random_trajectories(task.constraints, task.trajectory, seed)
-    data = Data(task.constraints, task.trajectory, seeds, box=_box(task, variant))
+        seeds = random_trajectories(task.constraints, task.trajectory, seed, box)
+    data = Data(task.constraints, task.trajectory, seeds, box=box)
     if variant.features:
         folder = task.store.require(surrogates(task))
         predictor, converter = load_surrogates(folder, variant, task.arm, task.trajectory)
@@ -155,7 +156,7 @@ def _pretrain(task: Task, build: Build, settings: SurrogateSettings) -> None:
     shares = [partial(pretraining.label, task.number(f"labels {share}")) for share in range(SHARES)]
     labelled = Labelled.join(run_jobs("labels", shares, workers, settings.samples))
     jobs: list[Job] = [partial(pretraining.train_success, labelled, build.folder, task.number("success"))]
-    for name in ("spectrum", "diagonal"):
+    for name in ("spectrum", "diagonal", "energies"):
         jobs.append(partial(pretraining.train_features, name, labelled, build.folder, task.number(name)))
     _report(build, run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs)))
 
