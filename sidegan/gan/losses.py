@@ -1,5 +1,6 @@
 """Losses of a generator: functions of a batch of its trajectories, each with its weight."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -66,9 +67,9 @@ class Adversary(nn.Module):
         return softplus(-on_real).mean() + softplus(on_fake).mean()
 
 
-def missing_distance(seeds: Tensor) -> Value:
-    """Missing share of the mean distance between two trajectories, 0 when it is that of the seeds."""
-    target = mean_distance(seeds.double().flatten(1)[:_PAIRS])
+def missing_distance(seeds: Tensor, share: float = 1.0) -> Value:
+    """Missing share of the mean distance between two trajectories, 0 when it is that share of the seeds'."""
+    target = share * mean_distance(seeds.double().flatten(1)[:_PAIRS])
     return lambda batch: (1 - torch.pdist(batch.coefficients.flatten(1)).mean() / target).clamp_min(0)
 
 
@@ -87,11 +88,11 @@ def _mean_cosine(x: Tensor) -> Tensor:
     return (normalize(x).sum(0).square().sum() - count) / (count * (count - 1))
 
 
-def missing_rank(seeds: Tensor, size: int) -> Value:
-    """Missing log effective rank of a batch of a size, 0 when it is that of as many seeds (N, J, H, 2)."""
+def missing_rank(seeds: Tensor, size: int, share: float = 1.0) -> Value:
+    """Missing log effective rank of a batch of a size, 0 when it is that share of as many seeds'."""
     x, size = seeds.double().flatten(1), min(size, len(seeds))
     parts = [part for part in x.split(size)[:_BATCHES] if len(part) == size]
-    target = float(torch.stack([_log_rank(part) for part in parts]).mean())
+    target = float(torch.stack([_log_rank(part) for part in parts]).mean()) + math.log(share)
     return lambda batch: (target - _log_rank(batch.coefficients.flatten(1))).clamp_min(0)
 
 

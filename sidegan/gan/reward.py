@@ -22,7 +22,7 @@ _LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of e
 _MOTIONS, _STREAM = 60, 7  # random motions that are to be predicted; those of tests and metrics are others
 _FEW = 8  # trajectories of a batch that count for the running means
 _FORGETTING = 0.02  # share of these in the means, once there were enough
-_DIRECTIONS = 24  # whose energies a converter predicts
+_DIRECTIONS = 24  # that count, those with the largest shares of the error
 _SEEDS = 200  # that these are of
 
 
@@ -70,8 +70,9 @@ class Worth:
 
     @property
     def slope(self) -> tuple[Tensor, Tensor]:
-        """Directions (p, p) in which the error falls, and their shares, (p,)."""
-        return error_slope(self.prediction.wanted, *self.means)
+        """Directions (p, K) in which the error falls most, and their shares, (K,)."""
+        directions, shares = error_slope(self.prediction.wanted, *self.means)
+        return directions[:, :_DIRECTIONS], shares[:_DIRECTIONS] / shares[:_DIRECTIONS].sum()
 
 
 class Energies:
@@ -89,8 +90,7 @@ class Energies:
         for name, noise in noises(constraints.body).items():
             worth = Worth(self.problem, noise)
             worth.learn(seeds[:_SEEDS])
-            directions, shares = worth.slope
-            self.parts[name] = directions[:, :_DIRECTIONS], shares[:_DIRECTIONS], noise.weights
+            self.parts[name] = *worth.slope, noise.weights
 
     @torch.no_grad()
     def __call__(self, c: Tensor) -> Tensor:

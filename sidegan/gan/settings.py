@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Positive, Share, Size, Width
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.errors import ConfigError
 
 Name = Literal[
@@ -108,6 +108,7 @@ class Variant:
     limited: bool  # position and velocity limits hold by construction
     boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
     refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
+    diversity: Part = 1.0  # share of the seeds' distance and rank at which the floors lie
     corrections: Natural = 0  # networks that correct a trajectory by what it does over time
     exact: ExactPhysics | None = None  # of Exact
     reward: Reward | None = None  # of Exact and Predicting

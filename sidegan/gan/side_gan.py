@@ -84,10 +84,10 @@ class SideGAN(pl.LightningModule):
     @cached_property
     def floors(self) -> list[Loss]:
         """Losses of every variant: a batch is as diverse as seeds."""
-        weights, seeds = self.settings.weights, self.data.seeds
+        weights, seeds, share = self.settings.weights, self.data.seeds, self.settings.diversity
         return [
-            Loss(weights.distance, missing_distance(seeds)),
-            Loss(weights.rank, missing_rank(seeds, self.settings.batch)),
+            Loss(weights.distance, missing_distance(seeds, share)),
+            Loss(weights.rank, missing_rank(seeds, self.settings.batch, share)),
             Loss(weights.offset, common_offset(seeds)),
         ]
 

@@ -136,9 +136,10 @@ class Exact(SideGAN):
         return physics.violation(self.problem, c, self.penalty).to(c).mean()
 
     def fitness(self, batch: Batch) -> Tensor:
-        """Minus the mean log worth for prediction, weighed over the noises."""
-        c = batch.coefficients
-        return -torch.stack([weight * worth(c).mean() for weight, worth in self.worths]).sum().to(c)
+        """Minus the mean log worth for prediction: the noises share the batch, each with its weight."""
+        parts = batch.coefficients.chunk(len(self.worths))
+        values = [weight * worth(part).mean() for part, (weight, worth) in zip(parts, self.worths)]
+        return -torch.stack(values).sum().to(batch.coefficients)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the running means of what the generator makes, too."""
