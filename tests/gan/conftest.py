@@ -35,12 +35,12 @@ def normal(family, seed=0, scale=1.0, count=8):
     return scale * torch.randn(count, *family.shape, generator=random(seed))
 
 
-def untrained(arm, family, start, limited=False, box=None):
+def untrained(arm, family, start, limited=False, box=None, corrections=0):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm, limited, box).eval()
+    return TrajectoryGenerator(network, scaling, family, arm, limited, box, corrections).eval()
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +75,7 @@ def pretrained(constraints, family, seeds, wild, tmp_path_factory):
     labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
     assert 0.15 < float(labelled.valid.double().mean()) < 0.85  # or there would be nothing to learn
     report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))
-    for name in ("spectrum", "diagonal"):
+    for name in ("spectrum", "diagonal", "energies"):
         report |= made.train_features(name, labelled, folder, 0, lambda *_: None)
     return folder, report, told[-1]
 
@@ -93,14 +93,19 @@ def full():
 
 
 @pytest.fixture(scope="session")
+def predicting():
+    """A small variant that is rewarded for prediction by surrogates, and corrected."""
+    made = tiny("gan=prediction").gan["prediction"]
+    return replace(made, weights=FULL, refresh=REFRESH, fitness_start=0, **SMALL)
+
+
+@pytest.fixture(scope="session")
 def exact():
     """A small variant with exact physics."""
     made = tiny("gan=exact").gan["exact"]
     sizes = {"epochs": 3, "steps": 60, "batch": 64, "noise": 12, "width": 64}
-    terms = {"single": made.exact.terms["single"]}
-    physics = replace(made.exact, terms=terms, samples=24, reserve=0.03)
-    weights = replace(made.weights, success=1000, rank=20)
-    return replace(made, weights=weights, exact=physics, **sizes)
+    physics = replace(made.exact, samples=24, reserve=0.03)
+    return replace(made, exact=physics, **sizes)
 
 
 @pytest.fixture(scope="session")
@@ -111,7 +116,12 @@ def data(constraints, family, seeds):
 @pytest.fixture(scope="session")
 def taught(data, pretrained, full):
     """The same data with surrogates."""
-    predictor, converter = load_surrogates(pretrained[0], full, data.constraints.arm, data.trajectory)
+    return with_surrogates(data, pretrained, full)
+
+
+def with_surrogates(data, pretrained, variant):
+    """Data with the surrogates that a variant learns from."""
+    predictor, converter = load_surrogates(pretrained[0], variant, data.constraints.arm, data.trajectory)
     return replace(data, success_predictor=predictor, converter=converter)
 
 
