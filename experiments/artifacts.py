@@ -167,7 +167,7 @@ class Artifacts:
                 artifact = generator(task, name, k, variant)
                 rows = pd.DataFrame(task.history(artifact)).astype(float)
                 rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
-                kept = rows.epoch == task.report(artifact)["kept_epoch"]
+                kept = rows.epoch == len(rows)
                 parts.append(rows.assign(kept=kept, variant=name, training=k))
         return pd.concat(parts, ignore_index=True)
 

@@ -1,60 +1,27 @@
-"""Exact physics that gradients pass through: spectrum of the information, and violation of constraints.
+"""Exact physics that gradients pass through: energies of the information, and violation of constraints.
 
-The gradient of an eigenvalue of YᵀY needs the torques of one parameter vector, never a differentiated
-regressor (``design.objective``); what follows from the eigenvalues is plain torch.
+The gradient of an energy |Y v|² needs the torques of one parameter vector, never a differentiated regressor
+(``design.objective``); what follows from the energies is plain torch.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import torch
 from torch import Tensor
 
-from sidegan.design.information import certainty_of, weighted_gram
 from sidegan.design.objective import pull_back
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.errors import ShapeError
-from sidegan.kernels import HIGHEST, LOWEST
-from sidegan.motion.operations import extremes
-from sidegan.motion.threads import eigh
+
+_STATES_AT_ONCE = 4096  # whose regressor is kept: 10 MB at seven joints
 
 
-@dataclass(frozen=True)
-class SetInformation:
-    """Information of sets of trajectories: of how many together, and in which units of torque."""
+def energies(problem: Problem, c: Tensor, directions: Tensor, weights: Tensor) -> Tensor:
+    """Energies Σ (wⱼ yⱼ v)² / T, (B, K) float64, of directions v (p, K), of coefficients c [rad/s].
 
-    problem: Problem
-    together: int = 1  # so many trajectories in a row are one set, whose information is their sum
-    noise: Sequence[float] | None = None  # deviation of joint torques [N·m], by which rows of Y are divided
-
-    @property
-    def certainty(self) -> Tensor | None:
-        """Factors of each joint's rows of Y, (J,)."""
-        return None if self.noise is None else certainty_of(self.noise, self.problem.body.joints)
-
-    def grams(self, c: Tensor) -> Tensor:
-        """Gram matrices YᵀY / T over the base columns, (B / together, p, p), without gradient."""
-        if self.together < 1 or len(c) % self.together:
-            raise ShapeError(f"a batch of {len(c)} trajectories does not fall into sets of {self.together}")
-        problem, c, certainty = self.problem, c.detach().to("cpu", torch.float64), self.certainty
-        if certainty is None:
-            grams = problem.gram(c)
-        else:
-            grams = weighted_gram(problem.body, problem.trajectory, c, problem.samples, certainty)
-        return grams.unflatten(0, (-1, self.together)).sum(1)
-
-
-def spectrum(information: SetInformation, c: Tensor, ends: bool = False) -> Tensor:
-    """Eigenvalues of YᵀY / T in an orthonormal basis, ascending, (B / together, p), of coefficients c.
-
-    At the ends, only those that a smooth condition number looks at, in a fraction of the time.
+    Each joint's equations y count by its weight, (J,); these and the directions have no gradient.
     """
-    subspace = information.problem.body.base.subspace
-    inner = subspace.T @ information.grams(c) @ subspace
-    values, vectors = extremes(inner, LOWEST, HIGHEST) if ends else eigh(inner)
-    return _Quadratic.apply(c, information, values, (subspace @ vectors).mT)
+    return _Energies.apply(c, problem, directions, weights)
 
 
 def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
@@ -62,21 +29,22 @@ def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
     return _Violation.apply(c, problem, penalty)
 
 
-class _Quadratic(torch.autograd.Function):
-    """Values vᵀ YᵀY v / T, (S, K), with the gradient of as many vectors that stay as they are, (S, K, p)."""
-
+class _Energies(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, c: Tensor, information: SetInformation, values: Tensor, vectors: Tensor) -> Tensor:
-        ctx.information = information
-        ctx.save_for_backward(c, vectors)
-        return values.clone()
+    def forward(ctx: Any, c: Tensor, problem: Problem, directions: Tensor, weights: Tensor) -> Tensor:
+        ctx.problem = problem
+        ctx.save_for_backward(c, directions, weights)
+        times, trajectory, values = problem.trajectory.grid(problem.samples), problem.trajectory, []
+        for part in c.detach().to("cpu", torch.float64).split(max(1, _STATES_AT_ONCE // problem.samples)):
+            y = problem.body.base_regressor(*trajectory.roll_out(part, times)[1:])
+            values.append((weights[:, None] * (y @ directions)).square().sum((1, 2)) / problem.samples)
+        return torch.cat(values).to(c.device)
 
     @staticmethod
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None, None]:
-        c, vectors = ctx.saved_tensors
-        one = ctx.information
-        vectors, weights = (x.cpu().repeat_interleave(one.together, 0) for x in (vectors, slopes[0]))
-        _, gradient = pull_back(one.problem, c.detach().cpu(), vectors, weights, certainty=one.certainty)
+        c, directions, weights = ctx.saved_tensors
+        vectors = directions.T.expand(len(c), -1, -1)
+        _, gradient = pull_back(ctx.problem, c.detach().cpu(), vectors, slopes[0].cpu(), certainty=weights)
         return gradient.to(c), None, None, None
 
 

@@ -131,6 +131,28 @@ class Prediction:
         return self.nmse(*sums)
 
 
+def error_slope(wanted: Tensor, information: Tensor, noise: Tensor) -> tuple[Tensor, Tensor]:
+    """Directions in which a set's expected error falls with its information, (p, p), and their shares, (p,).
+
+    With the mean information M and noise S of a set's trajectories, the error of joint k is tr(Vₖ M⁻¹ S M⁻¹)
+    over their number. Small joints count in the mean logarithm of the joints' errors, large ones in the
+    logarithm of the mean: half of each falls by 2 tr(A Mᵢ) for a trajectory's Mᵢ more, A = M⁻¹ V M⁻¹ S M⁻¹
+    made symmetric, where V weighs the Vₖ so that tr(A M) = 1. In directions v with vᵀ M v = 1, which are the
+    columns, that is 2 Σ b vᵀ Mᵢ v, with the shares b in descending order. Their sum is one, but for those
+    below zero, which are left out. What a trajectory adds to S is left out, too.
+    """
+    scale = information.diagonal().clamp_min(torch.finfo(information.dtype).tiny).sqrt()
+    values, vectors = eigh((information / scale / scale[:, None])[None])
+    values = values[0].clamp_min(_ROUNDING * len(scale) * torch.finfo(values.dtype).eps * float(values.max()))
+    white = vectors[0] / values.sqrt() / scale[:, None]  # whiteᵀ M white = 1
+    wanted, noise = white.T @ wanted @ white, white.T @ noise @ white
+    errors = (wanted * noise).sum((1, 2))
+    weighed = (wanted / errors[:, None, None] + wanted / errors.mean()).mean(0) / 2
+    slope = weighed @ noise
+    shares, turned = eigh((slope + slope.T)[None] / 2)
+    return (white @ turned[0]).flip(1), shares[0].clamp_min(0).flip(0)
+
+
 def sampled(trajectory: Trajectory) -> Tensor:
     """Times [s] whose sums stand for those of many more, (T,)."""
     return trajectory.grid(max(SAMPLES, _PER_HARMONIC * trajectory.harmonics))

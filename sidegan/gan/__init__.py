@@ -4,6 +4,7 @@
     discriminators, both         networks.Discriminator; with its examples losses.Adversary
     success predictor            surrogates.SuccessPredictor
     converter to the spectrum    surrogates.Converter
+    … that go on learning        refresh.Refreshed
     losses                       functions in losses; which a variant adds is in variants
     the adversarial loop         side_gan.SideGAN.training_step; training.train runs it
 

@@ -7,7 +7,8 @@ from torch import Tensor, nn
 
 from sidegan.base.storage import read_torch, write_torch
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.limits import LimitLayer
+from sidegan.gan.correction import Correction
+from sidegan.gan.limits import Box, LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.published_networks import ConvolutionalGenerator
 from sidegan.gan.scaling import Scaling
@@ -15,7 +16,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.seeds.published import Layout
 
-_FORMAT = 6
+_FORMAT = 8
 
 
 class TrajectoryGenerator(nn.Module):
@@ -23,10 +24,12 @@ class TrajectoryGenerator(nn.Module):
 
     Args:
         network: noise → images.
-        scaling: images → coefficients.
+        scaling: images → coefficients; where there is a box, before it.
         trajectory: the family of trajectories.
         arm: whose trajectories they are.
         limited: whether a last layer keeps the limits on motion.
+        box: largest absolute coefficient [rad/s]; None where there is no such bound.
+        corrections: networks that correct images by what their trajectories do, one after the other.
     """
 
     def __init__(
@@ -36,17 +39,30 @@ class TrajectoryGenerator(nn.Module):
         trajectory: Trajectory,
         arm: Arm,
         limited: bool = False,
+        box: float | None = None,
+        corrections: int = 0,
     ) -> None:
         super().__init__()
         self.network, self.scaling = network, scaling
+        self.box = None if box is None else Box(box)
         self.limits = LimitLayer(arm, trajectory) if limited else None
+        width = int(network.settings["width"])
+        self.corrections = nn.ModuleList(Correction(arm, trajectory, width) for _ in range(corrections))
         self.trajectory, self.robot, self.digest = trajectory, arm.name, arm.digest
         self.float()
 
     def coefficients(self, images: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of images, within the limits where there is a layer of them."""
+        """Coefficients [rad/s], (B, J, H, 2), of images, within the box and the limits where it has them."""
         c = self.scaling.coefficients(images)
+        c = c if self.box is None else self.box(c)
         return c if self.limits is None else self.limits(c)
+
+    def images(self, count: int, stream: torch.Generator | None = None) -> Tensor:
+        """New images, (count, 2, …)."""
+        images = self.network.sample(count, stream)
+        for correction in self.corrections:
+            images = images + correction(images, self.coefficients(images))
+        return images
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
@@ -57,7 +73,7 @@ class TrajectoryGenerator(nn.Module):
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
         stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-        return self.coefficients(self.network.sample(count, stream)).double().cpu()
+        return self.coefficients(self.images(count, stream)).double().cpu()
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
@@ -68,6 +84,8 @@ class TrajectoryGenerator(nn.Module):
             "trajectory": self.trajectory.describe(),
             "network": self.network.settings,
             "limited": self.limits is not None,
+            "box": None if self.box is None else self.box.size,
+            "corrections": len(self.corrections),
             "published": isinstance(self.scaling, Layout),
             "weights": self.state_dict(),
         }
@@ -97,6 +115,8 @@ class TrajectoryGenerator(nn.Module):
         else:
             network = Generator(**content["network"])
             scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-        generator = cls(network, scaling, family, arm, content["limited"])
+        generator = cls(
+            network, scaling, family, arm, content["limited"], content["box"], content["corrections"]
+        )
         generator.load_state_dict(content["weights"])
         return generator.eval()

@@ -1,6 +1,6 @@
 """Exactly labelled samples for the surrogates: labels are cheap because the physics is ours."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import torch
@@ -26,6 +26,7 @@ class Labelled(NamedTuple):
     margins: Tensor  # scaled margins by moment, (N, G, T) float32, clipped to ±1
     spectrum: Tensor  # spectrum of YᵀY, (N, p)
     diagonal: Tensor  # diagonal of YᵀY, (N, p)
+    energies: Tensor  # by ``reward.Energies``, (N, K); (N, 0) where they are not wanted
 
     def take(self, rows: Tensor) -> "Labelled":
         """Some of the samples."""
@@ -54,7 +55,12 @@ def blend(seeds: Tensor, others: Tensor, count: int, generator: torch.Generator)
 
 @torch.no_grad()
 def label(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, steps: int, progress: Report
+    constraints: Constraints,
+    trajectory: Trajectory,
+    c: Tensor,
+    steps: int,
+    progress: Report,
+    energies: Callable[[Tensor], Tensor] | None = None,
 ) -> Labelled:
     """True labels of coefficients (N, J, H, 2); ``steps`` time points per trajectory for the margins."""
     parts = []
@@ -62,7 +68,8 @@ def label(
         excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, batch))
         valid = check(constraints, trajectory, batch).valid
         margins = scaled_margins(constraints, trajectory, batch, steps)
-        parts.append(Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal))
+        more = batch[:, 0, 0, :0] if energies is None else energies(batch)
+        parts.append(Labelled(batch.float(), valid, margins, excitation.spectrum, excitation.diagonal, more))
         progress(min(len(c), (done + 1) * _BATCH), len(c))
     return Labelled.join(parts)
 

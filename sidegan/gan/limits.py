@@ -1,4 +1,4 @@
-"""A last layer after which all limits on motion hold over the whole period, whatever it is given."""
+"""Last layers after which a limit holds whatever they are given: limits on motion, a box of coefficients."""
 
 import torch
 from torch import Tensor, nn
@@ -10,6 +10,7 @@ _POINTS = 24  # time points per harmonic
 _SHARPNESS = 8.0  # of the turn from proportional to saturated; use 1 becomes 0.92
 _ROUNDING = 1e-5  # of single precision, kept free
 _LEAST_ROOM = 1e-3  # [rad or m] below which a joint whose home lies at its limit stands still
+_EDGE = 0.97  # of a box, as which what lies on it, or beyond, counts when it is taken out
 
 
 class LimitLayer(nn.Module):
@@ -67,3 +68,19 @@ class LimitLayer(nn.Module):
         for order, limit in zip(self.orders, self.limits.to(c)):
             use = torch.maximum(use, (motion[order].abs().amax(2) + beyond[order]) / limit)
         return use
+
+
+class Box(nn.Module):
+    """Coefficients of absolute values below a size [rad/s]."""
+
+    def __init__(self, size: float) -> None:
+        super().__init__()
+        self.size = size
+
+    def forward(self, free: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), of free ones; those far within the box are left alone."""
+        return (1 - _ROUNDING) * self.size * torch.tanh(free / self.size)
+
+    def free(self, c: Tensor) -> Tensor:
+        """Free coefficients [rad/s], (B, J, H, 2), that become nearly those in the box."""
+        return self.size * torch.atanh((c / self.size).clamp(-_EDGE, _EDGE))

@@ -1,5 +1,6 @@
 """Losses of a generator: functions of a batch of its trajectories, each with its weight."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,13 +8,13 @@ from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn.functional import softplus
+from torch.nn.functional import normalize, softplus
 
 from sidegan.design.excitation import mean_distance
 
 _PAIRS = 500  # seeds whose mean distance stands for all
 _BATCHES = 8  # of seeds, whose mean rank stands for that of any batch
-_TINY = 1e-9  # share of the variance below which a direction does not count
+_TINY = 1e-9  # share of the squares below which a direction does not count
 
 
 @dataclass
@@ -66,23 +67,40 @@ class Adversary(nn.Module):
         return softplus(-on_real).mean() + softplus(on_fake).mean()
 
 
-def missing_distance(seeds: Tensor) -> Value:
-    """Missing share of the mean distance between two trajectories, 0 when it is that of the seeds."""
-    target = mean_distance(seeds.double().flatten(1)[:_PAIRS])
+def missing_distance(seeds: Tensor, share: float = 1.0) -> Value:
+    """Missing share of the mean distance between two trajectories, 0 when it is that share of the seeds'."""
+    target = share * mean_distance(seeds.double().flatten(1)[:_PAIRS])
     return lambda batch: (1 - torch.pdist(batch.coefficients.flatten(1)).mean() / target).clamp_min(0)
 
 
-def missing_rank(seeds: Tensor, size: int) -> Value:
-    """Missing log effective rank of a batch of a size, 0 when it is that of as many seeds (N, J, H, 2)."""
+def common_offset(seeds: Tensor) -> Value:
+    """Mean cosine between two trajectories beyond that of the seeds: of what all of a batch have in common.
+
+    Distances and covariances cannot see it.
+    """
+    most = _mean_cosine(seeds.double().flatten(1)).clamp_min(0)
+    return lambda batch: (_mean_cosine(batch.coefficients.flatten(1)) - most).clamp_min(0)
+
+
+def _mean_cosine(x: Tensor) -> Tensor:
+    """Mean cosine between two of the rows (N, D), 0-dimensional."""
+    count = len(x)
+    return (normalize(x).sum(0).square().sum() - count) / (count * (count - 1))
+
+
+def missing_rank(seeds: Tensor, size: int, share: float = 1.0) -> Value:
+    """Missing log effective rank of a batch of a size, 0 when it is that share of as many seeds'."""
     x, size = seeds.double().flatten(1), min(size, len(seeds))
     parts = [part for part in x.split(size)[:_BATCHES] if len(part) == size]
-    target = float(torch.stack([_log_rank(part) for part in parts]).mean())
+    target = float(torch.stack([_log_rank(part) for part in parts]).mean()) + math.log(share)
     return lambda batch: (target - _log_rank(batch.coefficients.flatten(1))).clamp_min(0)
 
 
 def _log_rank(x: Tensor) -> Tensor:
-    """Log of the effective rank of rows (N, D): entropy of the shares of variance in principal directions."""
-    covariance = torch.cov(x.T).reshape(x.shape[1], x.shape[1])  # a single column has none of its own
-    values = torch.linalg.eigvalsh(covariance).clamp_min(0)
+    """Log of the effective rank of rows (N, D): entropy of their principal directions' shares of the squares.
+
+    No mean is taken off, so that it is one of the directions.
+    """
+    values = torch.linalg.eigvalsh(x.T @ x / len(x)).clamp_min(0)
     share = (values / values.sum().clamp_min(torch.finfo(x.dtype).tiny)).clamp_min(_TINY)
     return -(share * share.log()).sum()

@@ -1,7 +1,5 @@
 """How good a generator is, measured with the true physics and not with the surrogates."""
 
-from collections.abc import Mapping, Sequence
-
 import torch
 from torch import Tensor
 
@@ -10,17 +8,15 @@ from sidegan.design.fidelity import beyond, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,
-    TorqueNoise,
     random_motions,
     sampled,
     wanted_torques,
 )
 from sidegan.design.problem import Problem
+from sidegan.gan.reward import noises
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
-_TINY = 1e-12  # a valid share that is not none
-_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
 _POOL, _DRAWS = 200, 100  # valid trajectories from which sets are drawn, and how many of these
 
 
@@ -58,27 +54,10 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor)
     """
     body, motions = constraints.body, random_motions(Problem(constraints, trajectory))
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
-    equal = torch.ones(body.joints, dtype=torch.float64)
-    noises = TorqueNoise.proportional(_LEVEL, equal), TorqueNoise.constant(body, _SHARE)
     errors: dict[str, float] = {}
-    for name, noise in zip(("error", "error_constant"), noises):
+    for name, noise in zip(("error", "error_constant"), noises(body).values()):
         predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_tensor(torch.inf)
         if len(c) >= TOGETHER:
             nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)
         errors |= {name: float(nmse.mean()), f"{name}_geometric": float(nmse.log().mean().exp())}
     return errors
-
-
-def kept_epoch(history: Sequence[Mapping[str, float]], least_valid: float | None) -> int:
-    """Index of the epoch whose generator is kept.
-
-    The validity of a surrogate's trajectories is traded for excitation epoch by epoch, more or less of it in
-    each training. Where that trade stops is set here: of the epochs whose valid share is at least
-    ``least_valid`` of the best one's, the one with the smallest condition number of its valid trajectories.
-    The last one where that is None, or where no epoch made anything valid.
-    """
-    best = max(row["success"] for row in history)
-    if least_valid is None or best == 0:
-        return len(history) - 1
-    reliable = [i for i, row in enumerate(history) if row["success"] >= max(least_valid * best, _TINY)]
-    return min(reliable, key=lambda i: history[i]["condition_valid"])

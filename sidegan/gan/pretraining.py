@@ -14,6 +14,7 @@ from sidegan.base.storage import read_torch, write_task
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import Labelled, blend, label
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor
+from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogate
 from sidegan.gan.trainer import Progress, Shuffled, fit
@@ -43,7 +44,8 @@ class Pretraining:
         sources = self.seeds[: self._learnt], self.negatives[:-_HELD_OUT_NEGATIVES]
         count, random = -(-self.settings.samples // SHARES), torch.Generator().manual_seed(seed)
         samples, steps = blend(*sources, count, random), self.settings.margin_steps
-        return label(self.constraints, self.trajectory, samples, steps, progress)
+        energies = Energies(self.constraints, self.trajectory, self.seeds)
+        return label(self.constraints, self.trajectory, samples, steps, progress, energies)
 
     def train_success(
         self, labelled: Labelled, folder: Path, seed: int, progress: Report
@@ -70,7 +72,7 @@ class Pretraining:
     def train_features(
         self, features: str, labelled: Labelled, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
-        """Held-out mean R² of the converter to ``spectrum`` or ``diagonal``, which is left in ``folder``."""
+        """Held-out mean R² of the converter to some features, which is left in ``folder``."""
         data, held, random = _begin(labelled, seed)
         target = getattr(data, features)
         sizes = {"width": self.settings.width, "steps": self.settings.feature_steps}

@@ -27,7 +27,7 @@ class RollOut(nn.Module):
 
     def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
-        self.higher = tuple(arm.higher_limits)
+        self.steps, self.higher = steps, tuple(arm.higher_limits)
         self.linear = 2 + len(self.higher)
         self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)

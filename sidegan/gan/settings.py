@@ -1,19 +1,27 @@
 """Settings of the variants and of the surrogates that they learn from."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Positive, Share, Size, Width
-from sidegan.design.objectives import Term
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.errors import ConfigError
 
 Name = Literal[
-    "Vanilla", "Eigen", "Diagonal", "Exact", "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"
+    "Vanilla",
+    "Eigen",
+    "Diagonal",
+    "Predicting",
+    "Exact",
+    "PublishedVanilla",
+    "PublishedEigen",
+    "PublishedDiagonal",
 ]
 Beta = Annotated[float, Field(ge=0, lt=1)]
-_FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal"}  # of YᵀY, that a variant's converter predicts
+# Of YᵀY, that a variant's converter predicts.
+_FEATURES = {"Eigen": "spectrum", "Diagonal": "diagonal", "Predicting": "energies"}
 _SIDE = ("features", "success", "fitness")
 _LACKING = {  # losses that a variant does not have
     "Vanilla": _SIDE,
@@ -27,7 +35,8 @@ class Weights:
     """Weights of the generator's losses, which are off unless a variant's file says otherwise.
 
     ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others
-    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions.
+    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions
+    from home, ``offset`` in what all have in common.
     """
 
     adversarial: NonNegative = 0.0
@@ -36,13 +45,35 @@ class Weights:
     fitness: NonNegative = 0.0
     distance: NonNegative = 0.0
     rank: NonNegative = 0.0
+    offset: NonNegative = 0.0
+
+
+@dataclass(frozen=True)
+class Refresh:
+    """How surrogates go on learning from what the generator makes, before every epoch."""
+
+    samples: Size  # new ones, labelled by the true physics
+    window: Count  # epochs whose samples are learned from
+    steps: Natural  # of batches of 100
+    learning_rate: Positive
+
+
+@dataclass(frozen=True)
+class Reward:
+    """What counts how much, of the errors of torques that models predict, by the noise of identification."""
+
+    proportional: NonNegative  # in proportion to the torque, as the paper has it, with equal weights
+    constant: NonNegative  # of a share of each joint's torque limit, by which the joints are weighted
+
+    def __post_init__(self) -> None:
+        if not self.proportional + self.constant:
+            raise ConfigError("reward.proportional and reward.constant are 0, expected one of them above it")
 
 
 @dataclass(frozen=True)
 class ExactPhysics:
     """Exact physics in place of the surrogates."""
 
-    terms: dict[str, Term]  # what weights.fitness weighs
     samples: Size  # time points per period
     # For what happens between the time points; position and velocity limits hold anyway.
     reserve: Share  # of each torque limit, and four times that share of 0.25 m as clearance
@@ -71,13 +102,16 @@ class Variant:
     generator_steps: Count  # per discriminator step
     fitness_start: Natural  # first epoch in which the fitness loss counts
     learning_rate: Positive
+    last_rate: Share  # of the learning rate, to which it falls along half a cosine
     betas: tuple[Beta, Beta]  # of Adam
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
-    # The kept epoch is the most exciting of those whose valid share, by true physics, is at least this share
-    # of the best epoch's; null: the last one.
-    least_valid: Share | None
     limited: bool  # position and velocity limits hold by construction
+    boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
+    refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
+    diversity: Part = 1.0  # share of the seeds' distance and rank at which the floors lie
+    corrections: Natural = 0  # networks that correct a trajectory by what it does over time
     exact: ExactPhysics | None = None  # of Exact
+    reward: Reward | None = None  # of Exact and Predicting
     published: Published | None = None  # of the published ones
 
     def __post_init__(self) -> None:
@@ -88,17 +122,25 @@ class Variant:
             raise ConfigError(
                 f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
             )
-        for group, named in (("exact", not self.seeded), ("published", "Published" in self.variant)):
+        groups = {
+            "exact": not self.seeded,
+            "reward": self.variant in ("Exact", "Predicting"),
+            "published": "Published" in self.variant,
+        }
+        for group, named in groups.items():
             if (getattr(self, group) is not None) != named:
                 raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
-        if self.published is not None and self.gaussian_start:
-            raise ConfigError("the published networks have no gaussian_start: set it false")
-        sizes = [term.together for term in self.exact.terms.values()] if self.exact is not None else [1]
-        if not 1 <= max(sizes, default=0) <= self.batch:
-            raise ConfigError(
-                f"the objectives exact.terms are of {sizes} trajectories together, expected one or "
-                f"more of them, none of more than batch={self.batch}"
-            )
+        if self.refresh is not None and (self.published is not None or not self.features):
+            raise ConfigError(f"{self.variant} has no surrogates that could go on learning: set refresh null")
+        for option in ("gaussian_start", "boxed", "corrections"):
+            if self.published is not None and getattr(self, option):
+                nothing = "0" if option == "corrections" else "false"
+                raise ConfigError(f"the published networks have no {option}: set it {nothing}")
+
+    def rate(self, share: float) -> float:
+        """Learning rate when a share of the training is done."""
+        fallen = (1 - math.cos(math.pi * share)) / 2
+        return self.learning_rate * (1 + (self.last_rate - 1) * fallen)
 
     @property
     def seeded(self) -> bool:
@@ -107,7 +149,7 @@ class Variant:
 
     @property
     def features(self) -> str | None:
-        """Features that a converter predicts for the variant: ``spectrum``, ``diagonal``, or None.
+        """Features that a converter predicts for the variant: a key of ``Labelled``, or None.
 
         A variant with features learns from a success predictor too.
         """

@@ -1,8 +1,10 @@
 """SIDE-GAN: the adversarial loop, once for all variants."""
 
 from abc import abstractmethod
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import pytorch_lightning as pl
@@ -11,8 +13,10 @@ from torch import Tensor
 
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.losses import Adversary, Batch, Loss, missing_distance, missing_rank
+from sidegan.gan.limits import Box
+from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import Generator
+from sidegan.gan.reward import Energies
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Variant
 from sidegan.motion.trajectory import Trajectory
@@ -27,8 +31,9 @@ class Data:
     trajectory: Trajectory  # the family of trajectories
     # Coefficients [rad/s], (N, J, H, 2); of ``training.random_trajectories`` for Exact, which needs none.
     seeds: Tensor
-    success_predictor: Any = None  # a frozen network, where the variant has features; None elsewhere
+    success_predictor: Any = None  # a trained network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
+    box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
 
 
 class SideGAN(pl.LightningModule):
@@ -45,29 +50,32 @@ class SideGAN(pl.LightningModule):
 
     Args:
         settings: of the variant.
-        data: seeds, and frozen surrogates for a variant that learns from them.
+        data: seeds, and trained surrogates for a variant that learns from them.
         name: of what is trained, for messages.
     """
 
     share = 1.0  # of the training that is done
+    energies: Energies | None = None  # that a converter predicts, where it does
 
     def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
         super().__init__()
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
         self.generator = self.make_generator()
-        self.success_predictor, self.converter = data.success_predictor, data.converter
+        # Copies, since they may go on learning.
+        self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
     def make_generator(self) -> TrajectoryGenerator:
         """The generator before its training, with the scale of the seeds."""
-        settings, family, seeds = self.settings, self.data.trajectory, self.data.seeds
+        settings, family, box = self.settings, self.data.trajectory, self.data.box
         joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
+        seeds = self.data.seeds if box is None else Box(box).free(self.data.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
         arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, settings.limited)
+        return TrajectoryGenerator(network, scaling, family, arm, settings.limited, box, settings.corrections)
 
     @abstractmethod
     def losses(self) -> list[Loss]:
@@ -75,15 +83,18 @@ class SideGAN(pl.LightningModule):
 
     @cached_property
     def floors(self) -> list[Loss]:
-        """Losses of every variant: a batch is as diverse as seeds, on the average and in directions."""
-        weights, seeds = self.settings.weights, self.data.seeds
-        distance, rank = missing_distance(seeds), missing_rank(seeds, self.settings.batch)
-        return [Loss(weights.distance, distance), Loss(weights.rank, rank)]
+        """Losses of every variant: a batch is as diverse as seeds."""
+        weights, seeds, share = self.settings.weights, self.data.seeds, self.settings.diversity
+        return [
+            Loss(weights.distance, missing_distance(seeds, share)),
+            Loss(weights.rank, missing_rank(seeds, self.settings.batch, share)),
+            Loss(weights.offset, common_offset(seeds)),
+        ]
 
     @property
     def adversaries(self) -> list[Adversary]:
-        """Discriminators."""
-        return [module for module in self.children() if isinstance(module, Adversary)]
+        """Discriminators whose loss counts."""
+        return [loss.value for loss in self.losses() if loss.weight and isinstance(loss.value, Adversary)]
 
     @property
     def steps(self) -> int:
@@ -92,9 +103,9 @@ class SideGAN(pl.LightningModule):
 
     def forward(self, count: int) -> Batch:
         """So many new trajectories, as losses see them."""
-        images = self.generator.network.sample(count)
+        images = self.generator.images(count)
         c = self.generator.coefficients(images)
-        if self.generator.limits is not None:
+        if self.generator.limits is not None or self.generator.box is not None:
             images = self.generator.scaling.image(c)
         return Batch(c, images, self.convert)
 
@@ -107,9 +118,11 @@ class SideGAN(pl.LightningModule):
         rows = batch[0]
         optimisers = self.optimizers()
         generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
+        self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
+        for group in chain.from_iterable(one.param_groups for one in (generator, *critics)):
+            group["lr"] = self.settings.rate(self.share)
         for optimiser in critics:
             self._step(optimiser, self.adversary_loss(rows))
-        self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
 
@@ -143,7 +156,7 @@ class SideGAN(pl.LightningModule):
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for the generator, and for the discriminators where there are any."""
         critics = [parameter for one in self.adversaries for parameter in one.parameters()]
-        learning = [list(self.generator.network.parameters()), critics]
+        learning = [list(self.generator.parameters()), critics]
         rate, betas = self.settings.learning_rate, self.settings.betas
         fused = self.device.type != "mps"  # one pass over all weights: five times as fast
         return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in learning if weights]

@@ -14,7 +14,9 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.metrics import kept_epoch, measure
+from sidegan.gan.limits import Box
+from sidegan.gan.metrics import measure
+from sidegan.gan.refresh import Refreshed
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.trainer import fit
@@ -28,11 +30,10 @@ _RANDOM = 2000  # random trajectories that a variant without seeds starts from
 
 @dataclass(frozen=True)
 class Trained:
-    """A trained generator and its metrics after every epoch."""
+    """A trained generator, that of the last epoch, and its metrics after every epoch."""
 
     generator: TrajectoryGenerator
     history: list[dict[str, float]]
-    epoch: int  # index in the history of the one whose generator this is
     samples: Tensor  # images drawn after every epoch, (E · n, 2, …); empty where none were asked for
 
 
@@ -64,21 +65,20 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
     batches = DataLoader(rows, settings.batch, sampler=order)
-    fit(model, batches, settings.epochs, [Measured(run)], run.work, run.device)
+    refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
+    fit(model, batches, settings.epochs, [*refresh, Measured(run)], run.work, run.device)
     files = [_left(run, epoch) for epoch in range(settings.epochs)]
     history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_torch, files)))
-    kept = kept_epoch(history, settings.least_valid)
-    model.generator.network.load_state_dict(read_torch(files[kept])["weights"])
-    return Trained(model.generator.eval(), list(history), kept, torch.cat(samples))
+    return Trained(model.generator.eval(), list(history), torch.cat(samples))
 
 
 def _left(run: Run, epoch: int) -> Path:
-    """File of the generator's weights after an epoch, of its metrics, and of what was drawn then."""
+    """File of a generator's metrics after an epoch, and of what was drawn then."""
     return run.work / f"epoch-{epoch}.pt"
 
 
 class Measured(pl.Callback):
-    """True physics of what a generator makes after every epoch, left in a file with its weights then."""
+    """True physics of what a generator makes after every epoch, left in a file."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -94,14 +94,15 @@ class Measured(pl.Callback):
         data = pl_module.data
         seeds = data.seeds if pl_module.settings.seeded else None
         metrics = measure(data.constraints, data.trajectory, c, seeds)
-        samples = generator.network.sample(run.samples, noise).cpu() if run.samples else torch.empty(0)
-        left = {"weights": generator.network.state_dict(), "metrics": metrics, "samples": samples}
-        write_torch(_left(run, epoch), left)
+        samples = generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0)
+        write_torch(_left(run, epoch), {"metrics": metrics, "samples": samples})
         run.progress(epoch + 1, trainer.max_epochs or 0)
 
 
-def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: int) -> Tensor:
-    """Random trajectories that use all of their limits on motion, (N, J, H, 2) [rad/s].
+def random_trajectories(
+    constraints: Constraints, trajectory: Trajectory, seed: int, box: float | None = None
+) -> Tensor:
+    """Random trajectories that use all of their limits on motion, in a box, (N, J, H, 2) [rad/s].
 
     What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
 
@@ -118,4 +119,4 @@ def random_trajectories(constraints: Constraints, trajectory: Trajectory, seed: 
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
             f"{_SMALL:.0%} of their limits on motion, {summarise_faults(verdict.faults())}"
         )
-    return c
+    return c if box is None else Box(box)(c)

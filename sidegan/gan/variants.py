@@ -4,6 +4,8 @@ The latter are written by the facts of the code that accompanies Jegorova et al.
 (``seeds.published.REPOSITORY``); where that and the text differ, by the code.
 """
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -16,12 +18,13 @@ from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss
 from sidegan.gan.networks import Discriminator
 from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
+from sidegan.gan.reward import Energies, Worth, noises
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.motion.dynamics import gram
 from sidegan.seeds.published import Layout
 
-_EASE, _EASED = 0.1, 0.67  # share from which the weight of violations grows, and of a training over which
+_EASE, _EASED = 0.1, 0.4  # share from which the weight of violations grows, and of a training over which
 _CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
 _GROWTH = 0.06  # of the published weight of success, per epoch from that on in which fitness counts
 _TINY = 1e-12
@@ -85,36 +88,69 @@ class Diagonal(Eigen):
     """Losses of ``Eigen``, on the diagonal of YᵀY in place of its eigenvalues."""
 
 
+class Predicting(Eigen):
+    """Valid trajectories, rewarded by a converter for how well sets of them predict torques."""
+
+    energies: Energies
+
+    def seeds_features(self) -> Tensor:
+        """Features of the seeds, (N, K): their true energies, standardised as the converter's are."""
+        self.energies = Energies(self.data.constraints, self.data.trajectory, self.data.seeds)
+        return self.converter.standardise(self.energies(self.data.seeds))
+
+    def fitness(self, batch: Batch) -> Tensor:
+        """Minus the mean log worth for prediction, by predicted energies."""
+        reward, logs = self.settings.reward, self.converter.log_features(batch.features)
+        if reward is None:
+            raise ConfigError(f"{self.name} needs settings reward")
+        return -self.energies.worth(logs, reward)
+
+
 class Exact(SideGAN):
-    """Exact physics of the arm in place of seeds, discriminators and surrogates.
+    """Exact physics of the arm in place of seeds, discriminators and surrogates; rewarded for prediction.
 
     The seeds of its data are random trajectories, of which it has scale and diversity.
     """
 
     def __init__(self, settings: Variant, data: Data, name: str = "exact") -> None:
         super().__init__(settings, data, name)
-        if settings.exact is None:
-            raise ConfigError(f"{name} needs settings exact")
-        self.exact = settings.exact
-        self.problem = Problem(data.constraints, data.trajectory, self.exact.samples)
+        if settings.exact is None or settings.reward is None:
+            raise ConfigError(f"{name} needs settings exact and reward")
+        self.problem = Problem(data.constraints, data.trajectory, settings.exact.samples)
+        weighed = [
+            (getattr(settings.reward, name), noise) for name, noise in noises(self.problem.body).items()
+        ]
+        self.worths = [(weight, Worth(self.problem, noise)) for weight, noise in weighed if weight]
         # The limits on motion hold by the generator's last layer.
-        reserve = self.exact.reserve
+        reserve = settings.exact.reserve
         self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
 
     def losses(self) -> list[Loss]:
-        """Violation of the constraints, whose weight grows geometrically, and exact objectives."""
+        """Violation of the constraints, whose weight grows geometrically, and worth for prediction."""
         weights, ease = self.settings.weights, _EASE ** (1 - min(1.0, self.share / _EASED))
-        return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.objective)]
+        return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.fitness)]
 
     def violation(self, batch: Batch) -> Tensor:
         """Mean squared relative violation of the constraints, with a reserve."""
         c = batch.coefficients
         return physics.violation(self.problem, c, self.penalty).to(c).mean()
 
-    def objective(self, batch: Batch) -> Tensor:
-        """Sum of the objectives; the smaller, the better."""
-        c = batch.coefficients
-        return torch.stack([term(self.problem, c) for term in self.exact.terms.values()]).sum().to(c)
+    def fitness(self, batch: Batch) -> Tensor:
+        """Minus the mean log worth for prediction: the noises share the batch, each with its weight."""
+        parts = batch.coefficients.chunk(len(self.worths))
+        values = [weight * worth(part).mean() for part, (weight, worth) in zip(parts, self.worths)]
+        return -torch.stack(values).sum().to(batch.coefficients)
+
+    def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Keep the running means of what the generator makes, too."""
+        super().on_save_checkpoint(checkpoint)
+        checkpoint["worths"] = [(worth.means, worth.seen) for _, worth in self.worths]
+
+    def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
+        """Go on with them."""
+        super().on_load_checkpoint(checkpoint)
+        for (_, worth), kept in zip(self.worths, checkpoint["worths"]):
+            worth.means, worth.seen = kept
 
 
 class PublishedVanilla(Vanilla):
@@ -182,5 +218,14 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
 
 VARIANTS: dict[str, type[SideGAN]] = {
     one.__name__: one
-    for one in (Vanilla, Eigen, Diagonal, Exact, PublishedVanilla, PublishedEigen, PublishedDiagonal)
+    for one in (
+        Vanilla,
+        Eigen,
+        Diagonal,
+        Predicting,
+        Exact,
+        PublishedVanilla,
+        PublishedEigen,
+        PublishedDiagonal,
+    )
 }

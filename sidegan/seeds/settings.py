@@ -4,6 +4,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from torch import Tensor
+
 from sidegan.base.typed import Count, Positive, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -15,6 +17,8 @@ from sidegan.seeds.result import Optimiser
 from sidegan.validity import Constraints
 
 _NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
+_OPTIONAL = {("published", "box")}
+_ROUNDING = 1e-6  # of coefficients in single precision
 _OWN = ("reserve", "ants", "evaluations", "box")  # of one method each
 
 
@@ -32,7 +36,9 @@ class Seeds:
     reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
-    box: Positive | None = None  # paper only: largest absolute coefficient [rad/s]
+    # Largest absolute coefficient [rad/s], of seeds and of generators that learn from them. Not of gradient;
+    # null for published seeds of others, who had none.
+    box: Positive | None = None
     strongest: Count | None = None  # eigenvalues that the eigenvalue fitness counts; null: all of them
     folder: str | None = None  # published only: of the files
     shipped: str | None = None  # paper only: a file beside the settings, of seeds that they made before
@@ -40,7 +46,7 @@ class Seeds:
     def __post_init__(self) -> None:
         for name in _OWN:
             needed = name in _NEEDED[self.method]
-            if (getattr(self, name) is not None) != needed:
+            if (self.method, name) not in _OPTIONAL and (getattr(self, name) is not None) != needed:
                 verb = "needs" if needed else "does not have"
                 raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
         if self.method != "paper" and (self.strongest, self.shipped) != (None, None):
@@ -59,6 +65,15 @@ class Seeds:
     def published(self) -> PublishedSeeds:
         """The published seeds."""
         return PublishedSeeds(Path(self.folder or ""))
+
+    def refuse_beyond(self, c: Tensor) -> None:
+        """Refuse coefficients [rad/s] beyond the box.
+
+        Raises:
+            ConfigError: says how far they reach.
+        """
+        if self.box is not None and (most := float(c.abs().max())) > (1 + _ROUNDING) * self.box:
+            raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is without")
 
     @property
     def optimiser(self) -> Optimiser:

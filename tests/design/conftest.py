@@ -1,9 +1,12 @@
-"""Problems, matrices and trajectories that tests of the room share."""
+"""Problems, matrices, trajectories and an oracle that tests of the room share."""
+
+import math
 
 import pytest
 import torch
 
 from sidegan.design.problem import Problem
+from sidegan.kernels import HIGHEST, HOPELESS, LOWEST, SHARPNESS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
 
@@ -63,3 +66,12 @@ def by_autograd(function):
         return value.detach(), torch.autograd.grad(value, c)[0]
 
     return both
+
+
+def log_condition(x):
+    """Logarithm of the smooth largest over the smooth smallest of values, ascending, (B, p) → (B,)."""
+    positive = x[:, -1:] > 0
+    values = torch.where(positive, torch.maximum(x, x[:, -1:] / HOPELESS), 1.0)
+    low, high = values[:, :LOWEST].log(), values[:, -HIGHEST:].log()
+    ends = torch.logsumexp(-SHARPNESS * low, 1) + torch.logsumexp(SHARPNESS * high, 1)
+    return torch.where(positive[:, 0], ends / SHARPNESS, math.log(HOPELESS))

@@ -7,7 +7,6 @@ import torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective
-from sidegan.design.objectives import log_condition
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
@@ -16,6 +15,7 @@ from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_chain
 
 from .cases import CASES
+from .conftest import log_condition
 
 PENALTY = Penalty(300.0, 0.1, 0.1, 0.8)
 REFINE = 3

@@ -9,6 +9,7 @@ from sidegan.design.prediction import (
     SAMPLES,
     Prediction,
     TorqueNoise,
+    error_slope,
     inverse_of,
     random_motions,
     wanted_torques,
@@ -78,6 +79,30 @@ def test_what_nothing_excites_is_not_known(planar_problem):
     assert (rest > 0.1 * nothing).all() and rest.isfinite().all()
     moving = random_motions(planar_problem, 4, seed=1)
     assert (ours.of_draws(moving, 4, 1)[0] < 1e-2 * rest).all()
+
+
+@pytest.mark.parametrize("constant", [False, True])
+def test_the_slope_of_the_error_agrees_with_finite_differences(problem, constant):
+    """Of half the mean logarithm of the joints' errors and half the logarithm of their mean."""
+    c, tests = random_motions(problem, 30, seed=1), random_motions(problem, 5, 0.8, seed=2)
+    noise = TorqueNoise.constant(problem.body, 0.01) if constant else equal(problem)
+    ours = replace(predicting(problem, tests, noise), least=0.0)
+    information, spread = ours.informations(c)
+    mean, mean_noise = information.mean(0), spread.mean(0)
+    directions, shares = error_slope(ours.wanted, mean, mean_noise)
+    size = len(mean)
+    torch.testing.assert_close(directions.T @ mean @ directions, torch.eye(size).double(), rtol=0, atol=1e-6)
+
+    def error(step, one):
+        nmse = ours.nmse((mean + step * one)[None], mean_noise[None])[0]
+        return float(nmse.log().mean() + nmse.mean().log()) / 2
+
+    parts = torch.einsum("pk,bpq,qk->bk", directions, information[:4], directions) @ shares
+    for one, part in zip(information, parts):
+        slope = (error(1e-5, one) - error(-1e-5, one)) / 2e-5
+        assert slope == pytest.approx(-2 * float(part), rel=0.02 if not constant else 1e-4)
+    assert float(shares.sum()) == pytest.approx(1, rel=0.02 if not constant else 1e-6)
+    assert (shares.diff() <= 0).all()
 
 
 def test_an_arm_without_limits_has_noise_of_a_share_of_its_largest_torques(arm):

@@ -7,14 +7,11 @@ from functools import partial
 import pytest
 import torch
 
-from sidegan.base.typed import build
 from sidegan.design.criteria import condition_of
 from sidegan.design.excitation import effective_rank, excite, mean_distance, nearest_distance
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
-from sidegan.design.objectives import Term
 from sidegan.design.optimal import a_optimal, d_optimal
-from sidegan.design.physics import SetInformation, spectrum
 from sidegan.design.selection import Selection
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody
@@ -73,31 +70,16 @@ def test_coefficients_that_cannot_be_are_refused(planar, measure):
 @pytest.mark.parametrize("noise", [[1.0], [1.0, 0.0], [1.0, NAN], [1.0] * 3])
 def test_noise_that_cannot_be_is_refused(planar_problem, random, noise):
     c = planar_problem.start(2, random)
-    for work in (
-        lambda: information_of(planar_problem.body, planar_problem.trajectory, c, noise=noise),
-        lambda: spectrum(SetInformation(planar_problem, 1, noise), c),
-    ):
-        with pytest.raises(ShapeError, match="expected 2 positive deviations"):
-            work()
+    with pytest.raises(ShapeError, match="expected 2 positive deviations"):
+        information_of(planar_problem.body, planar_problem.trajectory, c, noise=noise)
 
 
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: build(Term, {"objective": "fame"}), "objective is 'fame', expected 'log_condition'"),
-        (lambda: build(Term, {"objective": "d_optimal", "together": 0}), "together is 0"),
-        (lambda: build(Term, {"objective": "d_optimal", "noise": [1.0, 0.0]}), r"noise\[1\] is 0"),
-        (lambda: Selection(5, "greedy", [3.0, 0.5]), "greedy score knows no noise"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(make, words):
-    with pytest.raises(ConfigError, match=words):
-        make()
+def test_a_score_without_noise_is_refused_one():
+    with pytest.raises(ConfigError, match="greedy score knows no noise"):
+        Selection(5, "greedy", [3.0, 0.5])
 
 
-def test_sets_and_samples_that_cannot_be_are_refused(planar_problem, random):
-    with pytest.raises(ShapeError, match="batch of 5 trajectories does not fall into sets of 2"):
-        spectrum(SetInformation(planar_problem, 2), planar_problem.start(5, random))
+def test_samples_that_cannot_be_are_refused(planar_problem):
     for harmonics in (1, 2, 6, 9):
         problem = partial(replace, planar_problem, trajectory=Trajectory(2, harmonics))
         assert problem(samples=2 * harmonics + 1).samples

@@ -11,7 +11,7 @@ from sidegan.gan.labels import Labelled
 from sidegan.gan.networks import Generator
 from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.settings import Weights
+from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.gan.variants import VARIANTS
@@ -21,8 +21,9 @@ from tests.tiny import tiny
 
 STEPS = 32  # time points that the surrogates see
 SMALL = {"epochs": 3, "steps": 2, "batch": 32, "noise": 20, "width": 32}
-NONE = Weights(adversarial=0, features=0, success=0, fitness=0, distance=0, rank=0)
-FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, distance=1, rank=1)
+NONE = Weights()
+FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, distance=1, rank=1, offset=1)
+REFRESH = Refresh(samples=40, window=2, steps=5, learning_rate=1e-3)
 
 
 def random(seed=0):
@@ -34,12 +35,12 @@ def normal(family, seed=0, scale=1.0, count=8):
     return scale * torch.randn(count, *family.shape, generator=random(seed))
 
 
-def untrained(arm, family, start, limited=False):
+def untrained(arm, family, start, limited=False, box=None, corrections=0):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm, limited).eval()
+    return TrajectoryGenerator(network, scaling, family, arm, limited, box, corrections).eval()
 
 
 @pytest.fixture(scope="session")
@@ -74,7 +75,7 @@ def pretrained(constraints, family, seeds, wild, tmp_path_factory):
     labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
     assert 0.15 < float(labelled.valid.double().mean()) < 0.85  # or there would be nothing to learn
     report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))
-    for name in ("spectrum", "diagonal"):
+    for name in ("spectrum", "diagonal", "energies"):
         report |= made.train_features(name, labelled, folder, 0, lambda *_: None)
     return folder, report, told[-1]
 
@@ -88,7 +89,14 @@ def vanilla():
 @pytest.fixture(scope="session")
 def full():
     """A small variant with every loss."""
-    return replace(tiny().gan["diagonal"], weights=FULL, **SMALL)
+    return replace(tiny().gan["diagonal"], weights=FULL, refresh=REFRESH, **SMALL)
+
+
+@pytest.fixture(scope="session")
+def predicting():
+    """A small variant that is rewarded for prediction by surrogates, and corrected."""
+    made = tiny("gan=prediction").gan["prediction"]
+    return replace(made, weights=FULL, refresh=REFRESH, fitness_start=0, **SMALL)
 
 
 @pytest.fixture(scope="session")
@@ -96,10 +104,8 @@ def exact():
     """A small variant with exact physics."""
     made = tiny("gan=exact").gan["exact"]
     sizes = {"epochs": 3, "steps": 60, "batch": 64, "noise": 12, "width": 64}
-    terms = {"single": made.exact.terms["single"]}
-    physics = replace(made.exact, terms=terms, samples=24, reserve=0.03)
-    weights = replace(made.weights, success=1000, rank=20)
-    return replace(made, weights=weights, exact=physics, **sizes)
+    physics = replace(made.exact, samples=24, reserve=0.03)
+    return replace(made, exact=physics, **sizes)
 
 
 @pytest.fixture(scope="session")
@@ -110,7 +116,12 @@ def data(constraints, family, seeds):
 @pytest.fixture(scope="session")
 def taught(data, pretrained, full):
     """The same data with surrogates."""
-    predictor, converter = load_surrogates(pretrained[0], full, data.constraints.arm, data.trajectory)
+    return with_surrogates(data, pretrained, full)
+
+
+def with_surrogates(data, pretrained, variant):
+    """Data with the surrogates that a variant learns from."""
+    predictor, converter = load_surrogates(pretrained[0], variant, data.constraints.arm, data.trajectory)
     return replace(data, success_predictor=predictor, converter=converter)
 
 

@@ -13,10 +13,16 @@ def generator(planar, family, seeds):
     return untrained(planar, family, seeds)
 
 
+@pytest.mark.parametrize("corrections", [0, 2])
+@pytest.mark.parametrize("box", [None, 0.3])
 @pytest.mark.parametrize("names", [None, [], ["acceleration", "jerk"]])
-def test_a_saved_generator_gives_identical_samples(family, seeds, names, tmp_path):
+def test_a_saved_generator_gives_identical_samples(family, seeds, names, box, corrections, tmp_path):
     arm = limited(load_robot("planar2"), names or [], 0.1)
-    generator = untrained(arm, family, seeds, names is not None)
+    generator = untrained(arm, family, seeds, names is not None, box, corrections)
+    plain = generator.sample(20, 5)
+    for correction in generator.corrections:
+        torch.nn.init.normal_(correction.layers[-1].weight, std=0.1)
+    assert torch.equal(generator.sample(20, 5), plain) == (not corrections)
     generator.save(tmp_path / "generator.pt")
     loaded = TrajectoryGenerator.load(tmp_path / "generator.pt", arm)
     assert torch.equal(loaded.sample(20, 5), generator.sample(20, 5))
@@ -32,10 +38,10 @@ def test_samples_follow_their_seed(generator):
     assert (generator.sample(6, stream) != a).any()  # a stream goes on
 
 
-@pytest.mark.parametrize("change", [lambda c: torch.zeros(3), lambda c: [1, 2], lambda c: c | {"format": 5}])
+@pytest.mark.parametrize("change", [lambda c: torch.zeros(3), lambda c: [1, 2], lambda c: c | {"format": 7}])
 def test_a_foreign_file_is_refused(generator, planar, change, tmp_path):
     path = tmp_path / "g.pt"
     generator.save(path)
     torch.save(change(torch.load(path)), path)
-    with pytest.raises(ArtifactError, match="does not hold a trajectory generator of format 6"):
+    with pytest.raises(ArtifactError, match="does not hold a trajectory generator of format 8"):
         TrajectoryGenerator.load(path, planar)

@@ -44,5 +44,8 @@ def test_labels_are_exact(constraints, family, seeds, wild):
     torch.testing.assert_close(made.spectrum, excitation.spectrum)
     torch.testing.assert_close(made.diagonal, excitation.diagonal)
     torch.testing.assert_close(made.margins, scaled_margins(constraints, family, c, STEPS))
+    assert made.energies.shape == (300, 0)
+    logs = label(constraints, family, c, STEPS, lambda *_: None, lambda x: x.flatten(1)).energies
+    torch.testing.assert_close(logs, c.flatten(1))
     seen = made.margins.amin((1, 2)) < -1e-6
     assert seen.any() and not made.valid[seen].any()

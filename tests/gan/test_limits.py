@@ -1,10 +1,10 @@
-"""A last layer that keeps the limits on motion, of acceleration and jerk too where there are any."""
+"""Last layers that keep the limits on motion, of acceleration and jerk too where there are any, and a box."""
 
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sidegan.gan.limits import LimitLayer
+from sidegan.gan.limits import Box, LimitLayer
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, load_robot
 from sidegan.validity import Constraints, check
@@ -57,3 +57,21 @@ def test_the_slope_is_finite_at_rest_and_far_out():
     c = torch.cat([normal(family, 0, 0.0, 2), normal(family, 0, 1e6, 2)]).requires_grad_(True)
     (slope,) = torch.autograd.grad(LimitLayer(ARM, family)(c).square().sum(), c)
     assert torch.isfinite(slope).all()
+
+
+@given(st.floats(1e-3, 10), st.floats(-4, 6), st.integers(0, 10_000))
+def test_whatever_comes_in_the_box_holds_and_what_was_in_it_comes_back(size, scale, seed):
+    family, box = Trajectory(2, 4, 8.0), Box(size)
+    free = normal(family, seed, size * 10**scale)
+    c = box(free)
+    assert c.double().abs().max() <= size
+    again = box(box.free(c))
+    assert (again - c).abs().max() <= 0.031 * size  # what is nearly on the box moves a little into it
+    within = c.abs() < 0.96 * size
+    torch.testing.assert_close(again[within], c[within], rtol=1e-3, atol=1e-5 * size)
+
+
+def test_limits_on_motion_hold_in_the_box_too():
+    family = Trajectory(2, 4, 30.0)
+    c = LimitLayer(ARM, family)(Box(2.0)(normal(family, 0, 100.0))).double()
+    assert hold(ARM, family, c, []) and c.abs().max() <= 2

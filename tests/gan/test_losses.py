@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.gan.losses import Batch, missing_distance, missing_rank
+from sidegan.gan.losses import Batch, common_offset, missing_distance, missing_rank
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
 from sidegan.gan.variants import Exact
-from tests.gan.conftest import random
+from tests.gan.conftest import FULL, NONE, random
 
 
 def test_losses_are_their_closed_forms(made, full):
@@ -41,15 +41,22 @@ def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatc
         torch.manual_seed(2)
         batch = model(32)
         losses = [*model.losses(), *model.floors]
-        assert len(losses) == 6 and losses[3].weight == (epoch > 0)
+        assert len(losses) == 7 and losses[3].weight == (epoch > 0)
         parts = [weight * float(value(batch).detach()) for weight, value in losses]
         assert found[-1] == pytest.approx(sum(parts), rel=1e-5)
     assert found[1] > found[0] + 0.1
 
 
+def test_discriminators_that_do_not_count_do_not_learn(made, full):
+    for weights, count in ((FULL, 2), (replace(FULL, features=0), 1), (NONE, 0)):
+        model = made(replace(full, weights=weights))
+        assert len(model.adversaries) == count
+        assert len(model.configure_optimizers()) == 1 + (count > 0)
+
+
 def test_the_weight_of_violations_grows_geometrically(data, exact):
     model, weights = Exact(exact, data), []
-    for model.share in (0.0, 0.335, 0.67, 1.0):
+    for model.share in (0.0, 0.2, 0.4, 1.0):
         weights.append(model.losses()[0].weight / exact.weights.success)
     assert weights == pytest.approx([0.1, 0.1**0.5, 1, 1])
 
@@ -77,9 +84,23 @@ def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
     assert loss(flat.detach() - 0.5 * slope / slope.norm()) < value
 
 
+def test_what_all_have_in_common_costs_where_distances_cannot_see_it(seeds):
+    c = seeds[:100].float()
+    offset, rank, distance = common_offset(seeds), missing_rank(seeds, 100), missing_distance(seeds)
+    shifted = c + 3 * c.std(0)
+    assert loss_of(offset)(c) < 0.01 and loss_of(rank)(c) < 0.05
+    assert float(loss_of(distance)(shifted) - loss_of(distance)(c)) == pytest.approx(0, abs=1e-5)
+    assert loss_of(offset)(shifted) > 0.5 and loss_of(rank)(shifted) > 0.5
+    copies = c[:1].expand(20, *c.shape[1:])
+    assert float(loss_of(offset)(copies)) == pytest.approx(1, abs=0.01)
+    opposed = torch.cat([c, -c])  # nothing in common
+    assert loss_of(offset)(opposed) == 0
+
+
 def test_a_collapsed_batch_gives_a_finite_slope(seeds):
     noise = torch.randn(20, *seeds.shape[1:], generator=random())
     c = (seeds[:1].float() + 1e-6 * noise).requires_grad_(True)
-    value = sum(loss_of(one)(c) for one in (missing_distance(seeds), missing_rank(seeds, 20)))
+    floors = missing_distance(seeds), missing_rank(seeds, 20), common_offset(seeds)
+    value = sum(loss_of(one)(c) for one in floors)
     (slope,) = torch.autograd.grad(value, c)
     assert torch.isfinite(value) and torch.isfinite(slope).all() and slope.abs().max() > 0

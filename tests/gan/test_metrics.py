@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from sidegan.design.excitation import excite
-from sidegan.gan.metrics import expected_errors, kept_epoch, measure
+from sidegan.gan.metrics import expected_errors, measure
 
 
 def test_seeds_are_valid_and_diverse(constraints, family, seeds):
@@ -48,21 +48,3 @@ def test_what_is_not_there_is_not_a_number(constraints, family, seeds):
     invalid = measure(constraints, family, 20 * seeds[:20])
     assert invalid["success"] == 0
     assert math.isnan(invalid["condition_valid"]) and not math.isnan(invalid["condition"])
-
-
-def epochs(*rows):
-    return [{"success": success, "condition_valid": condition} for success, condition in rows]
-
-
-def test_the_kept_epoch_is_the_most_exciting_of_those_as_reliable_as_the_best():
-    history = epochs((0.5, 300.0), (1.0, 900.0), (0.92, 700.0), (0.95, 800.0), (0.6, 400.0))
-    assert kept_epoch(history, 0.9) == 2
-    assert kept_epoch(history, 0.55) == 4
-    assert kept_epoch(history, 1.0) == 1
-    assert kept_epoch(history, None) == 4
-
-
-def test_where_nothing_was_valid_the_last_epoch_is_kept():
-    nan = float("nan")
-    assert kept_epoch(epochs((0.0, nan), (0.0, nan)), 0.9) == 1
-    assert kept_epoch(epochs((0.0, nan), (0.3, 500.0), (0.0, nan)), 0.0) == 1

@@ -5,6 +5,7 @@ import torch
 
 from sidegan.errors import ArtifactError
 from sidegan.gan.pretraining import load_surrogates
+from sidegan.gan.settings import Reward
 from sidegan.motion.trajectory import Trajectory
 
 
@@ -12,12 +13,13 @@ def test_surrogates_learn_validity_and_features(pretrained):
     _, report, last = pretrained
     assert last == (440, 440)  # 40 epochs of 1020 samples
     assert report["accuracy_broad"] > 0.9 and report["accuracy_paper"] > 0.9
-    assert report["r2_diagonal"] > 0.8 and 0.5 < report["r2_spectrum"] < 1
+    assert report["r2_diagonal"] > 0.8 and report["r2_energies"] > 0.8 and 0.5 < report["r2_spectrum"] < 1
 
 
-@pytest.mark.parametrize("kind", ["Eigen", "Diagonal"])
+@pytest.mark.parametrize("kind", ["Eigen", "Diagonal", "Predicting"])
 def test_trained_surrogates_are_loaded_as_they_were(pretrained, planar, family, seeds, full, kind):
-    variant, c = replace(full, variant=kind), seeds[:5].float()
+    reward = Reward(1.0, 1.0) if kind == "Predicting" else None
+    variant, c = replace(full, variant=kind, reward=reward), seeds[:5].float()
     loaded, again = (load_surrogates(pretrained[0], variant, planar, family) for _ in range(2))
     for network, twin in zip(loaded, again):
         assert not any(p.requires_grad for p in network.parameters()) and not network.training

@@ -18,6 +18,7 @@ from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeds.published import WEIGHTS, Layout
 from sidegan.validity import Constraints, check
+from tests.gan.conftest import REFRESH
 from tests.golden.make import DATA
 from tests.tiny import tiny
 
@@ -97,8 +98,11 @@ def test_other_images_are_refused(variants, planar, tmp_path):
     data = Data(Constraints(planar), family, torch.rand(9, *family.shape))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
         train(variants["vanilla"], data, Run("x", 0, tmp_path))
-    with pytest.raises(ConfigError, match="have no gaussian_start: set it false"):
-        replace(variants["eigen"], gaussian_start=True)
+    for option in ("gaussian_start", "boxed"):
+        with pytest.raises(ConfigError, match=f"have no {option}: set it false"):
+            replace(variants["eigen"], **{option: True})
+    with pytest.raises(ConfigError, match="PublishedEigen has no surrogates that could go on learning"):
+        replace(variants["eigen"], refresh=REFRESH)
 
 
 def test_batches_are_normalised_by_themselves_and_samples_of_every_epoch_are_left(vanilla):

@@ -6,35 +6,37 @@ import pytest
 import torch
 
 from sidegan.base.typed import build
-from sidegan.design.objectives import Term
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError, SideganError
 from sidegan.gan import TrajectoryGenerator, Variant
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.validity import Constraints, Plane
-from tests.gan.conftest import NONE, untrained
+from tests.gan.conftest import NONE, REFRESH, untrained
 
-SINGLE = asdict(Term("log_condition", 1.0, 1))
-MANY = {**SINGLE, "together": 99}
-PHYSICS = {"terms": {"single": SINGLE}, "samples": 9, "reserve": 0}
+PHYSICS, REWARD = {"samples": 9, "reserve": 0}, {"proportional": 1, "constant": 0}
 FIT = asdict(replace(NONE, fitness=1))
-EXACT = {"variant": "Exact", "exact": PHYSICS, "weights": asdict(NONE)}
+EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdict(NONE)}
 
 
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"variant": "Colour"}, "variant is 'Colour', expected 'Vanilla', 'Eigen', 'Diagonal', 'Exact', 'P"),
+        ({"variant": "Colour"}, "variant is 'Colour', expected 'Vanilla', 'Eigen', 'Diagonal', 'Predicting'"),
         ({"weights": FIT}, "Vanilla has no such loss: weights.fitness must be 0"),
         ({"epochs": 0}, "epochs is 0"),
         ({"betas": [0.5, 1]}, "betas[1] is 1, expected a number < 1"),
         ({"batch": 1}, "batch is 1, expected a whole number ≥ 2"),
         ({"variant": "Eigen", "weights": FIT, "fitness_start": 9, "epochs": 9}, "after the last of 9 ep"),
-        ({**EXACT, "exact": {**PHYSICS, "terms": {}}}, "exact.terms are of [] trajectories together"),
+        ({**EXACT, "reward": None}, "Exact needs settings reward"),
+        ({**EXACT, "reward": {**REWARD, "proportional": 0}}, "are 0, expected one of them above it"),
+        ({"reward": REWARD}, "Vanilla has no settings reward"),
+        ({"variant": "Predicting"}, "Predicting needs settings reward"),
+        ({"diversity": 0}, "diversity is 0"),
         ({**EXACT, "exact": None}, "Exact needs settings exact"),
         ({"exact": PHYSICS}, "Vanilla has no settings exact"),
         ({"published": {"fitness": "ratio"}}, "Vanilla has no settings published"),
+        ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates that could go on learning"),
+        ({"last_rate": 1.1}, "last_rate is 1.1, expected a number ≤ 1"),
         ({"variant": "PublishedVanilla"}, "PublishedVanilla needs settings published"),
-        ({**EXACT, "exact": {**PHYSICS, "terms": {"set": MANY}}}, "none of more than batch=32"),
     ],
 )
 def test_impossible_variants(vanilla, settings, words):

@@ -19,11 +19,11 @@ from torch import Tensor
 
 from sidegan.design.excitation import excitation_of
 from sidegan.design.greedy import greedy
-from sidegan.design.information import information_of
+from sidegan.design.information import information_of, weighted_gram
 from sidegan.design.objective import value_and_gradient
-from sidegan.design.objectives import Term
 from sidegan.design.optimal import a_optimal, d_optimal
 from sidegan.design.penalty import Penalty
+from sidegan.design.physics import energies
 from sidegan.design.problem import Problem
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
@@ -94,7 +94,7 @@ def numbers(problem: Problem, c: Tensor) -> dict[str, np.ndarray]:
         found[f"{kind}_value"], found[f"{kind}_slopes"] = value_and_gradient(problem, c, penalty)
     found["diagonal_slopes"] = value_and_gradient(replace(problem, diagonal=True), c, None)[1]
     x = c.clone().requires_grad_(True)
-    goal = Term("d_optimal", together=2, noise=[1.0 + k for k in range(body.joints)])(problem, x)
+    goal = _volume(problem, x)
     found["goal"], found["goal_slopes"] = goal.detach(), torch.autograd.grad(goal, x)[0]
     states = [part.flatten(0, 1) for part in trajectory.roll_out(c, trajectory.times(20))[1:]]
     noise = torch.from_numpy(draw(2, *states[0].shape))
@@ -108,6 +108,19 @@ def numbers(problem: Problem, c: Tensor) -> dict[str, np.ndarray]:
     found |= {f"states_{key}": x.amin(0) for key, x in problem.constraints.margins(*states).items()}
     found |= {f"least_{key}": x for key, x in check(problem.constraints, trajectory, c).margins.items()}
     return {key: x.numpy() for key, x in found.items()}
+
+
+def _volume(problem: Problem, c: Tensor) -> Tensor:
+    """Minus the mean log eigenvalue of the weighted information of pairs, 0-dimensional."""
+    weights = 1 / torch.arange(1.0, 1 + problem.body.joints, dtype=torch.float64)
+    subspace, logs = problem.body.base.subspace, []
+    for pair in c.split(2):
+        whole = weighted_gram(problem.body, problem.trajectory, pair.detach(), problem.samples, weights).sum(
+            0
+        )
+        directions = subspace @ torch.linalg.eigh(subspace.T @ whole @ subspace)[1]
+        logs.append(energies(problem, pair, directions, weights).sum(0).log())
+    return -torch.stack(logs).mean()
 
 
 def picks(problem: Problem, gain: np.ndarray) -> dict[str, np.ndarray]:

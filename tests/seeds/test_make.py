@@ -120,3 +120,11 @@ def test_a_folder_is_part_of_what_makes_published_seeds_alone():
 def test_settings_of_another_method_are_refused(words, method, options):
     with pytest.raises(ConfigError, match=words):
         Seeds(method, **COMMON, **options)
+
+
+def test_published_seeds_may_have_a_box_which_they_keep():
+    published = Seeds("published", **COMMON, folder="there", box=0.2)
+    published.refuse_beyond(torch.tensor([0.2 * (1 + 1e-7), -0.1]))
+    with pytest.raises(ConfigError, match=r"seeds reach 0\.3 rad/s, beyond seeds\.box=0\.2; null is without"):
+        published.refuse_beyond(torch.tensor([-0.3, 0.1]))
+    replace(published, box=None).refuse_beyond(torch.tensor([9.0]))

@@ -48,11 +48,16 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
         partial(_train, name=name, training=training, variant=variant),
         (taught(task) if variant.seeded else {})
         | asdict(variant)
-        | {"evaluation": task.cfg.evaluation}
+        | {"evaluation": task.cfg.evaluation, "box": _box(task, variant)}
         | ({"samples": samples} if samples else {}),
         inputs,
         training=training,
     )
+
+
+def _box(task: Task, variant: Variant) -> float | None:
+    """Largest absolute coefficient [rad/s] that a generator may yield; None where it may yield any."""
+    return task.cfg.seeds.box if variant.boxed else None
 
 
 def _samples(task: Task, variant: Variant) -> int:
@@ -96,11 +101,13 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     from sidegan.gan.training import Run, random_trajectories, train
 
     seed, evaluation = task.number(f"gan {name}", training), task.cfg.evaluation
+    box = _box(task, variant)
     if variant.seeded:
         seeds = training_seeds(task).coefficients
+        task.cfg.seeds.refuse_beyond(seeds)
     else:
-        seeds = random_trajectories(task.constraints, task.trajectory, seed)
-    data = Data(task.constraints, task.trajectory, seeds)
+        seeds = random_trajectories(task.constraints, task.trajectory, seed, box)
+    data = Data(task.constraints, task.trajectory, seeds, box=box)
     if variant.features:
         folder = task.store.require(surrogates(task))
         predictor, converter = load_surrogates(folder, variant, task.arm, task.trajectory)
@@ -111,8 +118,7 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
     if samples:
         write_torch(build.folder / SAMPLES, trained.samples)
     write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
-    kept = {"kept_epoch": trained.epoch + 1, **trained.history[trained.epoch]}
-    write_json(build.folder / REPORT, finite(kept))
+    write_json(build.folder / REPORT, finite(trained.history[-1]))
 
 
 def _pretrain_published(task: Task, build: Build, settings: PublishedSurrogates) -> None:
@@ -150,7 +156,7 @@ def _pretrain(task: Task, build: Build, settings: SurrogateSettings) -> None:
     shares = [partial(pretraining.label, task.number(f"labels {share}")) for share in range(SHARES)]
     labelled = Labelled.join(run_jobs("labels", shares, workers, settings.samples))
     jobs: list[Job] = [partial(pretraining.train_success, labelled, build.folder, task.number("success"))]
-    for name in ("spectrum", "diagonal"):
+    for name in ("spectrum", "diagonal", "energies"):
         jobs.append(partial(pretraining.train_features, name, labelled, build.folder, task.number(name)))
     _report(build, run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs)))
 

@@ -1,0 +1,73 @@
+"""Surrogates that go on learning during a training, from what the generator makes at that time."""
+
+from itertools import chain
+from typing import Any
+
+import pytorch_lightning as pl
+import torch
+
+from sidegan.gan.labels import Labelled, label
+from sidegan.gan.settings import Refresh
+from sidegan.gan.side_gan import SideGAN
+
+_BATCH = 100
+
+
+class Refreshed(pl.Callback):
+    """Surrogates taught anew before every epoch, by exact labels of new samples and of those before.
+
+    A generator goes where frozen surrogates are wrong: what it then makes is what they learn from here. A
+    checkpoint holds all of it, so that an interrupted training goes on as it would have.
+    """
+
+    def __init__(self, settings: Refresh, seed: int) -> None:
+        self.settings = settings
+        self.random = torch.Generator().manual_seed(-1 - seed)  # unlike that of weights and batches
+        self.window: list[Labelled] = []  # of the last epochs
+
+    def setup(self, trainer: pl.Trainer, pl_module: SideGAN, stage: str) -> None:  # type: ignore[override]
+        """Begin with an optimiser at rest."""
+        self.surrogates = (pl_module.success_predictor, pl_module.converter)
+        self.adam = torch.optim.Adam(
+            chain(*(one.parameters() for one in self.surrogates)), self.settings.learning_rate
+        )
+
+    def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
+        """Label new samples, and take some steps on those of the last epochs."""
+        data, settings, (predictor, converter) = pl_module.data, self.settings, self.surrogates
+        c = pl_module.generator.sample(settings.samples, self.random)
+        made = label(
+            data.constraints,
+            data.trajectory,
+            c,
+            predictor.roll_out.steps,
+            lambda *_: None,
+            pl_module.energies,
+        )
+        self.window = [*self.window, made][-settings.window :]
+        every = Labelled.join(self.window)
+        target = converter.standardise(getattr(every, str(pl_module.settings.features)))
+        for network in self.surrogates:
+            network.requires_grad_(True)
+        for _ in range(settings.steps):
+            rows = torch.randint(len(every.c), (_BATCH,), generator=self.random)
+            c, margins, valid, features = (
+                x[rows].to(pl_module.device) for x in (every.c, every.margins, every.valid, target)
+            )
+            loss = predictor.training_step([c, margins, valid], 0) + converter.training_step([c, features], 0)
+            self.adam.zero_grad()
+            loss.backward()
+            self.adam.step()
+        for network in self.surrogates:
+            network.freeze()
+
+    def state_dict(self) -> dict[str, Any]:
+        """What a checkpoint needs to go on."""
+        window = [tuple(one) for one in self.window]
+        return {"adam": self.adam.state_dict(), "window": window, "random": self.random.get_state()}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Go on from a checkpoint."""
+        self.adam.load_state_dict(state_dict["adam"])
+        self.window = [Labelled(*one) for one in state_dict["window"]]
+        self.random.set_state(state_dict["random"].cpu())

@@ -1,0 +1,110 @@
+"""What trajectories are worth for the prediction of torques anywhere within the limits on motion."""
+
+import torch
+from torch import Tensor
+
+from sidegan.design.physics import energies
+from sidegan.design.prediction import (
+    Prediction,
+    TorqueNoise,
+    error_slope,
+    random_motions,
+    sampled,
+    wanted_torques,
+)
+from sidegan.design.problem import Problem
+from sidegan.gan.settings import Reward
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Constraints
+
+_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
+_MOTIONS, _STREAM = 60, 7  # random motions that are to be predicted; those of tests and metrics are others
+_FEW = 8  # trajectories of a batch that count for the running means
+_FORGETTING = 0.02  # share of these in the means, once there were enough
+_DIRECTIONS = 24  # that count, those with the largest shares of the error
+_SEEDS = 200  # that these are of
+
+
+def noises(body: RigidBody) -> dict[str, TorqueNoise]:
+    """Noise on torques under which a model is identified, by the names in ``settings.Reward``."""
+    equal = torch.ones(body.joints, dtype=torch.float64)
+    return {
+        "proportional": TorqueNoise.proportional(_LEVEL, equal),
+        "constant": TorqueNoise.constant(body, _SHARE),
+    }
+
+
+class Worth:
+    """How much less the expected error of a generator's sets is by each of its trajectories.
+
+    The slope of the error in a set's information is taken at running means of what the generator makes: what
+    is known already counts ever less.
+
+    Args:
+        problem: of which the trajectories are.
+        noise: under which a model is identified from them.
+    """
+
+    def __init__(self, problem: Problem, noise: TorqueNoise) -> None:
+        body, family, motions = (
+            problem.body,
+            problem.trajectory,
+            random_motions(problem, _MOTIONS, seed=_STREAM),
+        )
+        wanted, times = wanted_torques(body, family, motions, sampled(family)), family.grid(problem.samples)
+        self.problem = problem
+        self.prediction = Prediction(body, family, wanted, noise, times, 1 / len(times))
+        self.means, self.seen = torch.zeros(2, *wanted.shape[1:], dtype=torch.float64), 0
+
+    def __call__(self, c: Tensor) -> Tensor:
+        """Log worth of coefficients [rad/s] (B, J, H, 2) beside that of the running means, (B,) float64."""
+        self.learn(c[:_FEW].detach())
+        directions, shares = self.slope
+        return (energies(self.problem, c, directions, self.prediction.noise.weights) @ shares).log()
+
+    def learn(self, c: Tensor) -> None:
+        """Take trajectories into the running means of information and noise."""
+        new, self.seen = torch.stack([x.mean(0) for x in self.prediction.informations(c)]), self.seen + 1
+        self.means = torch.lerp(self.means, new, max(_FORGETTING, 1 / self.seen))
+
+    @property
+    def slope(self) -> tuple[Tensor, Tensor]:
+        """Directions (p, K) in which the error falls most, and their shares, (K,)."""
+        directions, shares = error_slope(self.prediction.wanted, *self.means)
+        return directions[:, :_DIRECTIONS], shares[:_DIRECTIONS] / shares[:_DIRECTIONS].sum()
+
+
+class Energies:
+    """Energies of trajectories in the directions in which the seeds' expected errors fall, for a converter.
+
+    Args:
+        constraints: of the arm in its workspace.
+        trajectory: the family of trajectories.
+        seeds: coefficients [rad/s], (N, J, H, 2).
+    """
+
+    def __init__(self, constraints: Constraints, trajectory: Trajectory, seeds: Tensor) -> None:
+        self.problem = Problem(constraints, trajectory, len(sampled(trajectory)))
+        self.parts: dict[str, tuple[Tensor, Tensor, Tensor]] = {}
+        for name, noise in noises(constraints.body).items():
+            worth = Worth(self.problem, noise)
+            worth.learn(seeds[:_SEEDS])
+            self.parts[name] = *worth.slope, noise.weights
+
+    @torch.no_grad()
+    def __call__(self, c: Tensor) -> Tensor:
+        """Energies under one noise after the other, (N, K) float64, about one for the seeds."""
+        return torch.cat([energies(self.problem, c, v, w) for v, _, w in self.parts.values()], 1)
+
+    def worth(self, logs: Tensor, reward: Reward) -> Tensor:
+        """Mean log worth by the logarithms of energies, (B, K); 0-dimensional.
+
+        In these directions the error is about Σ b / x̄ with the mean energies x̄, its slope b / x̄².
+        """
+        total, sizes = logs.new_zeros(()), [len(shares) for _, shares, _ in self.parts.values()]
+        for x, (name, (_, shares, _)) in zip(logs.exp().split(sizes, 1), self.parts.items()):
+            mean = x.mean(0).detach()
+            slope = shares.to(x) / mean.square()
+            total = total + getattr(reward, name) * (x @ slope / (mean @ slope)).log().mean()
+        return total
