@@ -14,6 +14,7 @@ from sidegan.design.excitation import mean_distance
 
 _PAIRS = 500  # seeds whose mean distance stands for all
 _BATCHES = 8  # of seeds, whose mean rank stands for that of any batch
+_IN_COMMON = 0.03  # mean cosine between trajectories, at most
 _TINY = 1e-9  # share of the squares below which a direction does not count
 
 
@@ -76,9 +77,10 @@ def missing_distance(seeds: Tensor, share: float = 1.0) -> Value:
 def common_offset(seeds: Tensor) -> Value:
     """Mean cosine between two trajectories beyond that of the seeds: of what all of a batch have in common.
 
-    Distances and covariances cannot see it.
+    Distances and covariances cannot see it. Where home is at the edge of a range seeds may have more in common
+    than a generator needs.
     """
-    most = _mean_cosine(seeds.double().flatten(1)).clamp_min(0)
+    most = _mean_cosine(seeds.double().flatten(1)).clamp(0, _IN_COMMON)
     return lambda batch: (_mean_cosine(batch.coefficients.flatten(1)) - most).clamp_min(0)
 
 

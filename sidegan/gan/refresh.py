@@ -24,13 +24,15 @@ class Refreshed(pl.Callback):
         self.settings = settings
         self.random = torch.Generator().manual_seed(-1 - seed)  # unlike that of weights and batches
         self.window: list[Labelled] = []  # of the last epochs
+        self.saved: dict[str, Any] | None = None  # state of the optimiser in a checkpoint
 
-    def setup(self, trainer: pl.Trainer, pl_module: SideGAN, stage: str) -> None:  # type: ignore[override]
-        """Begin with an optimiser at rest."""
+    def on_train_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
+        """Begin with an optimiser at rest, or as it was; the surrogates are on their device by now."""
         self.surrogates = (pl_module.success_predictor, pl_module.converter)
-        self.adam = torch.optim.Adam(
-            chain(*(one.parameters() for one in self.surrogates)), self.settings.learning_rate
-        )
+        weights = chain(*(one.parameters() for one in self.surrogates))
+        self.adam = torch.optim.Adam(weights, self.settings.learning_rate)
+        if self.saved is not None:
+            self.adam.load_state_dict(self.saved)
 
     def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Label new samples, and take some steps on those of the last epochs."""
@@ -46,15 +48,15 @@ class Refreshed(pl.Callback):
         )
         self.window = [*self.window, made][-settings.window :]
         every = Labelled.join(self.window)
-        target = converter.standardise(getattr(every, str(pl_module.settings.features)))
+        features = getattr(every, str(pl_module.settings.features)).float()
+        labels = [x.to(pl_module.device) for x in (every.c, every.margins, every.valid, features)]
         for network in self.surrogates:
             network.requires_grad_(True)
         for _ in range(settings.steps):
             rows = torch.randint(len(every.c), (_BATCH,), generator=self.random)
-            c, margins, valid, features = (
-                x[rows].to(pl_module.device) for x in (every.c, every.margins, every.valid, target)
-            )
-            loss = predictor.training_step([c, margins, valid], 0) + converter.training_step([c, features], 0)
+            c, margins, valid, features = (x[rows] for x in labels)
+            loss = predictor.training_step([c, margins, valid], 0)
+            loss = loss + converter.training_step([c, converter.standardise(features)], 0)
             self.adam.zero_grad()
             loss.backward()
             self.adam.step()
@@ -68,6 +70,6 @@ class Refreshed(pl.Callback):
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
-        self.adam.load_state_dict(state_dict["adam"])
+        self.saved = state_dict["adam"]
         self.window = [Labelled(*one) for one in state_dict["window"]]
         self.random.set_state(state_dict["random"].cpu())

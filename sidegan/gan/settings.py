@@ -107,6 +107,7 @@ class Variant:
     gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
     limited: bool  # position and velocity limits hold by construction
     boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
+    reserve: Share = 0.0  # of each limit, and of 0.1 m, that is kept free where the success predictor judges
     refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
     diversity: Part = 1.0  # share of the seeds' distance and rank at which the floors lie
     corrections: Natural = 0  # networks that correct a trajectory by what it does over time

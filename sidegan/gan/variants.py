@@ -75,8 +75,10 @@ class Eigen(Vanilla):
         ]
 
     def failure(self, batch: Batch) -> Tensor:
-        """Minus the mean log probability of being valid."""
-        return -self.success_predictor(batch.coefficients).mean()
+        """Minus the mean log probability of being valid with the reserve."""
+        predictor = self.success_predictor
+        margins = predictor.margins(batch.coefficients) - self.settings.reserve
+        return -predictor.log_probability(margins).mean()
 
     def fitness(self, batch: Batch) -> Tensor:
         """Mean log ratio of the largest to the smallest predicted feature."""

@@ -19,7 +19,7 @@ def test_losses_are_their_closed_forms(made, full):
     logs = converter.log_features(converter(c))
     expected = [
         -torch.log(first(batch.images).sigmoid()).mean(),  # D1
-        -predictor(c).mean(),
+        -predictor.log_probability(predictor.margins(c) - full.reserve).mean(),
         -torch.log(second(converter(c)).sigmoid()).mean(),  # D2
         (logs.amax(1) - logs.amin(1)).mean(),
     ]

@@ -26,7 +26,7 @@ def test_they_come_to_know_what_the_generator_makes(made, full, taught):
 
     before = known()
     refreshed = Refreshed(replace(REFRESH, samples=400, steps=60), 0)
-    refreshed.setup(SimpleNamespace(), model, "fit")
+    refreshed.on_train_start(SimpleNamespace(), model)
     for _ in range(3):
         refreshed.on_train_epoch_start(SimpleNamespace(), model)
     after = known()
