@@ -77,8 +77,8 @@ def missing_distance(seeds: Tensor, share: float = 1.0) -> Value:
 def common_offset(seeds: Tensor) -> Value:
     """Mean cosine between two trajectories beyond that of the seeds: of what all of a batch have in common.
 
-    Distances and covariances cannot see it. Where home is at the edge of a range seeds may have more in common
-    than a generator needs.
+    Distances and covariances cannot see it. Where home is at the edge of a range seeds may have more in
+    common than a generator needs.
     """
     most = _mean_cosine(seeds.double().flatten(1)).clamp(0, _IN_COMMON)
     return lambda batch: (_mean_cosine(batch.coefficients.flatten(1)) - most).clamp_min(0)
