@@ -25,7 +25,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
-# Random trajectories that a variant without seeds starts from, and the share of their limits that they use.
+# Random trajectories that a variant without seeds starts from, and the share of their limits that they use,
+# which leaves room to grow; what lies in a box uses all of them, since it is cut.
 _RANDOM, _REACH = 2000, 0.6
 
 
@@ -113,8 +114,9 @@ def random_trajectories(
     problem = Problem(constraints, trajectory)
     coordinates = Coordinates.of(problem)
     noise = torch.Generator().manual_seed(seed)
-    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, _REACH))
-    verdict = check(constraints, trajectory, _SMALL / _REACH * c[:_TRIED])
+    reach = _REACH if box is None else 1.0
+    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, reach))
+    verdict = check(constraints, trajectory, _SMALL / reach * c[:_TRIED])
     if not verdict.valid.any():
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
