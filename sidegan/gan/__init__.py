@@ -1,10 +1,12 @@
 """SIDE-GAN, after figure 1 of the paper; the only door to Lightning.
 
     generator                    networks.Generator; with its scale and limits generator.TrajectoryGenerator
+    … that looks at the motion   correction.Correction
     discriminators, both         networks.Discriminator; with its examples losses.Adversary
     success predictor            surrogates.SuccessPredictor
     converter to the spectrum    surrogates.Converter
     … that go on learning        refresh.Refreshed
+    … to what predicts torques   reward.Energies; by exact physics reward.Worth
     losses                       functions in losses; which a variant adds is in variants
     the adversarial loop         side_gan.SideGAN.training_step; training.train runs it
 

@@ -68,9 +68,9 @@ class Adversary(nn.Module):
         return softplus(-on_real).mean() + softplus(on_fake).mean()
 
 
-def missing_distance(seeds: Tensor, share: float = 1.0) -> Value:
-    """Missing share of the mean distance between two trajectories, 0 when it is that share of the seeds'."""
-    target = share * mean_distance(seeds.double().flatten(1)[:_PAIRS])
+def missing_distance(seeds: Tensor) -> Value:
+    """Missing share of the mean distance between two trajectories, 0 when it is that of the seeds."""
+    target = mean_distance(seeds.double().flatten(1)[:_PAIRS])
     return lambda batch: (1 - torch.pdist(batch.coefficients.flatten(1)).mean() / target).clamp_min(0)
 
 

@@ -109,7 +109,7 @@ class Variant:
     boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
     reserve: Share = 0.0  # of each limit, and of 0.1 m, that is kept free where the success predictor judges
     refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
-    diversity: Part = 1.0  # share of the seeds' distance and rank at which the floors lie
+    diversity: Part = 1.0  # share of the seeds' rank at which its floor lies
     corrections: Natural = 0  # networks that correct a trajectory by what it does over time
     exact: ExactPhysics | None = None  # of Exact
     reward: Reward | None = None  # of Exact and Predicting

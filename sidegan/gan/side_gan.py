@@ -86,7 +86,7 @@ class SideGAN(pl.LightningModule):
         """Losses of every variant: a batch is as diverse as seeds."""
         weights, seeds, share = self.settings.weights, self.data.seeds, self.settings.diversity
         return [
-            Loss(weights.distance, missing_distance(seeds, share)),
+            Loss(weights.distance, missing_distance(seeds)),
             Loss(weights.rank, missing_rank(seeds, self.settings.batch, share)),
             Loss(weights.offset, common_offset(seeds)),
         ]

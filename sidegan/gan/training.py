@@ -25,7 +25,9 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
-_RANDOM = 2000  # random trajectories that a variant without seeds starts from
+# Random trajectories that a variant without seeds starts from, and the share of their limits that they use,
+# which leaves room to grow; what lies in a box uses all of them, since it is cut.
+_RANDOM, _REACH = 2000, 0.6
 
 
 @dataclass(frozen=True)
@@ -102,7 +104,7 @@ class Measured(pl.Callback):
 def random_trajectories(
     constraints: Constraints, trajectory: Trajectory, seed: int, box: float | None = None
 ) -> Tensor:
-    """Random trajectories that use all of their limits on motion, in a box, (N, J, H, 2) [rad/s].
+    """Random trajectories that use much of their limits on motion, in a box, (N, J, H, 2) [rad/s].
 
     What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
 
@@ -112,8 +114,9 @@ def random_trajectories(
     problem = Problem(constraints, trajectory)
     coordinates = Coordinates.of(problem)
     noise = torch.Generator().manual_seed(seed)
-    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, 1.0))
-    verdict = check(constraints, trajectory, _SMALL * c[:_TRIED])
+    reach = _REACH if box is None else 1.0
+    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, reach))
+    verdict = check(constraints, trajectory, _SMALL / reach * c[:_TRIED])
     if not verdict.valid.any():
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "

@@ -10,6 +10,7 @@ _COLOURS = {
     "vanilla": "#7f7f7f",
     "eigen": "#1f77b4",
     "diagonal": "#d95f02",
+    "prediction": "#e7298a",
     "exact": "#1b9e77",
     "seeds": "#7b4fb5",
     "union": "#d4a200",

@@ -8,7 +8,7 @@ import pyarrow as pa
 
 from sidegan.base.names import plain
 
-_FIRST = ("random", "natural", "seeds", "vanilla", "eigen", "diagonal")
+_FIRST = ("random", "natural", "seeds", "vanilla", "eigen", "diagonal", "prediction")
 _SEARCH = "search-"  # of so many evaluations
 _AGAIN = "seeds ×"  # measured so often
 _SETS = {

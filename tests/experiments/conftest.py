@@ -7,7 +7,7 @@ from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
-OWN = ("~gan.exact",)  # which no claim is about
+OWN = ("~gan.exact", "~gan.prediction")  # which no claim is about
 
 
 @pytest.fixture(scope="session")

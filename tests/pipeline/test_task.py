@@ -31,7 +31,7 @@ def of(*variants, makers=("gan", "library", "measures", "selection", "identifica
     return {f"{maker}/{variant}" for maker in makers for variant in variants}
 
 
-LEARNING = ("vanilla", "eigen", "diagonal")  # from seeds
+LEARNING = ("vanilla", "eigen", "diagonal", "prediction")  # from seeds
 SETS = ("long-3", "long-12", "random", "seeds", "exact", *LEARNING)
 IDENTIFICATIONS, PLANTS = (of(*SETS, makers=[maker]) for maker in ("identification", "plant"))
 LONG = {"long/3", "long/12"} | of("long-3", "long-12", makers=["identification", "plant"])
@@ -51,7 +51,7 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
         ("gan.eigen.weights.fitness=7", of("eigen")),
         ("gan.diagonal.width=32", of("diagonal")),
         ("gan.vanilla.epochs=3", of("vanilla")),
-        ("surrogates.epochs=3", {"surrogates"} | of("eigen", "diagonal")),
+        ("surrogates.epochs=3", {"surrogates"} | of("eigen", "diagonal", "prediction")),
         ("long.steps=6", LONG),
         ("identification.noise.level=0.2", IDENTIFICATIONS | MEASURES),
         ("identification.constant=0.02", IDENTIFICATIONS | MEASURES),
