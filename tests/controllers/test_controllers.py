@@ -95,7 +95,7 @@ def first_command(text, standing, default=0.0):
     """What a joint trajectory controller commands first to an arm that stands somewhere; None if it aborts.
 
     ``update`` of joint_trajectory_controller.cpp samples the goal at its start: the first point, if that is
-    at time zero, else the arm's own position. It commands nothing if a joint is farther from that than its path
+    at time zero, else where the arm is. It commands nothing if a joint is farther from that than its path
     tolerance. A tolerance of zero, which is the usual default, is none, and one in the goal takes its place
     (``get_segment_tolerances``, ``check_state_tolerance_per_joint`` of tolerances.hpp).
     """
