@@ -46,12 +46,18 @@ def read(path):
     return json.loads(path.read_text())
 
 
-def test_the_set_was_rehearsed_and_a_slow_one_has_its_way_there(day):
-    folder, _ = day
+def test_the_set_was_rehearsed_and_a_slow_one_comes_first_with_its_way_there(day, monkeypatch):
+    folder, names = day
     assert len(pd.read_csv(folder / "set" / "rehearsal.csv")) == 4
     slow = pd.read_csv(folder / "slow" / "trajectories" / "1.csv")
     assert slow.time.iloc[-1] == pytest.approx(64)
-    assert (folder / "slow" / "trajectories" / "approach.csv").is_file()
+    page = PAGE.read_text(encoding="utf-8")
+    assert page.index("cd day/slow") < page.index("day/set/trajectories") and "send approach" in page
+    away = pd.read_parquet(folder / "slow.parquet").filter(regex="^q_").iloc[[0, -1]]
+    np.testing.assert_allclose(away, [names["stands"]] * 2, atol=5e-3)  # moved first, and back
+    monkeypatch.chdir(folder.parent)
+    with pytest.raises(ValueError, match="does not stand"):  # without the approach
+        names["reference"]("set/trajectories/1")
 
 
 def test_the_log_is_understood(day):

@@ -3,8 +3,9 @@
 import io
 import json
 import os
+import shutil
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,32 @@ def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             neighbour.unlink()
+
+
+@contextmanager
+def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]:
+    """Path of a new folder that takes the place of ``path`` when the block ends well.
+
+    What was in it and is not ``ours`` stays in it. After a failure ``path`` is what it was.
+    """
+    new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
+    with writing(path):
+        if old.exists() and not path.exists():  # a run was killed between the two renames below
+            old.rename(path)
+        for left in (new, old):
+            shutil.rmtree(left, ignore_errors=True)
+        new.mkdir(parents=True)
+    try:
+        yield new
+        with writing(path):
+            if path.exists():
+                for kept in (one for one in path.iterdir() if not (one.is_file() and ours(one))):
+                    (shutil.copytree if kept.is_dir() else shutil.copy2)(kept, new / kept.name)
+                path.rename(old)
+            new.rename(path)
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+    shutil.rmtree(old, ignore_errors=True)
 
 
 @contextmanager

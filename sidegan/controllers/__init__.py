@@ -2,8 +2,21 @@
 
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import POINTS, Course, least_rate, slower
-from sidegan.controllers.deliver import deliver
+from sidegan.controllers.deliver import APPROACH, RETURN, deliver
+from sidegan.controllers.ros2 import SHELL
 from sidegan.controllers.settings import Delivery
 from sidegan.controllers.urscript import SCRIPTED
 
-__all__ = ["POINTS", "SCRIPTED", "Course", "Delivery", "approach", "deliver", "least_rate", "slower"]
+__all__ = [
+    "APPROACH",
+    "POINTS",
+    "RETURN",
+    "SCRIPTED",
+    "SHELL",
+    "Course",
+    "Delivery",
+    "approach",
+    "deliver",
+    "least_rate",
+    "slower",
+]

@@ -1,11 +1,13 @@
 """The way from where an arm stands to where its trajectories begin, and back: straight, from rest to rest."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import torch
 from torch import Tensor
 
-from sidegan.controllers.course import Course
+from sidegan.controllers.course import POINTS, Course
+from sidegan.controllers.settings import Delivery
 from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -14,50 +16,97 @@ from sidegan.validity.straight import require_straight
 
 # Largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time that rests at both ends.
 _PEAKS = (15 / 8, 10 / 3**0.5, 60.0)
-_POINTS = 40  # of the course, at which torques are looked at
+_POINTS = 40  # of a course
+# Torques are looked at so often at least, and once per step [rad or m] that all joints together go; then
+# twice again in finer steps, near the largest.
+_TIMES, _STEP = 400, 0.01
+_ROUNDS, _NEAR, _FINER = 2, 0.99, 20
 _HOLDABLE = 0.999  # share of a torque limit that holds the arm, beyond which there is nothing left to move it
-_ROUNDING = 1 + 1e-9
+_ROUNDING = 1e-9
 _SHORTEST = 0.5  # [s]
 _CLOSER = "bring the arm closer to home by hand or by its own planner first"
 
 
-def approach(constraints: Constraints, start: Sequence[float], home: Sequence[float], use: float) -> Course:
+def approach(
+    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: Delivery
+) -> Course:
     """A course from one configuration [rad or m] to another on the straight way between them.
 
-    The joints move in step, on a quintic in time; the duration is the shortest, half a second at least, in
-    which no joint uses more than this share of its limits: of torque, to move the arm, beside what holds it.
+    The joints move in step, on a quintic in time. At the planned speed the duration is the shortest, half a
+    second at least, in which no joint uses more than a share of its limits (``careful``; of torque, to move
+    the arm, beside what holds it). It is a whole number of samples of the tables, rounded up.
 
     Raises:
         ShapeError: when an end is not one finite number per joint.
-        InfeasibleError: when the straight way is not free, or a joint cannot hold the arm on it, and what to
-            do.
+        InfeasibleError: when the straight way is not free, a joint cannot hold the arm on it, or it takes
+            longer than ``longest``, and what to do.
     """
-    arm = constraints.arm
+    arm, use = constraints.arm, settings.careful
     try:
         require_straight(constraints, start, home)
     except InfeasibleError as error:
         raise InfeasibleError(f"{error}; {_CLOSER}, then say where it is") from error
     ends = torch.tensor([list(start), list(home)], dtype=torch.float64)
-    duration = _shortest(arm, ends[1] - ends[0], use)
+    needed = _for_motion(arm, ends[1] - ends[0], use)
     if constraints.torque:
-        duration = max(duration, _bearable(constraints.body, _quintic(arm, ends, 1.0), use))
-    return _quintic(arm, ends, duration)
+        needed = torch.maximum(needed, _for_torque(constraints.body, ends, use))
+    planned = max(_SHORTEST, float(needed.max()) * (1 + _ROUNDING)) / settings.speed
+    samples = max(POINTS, math.ceil(planned * settings.rate * (1 - _ROUNDING)))
+    duration = samples / settings.rate
+    if duration > settings.longest:
+        raise InfeasibleError(
+            f"the way from controllers.start to home takes {duration:.0f} s, by {use:.0%} of what "
+            f"{arm.joint_names[int(needed.argmax())]} may do at {settings.speed:.0%} of the speed; "
+            f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share of "
+            f"the limits; or {_CLOSER}"
+        )
+    return _quintic(arm, ends, duration, torch.linspace(0, 1, _POINTS + 1, dtype=torch.float64))
 
 
-def _bearable(body: RigidBody, unit: Course, use: float) -> float:
-    """Duration [s] in which moving takes a share of the torque limits at most, and all torques stay in them.
+def _for_motion(arm: Arm, change: Tensor, use: float) -> Tensor:
+    """Duration [s] in which each joint uses a share of its limits of motion, (J,)."""
+    needed = torch.zeros_like(change)
+    limits = (arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit)
+    for order, (peak, limit) in enumerate(zip(_PEAKS, limits), start=1):
+        if limit is not None:
+            needed = torch.maximum(needed, (peak * change.abs() / (use * limit)) ** (1 / order))
+    return needed
+
+
+def _for_torque(body: RigidBody, ends: Tensor, use: float) -> Tensor:
+    """Duration [s] in which moving takes a share of each torque limit at most, and all torques stay in them.
 
     What moves the arm on the way of 1 s is divided by the square of the duration; what holds it stays.
 
     Raises:
         InfeasibleError: when holding the arm leaves nothing to move it, whatever the duration.
     """
-    still, limit = torch.zeros_like(unit.position), body.arm.torque_limit
-    held = body.torque(unit.position, still, still)
-    _refuse_heavy(body.arm, held.abs() / limit)
-    moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
-    left = torch.minimum(use * limit, limit - held * moving.sign())
-    return float((moving.abs() / left).max().sqrt()) * _ROUNDING
+    limit = body.arm.torque_limit
+
+    def share(times: Tensor) -> Tensor:
+        unit = _quintic(body.arm, ends, 1.0, times)
+        still = torch.zeros_like(unit.position)
+        held = body.torque(unit.position, still, still)
+        _refuse_heavy(body.arm, held.abs() / limit)
+        moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
+        return moving.abs() / torch.minimum(use * limit, limit - held * moving.sign())
+
+    count = max(_TIMES, math.ceil(float((ends[1] - ends[0]).abs().sum()) / _STEP))
+    return _largest(share, count).sqrt()
+
+
+def _largest(share: Callable[[Tensor], Tensor], count: int) -> Tensor:
+    """Largest value of each column of a smooth function of time, 0 to 1, that is looked at so often, (J,)."""
+    times, step = torch.linspace(0, 1, count + 1, dtype=torch.float64), 1 / count
+    found = share(times)
+    largest = found.amax(0)
+    for _ in range(_ROUNDS):
+        near = times[((found >= _NEAR * largest) & (largest > 0)).any(1)]
+        offsets = torch.linspace(-step, step, 2 * _FINER + 1, dtype=torch.float64)
+        times, step = (near[:, None] + offsets).flatten().clamp(0, 1).unique(), step / _FINER
+        found = share(times)
+        largest = torch.maximum(largest, found.amax(0))
+    return largest
 
 
 def _refuse_heavy(arm: Arm, share: Tensor) -> None:
@@ -71,17 +120,13 @@ def _refuse_heavy(arm: Arm, share: Tensor) -> None:
         )
 
 
-def _shortest(arm: Arm, change: Tensor, use: float) -> float:
-    """Duration [s] in which no joint uses more than a share of its limits of motion."""
-    limits = (arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit)
-    longest = _SHORTEST
-    for order, (peak, limit) in enumerate(zip(_PEAKS, limits), start=1):
-        if limit is not None:
-            needed = (peak * change.abs() / (use * limit)) ** (1 / order)
-            longest = max(longest, float(needed.max()))
-    return longest
-
-
-def _quintic(arm: Arm, ends: Tensor, duration: float) -> Course:
-    rest, time = torch.zeros_like(ends), torch.tensor([0.0, duration], dtype=torch.float64)
-    return Course(arm.joint_names, time, ends, rest, rest).sampled(_POINTS / duration)
+def _quintic(arm: Arm, ends: Tensor, duration: float, share: Tensor) -> Course:
+    """The way between ends (2, J) at shares of its duration [s], (T,)."""
+    s, change = share[:, None], ends[1] - ends[0]
+    return Course(
+        arm.joint_names,
+        duration * share,
+        torch.lerp(ends[0], ends[1], s**3 * (10 + s * (6 * s - 15))),
+        30 * (s * (1 - s)) ** 2 * change / duration,
+        60 * s * (1 - s) * (1 - 2 * s) * change / duration**2,
+    )

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import scipy  # its parts are imported when they are used
 import torch
@@ -40,16 +39,24 @@ class Course:
         """From the first to the last point [s]."""
         return float(self.time[-1])
 
+    @classmethod
+    def at_rest(cls, joint_names: Sequence[str], position: Tensor, duration: float, rate: float) -> "Course":
+        """An arm that rests somewhere [rad or m], (J,), for a duration [s], with points at a rate [Hz]."""
+        count = max(1, round(duration * rate))
+        rest = torch.zeros(count + 1, len(position), dtype=torch.float64)
+        times = torch.linspace(0, duration, count + 1, dtype=torch.float64)
+        return cls(tuple(joint_names), times, position.expand_as(rest), rest, rest)
+
     def sampled(self, rate: float) -> "Course":
-        """This motion with points at a rate [Hz], on the quintics that join the points; 20 at least."""
-        count = max(POINTS, round(self.duration * rate))
+        """This motion with points at a rate [Hz], on the quintics that join the points."""
+        count = max(1, round(self.duration * rate))
         times = torch.linspace(0, self.duration, count + 1, dtype=torch.float64)
         states = torch.stack([self.position, self.velocity, self.acceleration], 1).numpy()
         curve = scipy.interpolate.BPoly.from_derivatives(self.time.numpy(), states)
         return Course(self.joint_names, times, *(torch.from_numpy(curve(times.numpy(), k)) for k in range(3)))
 
-    def then(self, other: "Course", pause: float = 0.0) -> "Course":
-        """This course, a pause at rest [s], and another that starts where this one ends.
+    def then(self, other: "Course") -> "Course":
+        """This course, and another one that starts where this one ends; the point that they share once.
 
         Raises:
             ShapeError: when the other one is of other joints, or starts elsewhere.
@@ -57,10 +64,8 @@ class Course:
         apart = float((self.position[-1] - other.position[0]).abs().max())
         if other.joint_names != self.joint_names or apart > _MET:
             raise ShapeError(f"courses of one arm must meet: {apart:.3g} rad between their ends")
-        start = self.time[-1] + pause
-        begin = int(pause == 0)  # the shared point of rest is kept once
-        time = torch.cat([self.time, start + other.time[begin:]])
-        states = (torch.cat([getattr(self, name), getattr(other, name)[begin:]]) for name in STATES)
+        time = torch.cat([self.time, self.time[-1] + other.time[1:]])
+        states = (torch.cat([getattr(self, name), getattr(other, name)[1:]]) for name in STATES)
         return Course(self.joint_names, time, *states)
 
 
@@ -79,6 +84,11 @@ def slower(trajectory: Trajectory, c: Tensor, speed: float) -> tuple[Trajectory,
     return replace(trajectory, period=trajectory.period / speed), speed * c
 
 
-def run_of(courses: Sequence[Course], pause: float) -> Course:
-    """All courses one after another, with a pause at rest [s] between them."""
-    return reduce(lambda whole, one: whole.then(one, pause), courses)
+def run_of(courses: Sequence[Course], pause: float, rate: float = 0.0) -> Course:
+    """All courses one after another; at rest for a pause [s] between them, with points at a rate [Hz]."""
+    first, *others = courses
+    for other in others:
+        if pause:
+            first = first.then(Course.at_rest(other.joint_names, other.position[0], pause, rate))
+        first = first.then(other)
+    return first

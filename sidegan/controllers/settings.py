@@ -3,8 +3,21 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from sidegan.base.typed import Hertz, Number, Part, Seconds
+from sidegan.base.typed import Hertz, Number, Part, Positive, Seconds
 from sidegan.errors import ConfigError
+from sidegan.robot import Arm
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Distance of a joint from what it is sent, beyond which the controller refuses or stops."""
+
+    angle: Positive  # [rad]
+    length: Positive  # [m], of joints that slide
+
+    def of(self, arm: Arm) -> list[float]:
+        """That of each joint [rad or m], (J,)."""
+        return [self.length if slides else self.angle for slides in arm.prismatic.tolist()]
 
 
 @dataclass(frozen=True)
@@ -19,6 +32,8 @@ class Delivery:
     start: list[Number] | None
     # share of the limits that this way uses; of torques, beside what holds the arm
     careful: Part
+    longest: Positive  # that this way may take [s]
+    tolerance: Tolerance  # beyond which an arm is not where a goal or a program begins, or does not follow
     rehearse: bool  # execute the set in MuJoCo first
 
     def __post_init__(self) -> None:

@@ -8,6 +8,9 @@ import torch
 
 from sidegan.controllers.course import STATES, Course
 
+# Whoever draws cubics through points at 1 kHz divides by 1e-9 s³ for the jerk: nine digits cost 120 rad/s³.
+_DIGITS = "%.12g"
+
 
 def csv_text(course: Course) -> str:
     """``time`` [s], then ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>`` of every joint in SI units."""
@@ -15,5 +18,5 @@ def csv_text(course: Course) -> str:
     rows = torch.cat([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(columns)
-    np.savetxt(text, rows.numpy(), "%.9g", ",")
+    np.savetxt(text, rows.numpy(), _DIGITS, ",")
     return text.getvalue()

@@ -4,41 +4,79 @@ import re
 
 import torch
 
-from sidegan.controllers.course import Course
+from sidegan.controllers.course import STATES, Course
 
-SCRIPTED = 6  # of every arm that runs URScript
+SCRIPTED = 6  # joints of every arm that runs URScript, all of which turn
 _PERIOD = 0.008  # [s] between two points: the slowest of these controllers takes one every 8 ms
+_SETTLE = 62  # points at the last position, half a second, before the program stops
 _LOOKAHEAD, _GAIN = 0.1, 300  # of servoj [s] and without a unit, as the manual has them
 _APPROACH = "a=0.3, v=0.2"  # of the straight way in joint space to the first point [rad/s², rad/s]
-_AWAY = 0.05  # [rad] from the first point beyond which the program refuses to start
 
 
-def script_text(course: Course, name: str) -> str:
+def script_text(course: Course, name: str, tolerance: float, notes: str = "") -> str:
     """A URScript program that follows the course by ``servoj``, a point every 8 ms.
 
-    It refuses to start away from the course's first point, to which it does not move on its own.
+    It draws the quintics between the course's points itself, a line for each, since programs of many thousand
+    lines do not load. It refuses to start away from the course's first point.
 
     Args:
         course: of six joints.
         name: of the program; what is no letter, digit or underscore becomes one.
+        tolerance: distance [rad] from the first point beyond which it refuses.
+        notes: for people, a comment in the first line.
     """
     title = re.sub("[^a-zA-Z0-9]", "_", name)
-    points = course.sampled(1 / _PERIOD).position
+    states = torch.stack([getattr(course, one) for one in STATES], 1)  # (T, 3, J)
+    steps = zip(course.time.diff().tolist(), states[1:])
+    legs = "\n".join(f"  leg({span:.12f}, {', '.join(map(_list, state))})" for span, state in steps)
+    q, dq, ddq = map(_list, states[0])
     servo = f"0, 0, {_PERIOD}, {_LOOKAHEAD}, {_GAIN}"
-    steps = "\n".join(f"  servoj({_list(point)}, {servo})" for point in points)
+    comment = f"  # {notes}\n" if notes else ""
     return f"""def {title}():
-  start = {_list(points[0])}
+{comment}  global q = {q}
+  global dq = {dq}
+  global ddq = {ddq}
+  global t = 0.0
+  def leg(span, to_q, to_dq, to_ddq):
+    point = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    while t < span:
+      s = t / span
+      r = 1.0 - s
+      k = 0
+      while k < {SCRIPTED}:
+        u = span * dq[k]
+        v = 0.5 * span * span * ddq[k]
+        near = q[k] + s * (3.0 * q[k] + u + s * (6.0 * q[k] + 3.0 * u + v))
+        u = 0.0 - span * to_dq[k]
+        v = 0.5 * span * span * to_ddq[k]
+        far = to_q[k] + r * (3.0 * to_q[k] + u + r * (6.0 * to_q[k] + 3.0 * u + v))
+        point[k] = r * r * r * near + s * s * s * far
+        k = k + 1
+      end
+      servoj(point, {servo})
+      global t = t + {_PERIOD}
+    end
+    global t = t - span
+    global q = to_q
+    global dq = to_dq
+    global ddq = to_ddq
+  end
   at = get_actual_joint_positions()
-  k = 0
-  while k < {SCRIPTED}:
-    if norm(at[k] - start[k]) > {_AWAY}:
+  i = 0
+  while i < {SCRIPTED}:
+    if norm(at[i] - q[i]) > {tolerance:.9g}:
       popup("The arm is not at the first point of the trajectory.", error=True, blocking=True)
       halt
     end
-    k = k + 1
+    i = i + 1
   end
-  movej(start, {_APPROACH})
-{steps}
+  movej(q, {_APPROACH})
+{legs}
+  i = 0
+  while i < {_SETTLE}:
+    servoj(q, {servo})
+    i = i + 1
+  end
   stopj(2.0)
 end
 {title}()
@@ -46,4 +84,4 @@ end
 
 
 def _list(values: torch.Tensor) -> str:
-    return "[" + ", ".join(f"{x:.9g}" for x in values.tolist()) + "]"
+    return "[" + ", ".join(f"{x:.10f}" for x in values.tolist()) + "]"  # each a float, never an integer

@@ -58,7 +58,9 @@ def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
     draw = torch.rand(3, _STATES, arm.joints, generator=random, dtype=torch.float64)
     q = torch.lerp(arm.position_lower, arm.position_upper, draw[0])
     dq = arm.velocity_limit * (2 * draw[1] - 1) / 2
-    most = arm.velocity_limit if arm.acceleration_limit is None else arm.acceleration_limit
+    most, limit = arm.velocity_limit, arm.acceleration_limit
+    if limit is not None:  # infinite for a joint without one
+        most = torch.where(limit.isfinite(), limit, most)
     rms = body.torque(q, dq, most * (2 * draw[2] - 1)).square().mean(0).sqrt()
     return rms.clamp_min(floor * float(rms.max())).numpy()
 

@@ -106,7 +106,8 @@ def _alike(one: Tensor, other: Tensor) -> bool:
 
 def _other_direction(torques: _Torques, size: float) -> Load:
     """The gravity of this size [m/s²] that explains most."""
-    scale = left = torch.ones_like(torques.weight)
+    left = torch.ones_like(torques.weight)
+    scale = 1 / (torques.weight * torques.size.clamp_min(_TINY))  # whatever the unit of each joint's torque
     found = []
     for _ in range(_ROUNDS):
         gravity = torques.towards(scale, left)

@@ -11,6 +11,7 @@ from torch import Tensor
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
 HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
+LOCKED = "locked "  # how a note on joints that stand still begins
 
 _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
 
@@ -91,6 +92,11 @@ class Arm:
         """Limits of acceleration and jerk, (J,), where there are any; infinite for joints without one."""
         limits = {"acceleration": self.acceleration_limit, "jerk": self.jerk_limit}
         return {name: x for name, x in limits.items() if x is not None and x.isfinite().any()}
+
+    @property
+    def locked(self) -> str:
+        """Note on the joints that stand still, and where; empty where there are none."""
+        return next((note for note in self.notes if note.startswith(LOCKED)), "")
 
     def named(self, which: Tensor) -> str:
         """Names of the joints that are marked, (J,), for a message."""

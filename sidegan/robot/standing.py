@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
+from sidegan.robot.arm import LOCKED
 from sidegan.robot.setup import override
 from sidegan.robot.tree import MOVABLE, Joint, Tree, meant
 
@@ -81,7 +82,7 @@ def tell(
     """Notes on what was locked where [rad or m], and whose mass [kg] was lumped into which link."""
     if not locked:
         return []
-    notes = ["locked " + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
+    notes = [LOCKED + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
     lumped: dict[str, list[str]] = {}
     for link in tree.links:
         path = tree.path(link)

@@ -134,3 +134,25 @@ def test_reading_tensors_runs_no_code(path, monkeypatch):
     with pytest.raises(ArtifactError, match="tensor"):
         read_torch(path)
     assert list(path.parent.iterdir()) == [path]
+
+
+def test_a_folder_is_replaced_whole_or_not_at_all_and_what_is_not_ours_stays(tmp_path):
+    folder = tmp_path / "set"
+
+    def written(*names, fail=False):
+        with storage.replacing_folder(folder, lambda path: path.stem.isdigit()) as new:
+            for name in names:
+                (new / name).write_text("new")
+            if fail:
+                raise KeyboardInterrupt
+        return {path.name for path in folder.iterdir()}
+
+    assert written("1", "2") == {"1", "2"}
+    (folder / "log").mkdir()
+    (folder / "log" / "a").write_text("mine")
+    with pytest.raises(KeyboardInterrupt):
+        written("3", fail=True)
+    assert {path.name for path in folder.iterdir()} == {"1", "2", "log"}
+    assert written("3") == {"3", "log"} and (folder / "log" / "a").read_text() == "mine"
+    folder.rename(tmp_path / ".set.old")  # where a kill between two renames leaves it
+    assert written("4") == {"4", "log"} and [one.name for one in tmp_path.iterdir()] == ["set"]

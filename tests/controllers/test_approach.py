@@ -5,13 +5,24 @@ from dataclasses import replace
 
 import pytest
 import torch
+from hypothesis import given, reject
+from hypothesis import strategies as st
 
-from sidegan.controllers.approach import approach
+from sidegan.controllers import Delivery, approach
 from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.validity import Constraints, Plane
+from tests.chains import random_chain
+from tests.settings import settings
 
-START = [0.6, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
+EXACTLY = 1e8  # Hz, at which a duration is hardly rounded
+DENSE = 20_000  # points
+
+
+def way(constraints, start, home, **changes):
+    """The way, with settings of ``conf/`` but for these."""
+    given = replace(settings(Delivery, "experiment/excite:controllers"), **changes)
+    return approach(constraints, start, home, given)
 
 
 @pytest.fixture(scope="module")
@@ -19,28 +30,66 @@ def desk(arm):
     return Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)])
 
 
-def assert_within_torques(constraints, course, use):
-    """No torque exceeds its limit, and what moves the arm not the share of it."""
-    arm, body, still = constraints.arm, constraints.body, torch.zeros_like(course.position)
-    torque = body.torque(course.position, course.velocity, course.acceleration)
-    held = body.torque(course.position, still, still)
-    assert (torque.abs() <= arm.torque_limit).all()
-    assert ((torque - held).abs() <= use * arm.torque_limit).all()
+def shares(constraints, course, use):
+    """Largest shares of what velocity, acceleration, jerk, and torque beside what holds the arm, may be."""
+    arm, body = constraints.arm, constraints.body
+    drawn = course.sampled(DENSE / course.duration)
+    still = torch.zeros_like(drawn.position)
+    held = body.torque(drawn.position, still, still)
+    moving = body.torque(drawn.position, drawn.velocity, drawn.acceleration) - held
+    jerk = drawn.acceleration.diff(dim=0) * DENSE / course.duration
+    limits = arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit
+    states = drawn.velocity, drawn.acceleration, jerk
+    found = [(x.abs() / (use * most)).max() for x, most in zip(states, limits) if most is not None]
+    room = torch.minimum(use * arm.torque_limit, arm.torque_limit - held * moving.sign())
+    return torch.stack([*found, (moving.abs() / room).max()])
 
 
-@pytest.mark.parametrize("use", [0.1, 0.5, 1.0])
-def test_no_limit_is_used_more_than_is_allowed(arm, use):
-    limit = torch.full_like(arm.velocity_limit, 3.0)
-    slow = Constraints(replace(arm, acceleration_limit=limit, jerk_limit=10 * limit))
-    course = approach(slow, START, [0.0] * 7, use)
-    step = float(course.time[1])
-    for name, most in (("velocity", arm.velocity_limit), ("acceleration", limit)):
-        assert (getattr(course, name).abs() <= use * most * (1 + 1e-9)).all()
-    assert (course.acceleration.diff(dim=0).abs() / step <= use * 10 * limit * (1 + 1e-6)).all()
-    assert_within_torques(slow, course, use)
-    for x in (course.velocity, course.acceleration):
-        assert x[[0, -1]].abs().max() < 1e-12
-    assert course.position[0].tolist() == START and course.position[-1].abs().max() < 1e-12
+@given(seed=st.integers(0, 10**6), use=st.sampled_from([0.1, 1.0]), tight=st.integers(0, 3))
+def test_one_limit_is_used_as_far_as_is_allowed_and_none_beyond(seed, use, tight):
+    arm, _ = random_chain(1 + seed % 4, seed)
+    start, home = torch.lerp(
+        arm.position_lower,
+        arm.position_upper,
+        torch.rand(2, arm.joints, generator=torch.Generator().manual_seed(seed), dtype=torch.float64),
+    )
+    path = torch.lerp(start, home, torch.linspace(0, 1, 2000, dtype=torch.float64)[:, None])
+    held = RigidBody(arm).torque(path, 0 * path, 0 * path).abs().amax(0)
+    tightened = [1e-3 if k == tight else 1.0 for k in range(4)]  # most often the one that decides
+    arm = replace(
+        arm,
+        velocity_limit=tightened[0] * arm.velocity_limit,
+        acceleration_limit=tightened[1] * torch.full_like(held, 50.0),
+        jerk_limit=tightened[2] * torch.full_like(held, 1e4),
+        torque_limit=held + tightened[3] * (300 - held).clamp_min(50) + 0.002 * held,
+    )
+    try:
+        constraints = Constraints(arm)
+        course = way(constraints, start.tolist(), home.tolist(), careful=use, rate=EXACTLY, longest=1e9)
+    except InfeasibleError:
+        reject()
+    assert course.position[0].tolist() == start.tolist() and course.position[-1].tolist() == home.tolist()
+    assert not course.velocity[[0, -1]].any() and not course.acceleration[[0, -1]].any()
+    found = shares(constraints, course, use)
+    assert found.max() < 1 + 1e-6
+    assert found.max() > 1 - 1e-3 and (
+        found.max() > 1 - 1e-6 or found.argmax() == 2
+    )  # a jerk is a difference
+
+
+def test_the_way_has_a_row_per_tick_and_the_speed_counts(desk):
+    once = way(desk, START, [0.0] * 7)
+    assert (once.duration * 100) % 1 == pytest.approx(0) and once.duration > 0.5
+    rows = once.sampled(100.0).time
+    torch.testing.assert_close(rows, torch.arange(len(rows)).double() / 100, rtol=0, atol=1e-12)
+    slow = way(desk, START, [0.0] * 7, speed=0.05)
+    assert slow.duration == pytest.approx(20 * once.duration, abs=0.2 + 0.01)
+    assert slow.velocity.abs().max() == pytest.approx(0.05 * float(once.velocity.abs().max()), rel=0.01)
+    coarse = way(desk, START, [0.0] * 7, rate=8.0)
+    assert coarse.duration >= 20 / 8  # of which there are enough to follow it
+
+
+START = [0.6, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
 
 
 BULGE = [-1.2, 0.0], [1.9, 0.0]  # ends of a way through the horizontal, where gravity pulls most
@@ -57,8 +106,8 @@ def holding(planar, share):
 @pytest.mark.parametrize("use", [0.05, 0.2, 1.0])
 def test_what_holds_the_arm_between_the_ends_is_no_reason_to_refuse(planar, share, use):
     constraints = holding(planar, share)
-    course = approach(constraints, *BULGE, use)
-    assert_within_torques(constraints, course, use)
+    course = way(constraints, *BULGE, careful=use)
+    assert shares(constraints, course, use)[-1] <= 1
 
 
 AROUND = [math.pi / 2 - 1, 0.0], [math.pi / 2 + 1, 0.0]
@@ -69,14 +118,19 @@ def weak(planar):
     return Constraints(replace(planar, torque_limit=0.01 * planar.torque_limit))
 
 
+def slow(planar):
+    return Constraints(replace(planar, velocity_limit=torch.tensor([3.0, 0.001]).double()))
+
+
 @pytest.mark.parametrize(
     ("words", "make", "ends"),
     [
         ("bring the arm closer to home", None, FOLDED),
         ("torque of shoulder", weak, ([0.0, 0.0], [0.9, 0.9])),
         (r"shoulder needs 99\.9% of its limit.*robot\.effort", lambda arm: holding(arm, 0.9992), AROUND),
+        (r"takes 84\d\d s, by 20% of what elbow may do at 100% of.*longest=84\d\d", slow, ([0, 0], [0, 0.9])),
     ],
 )
 def test_what_cannot_be_driven_is_refused(planar, desk, words, make, ends):
     with pytest.raises(InfeasibleError, match=words):
-        approach(make(planar) if make else desk, *ends, 0.2)
+        way(make(planar) if make else desk, *ends)

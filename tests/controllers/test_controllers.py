@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,7 @@ import pytest
 import torch
 import yaml
 
+from sidegan.controllers import SHELL, Delivery
 from sidegan.controllers.course import Course, knots, run_of, slower
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.table import csv_text
@@ -17,10 +19,10 @@ from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.load import load_recording
 from tests.recording.conftest import of_file
+from tests.settings import settings
 
 FAMILY = Trajectory(joints=6, harmonics=6, period=16.0, home=(0.1, -0.2, 0.3, 0.0, 0.5, -1.0))
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist, 3")
-MOST = 128 * 1024  # bytes of one argument of a command on Linux
 
 
 def course(seed=0, family=FAMILY, rate=None):
@@ -35,7 +37,6 @@ def test_quintics_between_the_points_are_the_motion():
     fine, drawn = course(rate=100), course().sampled(100)
     for name, most in (("position", 1e-6), ("velocity", 1e-5), ("acceleration", 1e-4)):
         assert (getattr(drawn, name) - getattr(fine, name)).abs().max() < most
-    assert len(course().sampled(1e-3).time) == 21  # of a short way enough to follow it
 
 
 @pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])
@@ -48,14 +49,14 @@ def test_a_slower_family_has_the_same_paths(speed):
 
 
 @pytest.mark.parametrize("pause", [0.0, 2.0])
-def test_courses_in_a_row_rest_between(pause):
-    both = run_of([course(0), course(1)], pause)
+def test_courses_in_a_row_rest_between_at_the_rate(pause):
+    both = run_of([course(0, rate=100), course(1, rate=100)], pause, 100)
     assert both.duration == pytest.approx(2 * FAMILY.period + pause)
-    drawn, home = both.sampled(10), torch.tensor(FAMILY.home, dtype=torch.float64)
-    between = (drawn.time - FAMILY.period - pause / 2).abs() <= pause / 2 + 1e-9
-    torch.testing.assert_close(
-        drawn.position[between], home.expand(int(10 * pause) + 1, -1), rtol=0, atol=1e-9
-    )
+    torch.testing.assert_close(both.time, torch.arange(len(both.time)).double() / 100, rtol=0, atol=1e-9)
+    home = torch.tensor(FAMILY.home, dtype=torch.float64)
+    between = (both.time - FAMILY.period - pause / 2).abs() <= pause / 2 + 1e-9
+    rest = home.expand(int(100 * pause) + 1, -1)
+    torch.testing.assert_close(both.position[between], rest, rtol=0, atol=1e-9)
 
 
 def test_identify_reads_the_table_without_a_setting(tmp_path):
@@ -64,31 +65,115 @@ def test_identify_reads_the_table_without_a_setting(tmp_path):
     table.assign(**{f"tau_{name}": 0.5 for name in NAMES}).to_csv(tmp_path / "a.csv", index=False)
     read = load_recording(tmp_path / "a.csv", of_file(), NAMES)
     for name in ("time", "position", "velocity", "acceleration"):
-        torch.testing.assert_close(getattr(read, name), getattr(one, name), rtol=1e-8, atol=1e-8)
+        torch.testing.assert_close(getattr(read, name), getattr(one, name), rtol=1e-11, atol=1e-11)
+
+
+NEAR = 0.05
+
+
+def sent(text):
+    """Goal as the action server gets it, and its points: times (T,), positions (T, J)."""
+    goal = yaml.safe_load(text)
+    points = goal["trajectory"]["points"]
+    stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in points]
+    return goal, np.array(stamps), np.array([point["positions"] for point in points])
 
 
 def test_the_goal_is_yaml_that_a_shell_can_pass():
     one = course()
-    text = goal_text(one)
-    assert len(text.encode()) < MOST
-    goal = yaml.safe_load(text)["trajectory"]
-    assert goal["joint_names"] == list(NAMES)
-    for key, wanted in (("positions", one.position), ("velocities", one.velocity)):
-        found = np.array([point[key] for point in goal["points"]])
-        np.testing.assert_allclose(found, wanted.numpy(), rtol=1e-8, atol=1e-9)
-    stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in goal["points"]]
+    text = goal_text(one, 6 * [NEAR], "locked finger at 0.02 m: it")
+    assert len(text.encode()) < SHELL and text.startswith("# locked finger")
+    goal, stamps, positions = sent(text)
+    assert goal["trajectory"]["joint_names"] == list(NAMES)
+    np.testing.assert_allclose(positions, one.position.numpy(), rtol=1e-8, atol=1e-9)
+    velocities = [point["velocities"] for point in goal["trajectory"]["points"]]
+    np.testing.assert_allclose(velocities, one.velocity.numpy(), rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(stamps, one.time.numpy(), rtol=0, atol=1e-9)
 
 
-def test_the_program_follows_the_motion_and_starts_nowhere_else():
-    fine, text = course(rate=125), script_text(course(), "excite 1; evil()")
-    assert text.startswith("def excite_1__evil__():") and text.endswith("excite_1__evil__()\n")
-    served = [
-        [float(x) for x in match.split(",")]
-        for match in re.findall(r"servoj\(\[([^]]*)\], 0, 0, 0\.008", text)
-    ]
-    np.testing.assert_allclose(served, fine.position.numpy(), rtol=0, atol=1e-6)
-    assert text.index("popup") < text.index("movej") < text.index("servoj")
+def first_command(text, standing, default=0.0):
+    """What a joint trajectory controller commands first to an arm that stands somewhere; None if it aborts.
+
+    ``update`` of joint_trajectory_controller.cpp samples the goal at its start: the first point, if that is
+    at time zero, else where the arm is. It commands nothing if a joint is farther from that than its path
+    tolerance. A tolerance of zero, which is the usual default, is none, and one in the goal takes its place
+    (``get_segment_tolerances``, ``check_state_tolerance_per_joint`` of tolerances.hpp).
+    """
+    goal, stamps, positions = sent(text)
+    names = goal["trajectory"]["joint_names"]
+    tolerance = dict.fromkeys(names, default) | {
+        one["name"]: one["position"] for one in goal.get("path_tolerance", ()) if one["position"]
+    }
+    desired = positions[0] if stamps[0] == 0 else np.array(standing)
+    for name, error in zip(names, np.abs(standing - desired)):
+        if tolerance[name] > 0 and error > tolerance[name]:
+            return None
+    return desired
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.3, True), (0.051, True), (0.049, False), (0.0, False)])
+@pytest.mark.parametrize("joint", [0, 5])
+def test_a_goal_does_not_make_an_arm_jump(off, refused, joint):
+    one = course()
+    standing = one.position[0].numpy().copy()
+    standing[joint] -= off
+    command = first_command(goal_text(one, 6 * [NEAR]), standing)
+    assert command is None if refused else np.abs(command - standing).max() <= NEAR
+    bare = goal_text(one, 6 * [NEAR]).partition("path_tolerance")[0]
+    assert np.abs(first_command(bare, standing) - standing).max() == pytest.approx(off)  # as it would without
+
+
+def test_a_joint_that_slides_has_a_tolerance_in_metres(planar):
+    arm = replace(planar, prismatic=torch.tensor([False, True]))
+    assert settings(Delivery, "experiment/excite:controllers").tolerance.of(arm) == [0.05, 0.01]
+
+
+class Robot(dict):
+    """What a UR controller has for a program, and what that makes of it."""
+
+    def __init__(self, standing):
+        self.at, self.sent, self.said = list(standing), [], []
+
+        def servoj(q, a, v, period, lookahead, gain):
+            assert (a, v, period) == (0, 0, 0.008) and 0.03 <= lookahead <= 0.2 and 100 <= gain <= 2000
+            self.sent.append(list(q))
+
+        super().__init__(
+            get_actual_joint_positions=lambda: self.at,
+            norm=abs,
+            servoj=servoj,
+            movej=lambda q, a, v: self.said.append("movej"),
+            stopj=lambda a: self.said.append("stopj"),
+            popup=lambda text, error, blocking: self.said.append(text),
+        )
+
+    def run(self, script):
+        """Run a program: but for ``end``, ``halt`` and ``global`` what these use of URScript is Python."""
+        lines = [line for line in script.splitlines() if line.strip() != "end"]
+        text = re.sub(r"global (\w+) = (.*)", r"globals()['\1'] = \2", "\n".join(lines))
+        text = re.sub(r"^( *)halt$", r"\1raise SystemExit", text, flags=re.MULTILINE)
+        exec(text, self)
+
+
+def test_the_program_follows_the_motion_and_settles():
+    both = run_of([course(0), course(1)], 1.0)
+    script = script_text(both, "excite 1; evil()", NEAR, "locked finger")
+    assert script.startswith("def excite_1__evil__():\n  # locked finger\n")
+    assert script.endswith("\nexcite_1__evil__()\n") and len(script.splitlines()) < 2 * 121 + 70
+    robot = Robot(both.position[0] + 0.9 * NEAR)
+    robot.run(script)
+    drawn = both.sampled(125).position.numpy()
+    np.testing.assert_allclose(robot.sent[: len(drawn)], drawn, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(robot.sent[len(drawn) :], drawn[-1:].repeat(len(robot.sent) - len(drawn), 0))
+    assert 0.4 < (len(robot.sent) - len(drawn)) * 0.008 < 0.6 and robot.said == ["movej", "stopj"]
+
+
+def test_the_program_starts_nowhere_else():
+    one = course()
+    robot = Robot(one.position[0] - torch.tensor([0, 0, 0, 0, 1.1 * NEAR, 0]))
+    with pytest.raises(SystemExit):
+        robot.run(script_text(one, "excite_1", NEAR))
+    assert not robot.sent and "not at the first point" in robot.said[0]
 
 
 def test_courses_that_do_not_meet_are_refused():

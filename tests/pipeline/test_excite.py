@@ -1,5 +1,6 @@
 """Trajectories to execute: files for controllers, the table of the set, its page and its rehearsal."""
 
+import html
 import json
 import re
 from dataclasses import replace
@@ -15,7 +16,7 @@ from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import excite
+from sidegan.pipeline.stages import excite, sending
 from sidegan.robot import load_robot, with_effort
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
@@ -62,8 +63,8 @@ def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
     for k in range(6):
         np.testing.assert_allclose(course(folder, k + 1)[STATES], motion[k], rtol=0, atol=1e-7)
     whole = course(folder, "all")  # at rest at home for a second between two
-    assert len(whole) == 6 * 161 and whole.time.iloc[-1] == pytest.approx(6 * 8 + 5)
-    np.testing.assert_allclose(whole.iloc[::161][STATES[:4]], 0, atol=1e-7)
+    np.testing.assert_allclose(whole.time, np.arange((6 * 8 + 5) * 20 + 1) / 20, atol=1e-9)
+    np.testing.assert_allclose(whole[whole.time % 9 >= 8][STATES], 0, atol=1e-7)
 
 
 def test_the_least_demanding_comes_first_and_has_a_goal_for_ros(folder):
@@ -121,7 +122,7 @@ def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):
     assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
     rows = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>(.*?)</tr>", text)]
     assert [row for row in rows if row] == pd.read_csv(folder / "set.csv", dtype=str).to_numpy().tolist()
-    assert f"recording=excite recording.sent={folder.resolve()}" in text and "1.yaml)" in text
+    assert f"recording=excite recording.sent={folder.resolve()}" in text
 
 
 SPARE = "robot.limits.effort={shoulder: 18}"  # N·m, of 16.3 that gravity asks for
@@ -157,3 +158,61 @@ def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_told(ran,
     assert family.derivative(library.coefficients, family.times(2000.0), 3)[..., 1].abs().max() <= 9
     for k in table.trajectory:
         assert (course(folder, k)[STATES[4:]].abs().max() <= [2, 3]).all()
+
+
+def test_a_limit_on_one_joint_s_acceleration_leaves_the_others_free(ran):
+    table = pd.read_csv(ran("robot.limits.acceleration={shoulder: 2.0}", "goal.count=2") / "set.csv")
+    assert len(table) == 2 and (table["peak acceleration"].map(percent) <= 100).all()
+
+
+START = "controllers.start=[0.4,-0.3]"
+
+
+def sections(folder):
+    """What the page says is to be done next: a sentence and a command each."""
+    text = html.unescape((folder / "view.html").read_text())
+    return re.findall(r'<p class="small">(.*?)</p>\s*<pre>(.*?)</pre>', text, re.DOTALL)
+
+
+def test_the_page_says_what_to_send_in_order_the_slow_set_first(ran, folder):
+    fast = ran(START, "goal.count=2")
+    (slowly, command), (then, send), _ = sections(fast)
+    assert slowly.startswith("Slowly first") and "speed=0.25" in command and "start=[0.4,-0.3]" in command
+    length = re.search(r"order: approach \(([\d.]+) s\), 1 … 2 \(8 s each\), return \(\1 s\)", then)[1]
+    assert float(length) == pytest.approx(course(fast, "approach").time.iloc[-1], rel=5e-3)
+    assert "must stand at controllers.start: shoulder 0.4, elbow -0.3" in then and "planned speed" in then
+    first, *_, last = send.splitlines()
+    assert first == f"cd {fast / 'trajectories'}" and last == "send return"
+    assert re.findall("^send (.*)", send, re.MULTILINE) == ["approach", "1", "2", "return"]
+    assert re.search(r"in this order: approach .*, return", (fast / "set.md").read_text())
+    (_, command), (then, send), _ = sections(folder)  # of a run that was not told where the arm is
+    assert "controllers.start=[…]" in command and "approach" not in then + send
+    assert "must stand at home first: shoulder 0, elbow 0" in then
+    (then, _), _ = sections(ran("controllers.speed=0.25", "goal.count=2", name="slow"))
+    assert then.startswith("This set, at 25% of the planned speed")
+
+
+def test_a_run_replaces_what_another_one_left_and_nothing_else(ran):
+    first = ran(START, "goal.count=10", "controllers.rehearse=true", "controllers.formats=[csv,ros2]")
+    assert {"01.yaml", "approach.yaml"} < {one.name for one in (first / "trajectories").iterdir()}
+    (first / "trajectories" / "log.csv").write_text("mine")
+    slow = ran("goal.count=3", "controllers.speed=0.25", "controllers.formats=[ros2]")
+    left = {one.name for one in (slow / "trajectories").iterdir()}
+    assert slow == first and left == {"1.yaml", "2.yaml", "3.yaml", "log.csv"}
+    assert not (slow / "rehearsal.csv").exists() and len(pd.read_csv(slow / "set.csv")) == 3
+    assert not [one for one in slow.iterdir() if one.name.startswith(".")]
+    (then, send), _ = sections(slow)
+    assert "send 1\n" in send and "01" not in send and "1 … 3 (32 s each)" in then
+
+
+def test_a_slow_run_has_a_slow_way(ran):
+    slow = ran(START, "goal.count=2", "controllers.speed=0.05")
+    speed = [course(slow, name)[STATES[2:4]].abs().max() for name in ("approach", 1)]
+    assert (speed[0] <= 0.05 * 0.2 * load_robot("planar2").velocity_limit.numpy()).all()
+    assert (speed[1] > 0).all()
+
+
+def test_what_a_shell_cannot_pass_on_comes_from_standard_input(ran, monkeypatch):
+    monkeypatch.setattr(sending, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
+    (_, send) = sections(ran("goal.count=1"))[1]
+    assert "--stdin < $1.yaml" in send and "Jazzy" in send and "cat" not in send

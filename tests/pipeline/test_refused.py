@@ -45,7 +45,7 @@ SETTINGS = [
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
     ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': there is no such module"),
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition knows no model"),
-    ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 joints; planar2 has 2"),
+    ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 joints that turn; planar2 has 2"),
     ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),
     ("excite", "controllers.start=[0,0,0]", "[0.0, 0.0, 0.0], expected the positions of 2 joints"),
     ("excite", "controllers.start=[0,90]", "controllers.start has 90 for elbow, which goes from"),

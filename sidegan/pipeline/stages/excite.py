@@ -22,16 +22,16 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.rehearsal import rehearsed
+from sidegan.pipeline.stages.sending import Steps, next_steps, order_of
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
+from sidegan.recording.sent import FOLDER
 from sidegan.report.export import publish
-from sidegan.robot import require_consistent, words
+from sidegan.robot import require_consistent
 from sidegan.validity import check
 from sidegan.validity.home import refuse_degrees
 
-FOLDER, VIEW, GOAL = "trajectories", "view.html", "goal"
-_EXECUTE = "Execute them, at a quarter of the speed first (controllers.speed=0.25 writes that):"
-_LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
+VIEW, GOAL, SET, REHEARSAL = "view.html", "goal", "set", "rehearsal"
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 _TRAJECTORY = "trajectory", "trajectories"
 _PRINTED = 1e-4  # by how much a rate that a message names may be rounded
@@ -48,24 +48,34 @@ def _show(task: Task, tracker: Tracker) -> None:
     chosen = measured(task.constraints, task.trajectory, c, "excite")
     chosen = chosen.take(_energy(task, task.trajectory, chosen).argsort())
     family, run = _as_run(task, chosen)
+    _forget(folder)
     chosen.save(folder / LIBRARY)
-    deliver(task.constraints, family, run.coefficients, cfg.controllers, folder / FOLDER)
+    durations = deliver(task.constraints, family, run.coefficients, cfg.controllers, folder / FOLDER)
     condition = condition_of(information_of(task.body, family, run.coefficients).sum(0))
     tracker.log_metrics({"excite/condition": condition})
     table = _table(task, family, run)
+    steps = next_steps(task, durations)
     caption = [
         f"{counted(len(run), *_TRAJECTORY)} of {family.period:g} s, condition of the set "
         f"{plain(condition)}, for controllers ({', '.join(cfg.controllers.formats)}"
         f"{_slow(task)}) in {folder / FOLDER}",
+        order_of(task, durations),
         _goal(task, aim, tracker),
         f"checked: {task.constraints.described()}",
         f"effort {task.effort:.0%}" if task.effort < 1 else "",
-        _view(task, family, run, table, tracker),
+        _view(task, family, run, (table, steps), tracker),
     ]
-    publish(table, folder / "set", "; ".join(filter(None, caption)), tracker)
+    publish(table, folder / SET, "; ".join(filter(None, caption)), tracker)
     if cfg.controllers.rehearse:
         said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(task)}"
-        publish(rehearsed(task, family, run.coefficients), folder / "rehearsal", said, tracker)
+        publish(rehearsed(task, family, run.coefficients), folder / REHEARSAL, said, tracker)
+
+
+def _forget(folder: Path) -> None:
+    """Delete what another run left in the folder and this one may not write anew."""
+    tables = [f"{name}.{kind}" for name in (GOAL, REHEARSAL, SET) for kind in ("csv", "md")]
+    for name in (VIEW, *tables):
+        (folder / name).unlink(missing_ok=True)
 
 
 def _aim(task: Task) -> Uncertain | Condition:
@@ -126,38 +136,22 @@ def _slow(task: Task) -> str:
     return "" if speed == 1 else f", at {speed:.0%} of the speed"
 
 
-def _view(task: Task, family: Trajectory, run: Library, table: pd.DataFrame, tracker: Tracker) -> str:
-    """Write the page on which the arm moves along the set; where it is, for the caption."""
+def _view(
+    task: Task, family: Trajectory, run: Library, below: tuple[pd.DataFrame, Steps], tracker: Tracker
+) -> str:
+    """Write the page on which the arm moves, with a table and steps below; where it is, for the caption."""
     from sidegan.report.viewer import view_of, write_view
 
     path = task.store.run_folder / VIEW
     titles = [f"{k} · cond {plain(fitness)}" for k, fitness in enumerate(run.fitness.tolist(), 1)]
     try:
         view = view_of(task.constraints, family, run.coefficients, titles, task.whole_arm)
-        write_view(view, path, table, _steps(task))
+        write_view(view, path, *below)
     except ArtifactError as error:  # the trajectories are there, which is what counts
         log.warning("there is no %s: %s", VIEW, error)
         return ""
     tracker.log_artifact(path, "view")
     return f"to look at: {path.resolve().as_uri()}"
-
-
-def _steps(task: Task) -> list[tuple[str, str]]:
-    """Next steps with the set, a sentence and a command each."""
-    cfg, folder = task.cfg, task.store.run_folder.resolve()
-    arm = " ".join([f"robot.name={cfg.robot.name}", *words(cfg.robot.setup)])
-    identify = (
-        f"sidegan +experiment=identify {arm} 'recordings=[log.csv]' validation=0.25 \\\n"
-        f"    recording=excite recording.sent={folder}"
-    )
-    if "ros2" not in cfg.controllers.formats:
-        return [(_LOG, identify)]
-    goal = min((folder / FOLDER).glob("*1.yaml"))
-    send = "ros2 action send_goal /joint_trajectory_controller/follow_joint_trajectory \\\n"
-    return [
-        (_EXECUTE, f'{send}    control_msgs/action/FollowJointTrajectory "$(cat {goal})"'),
-        (_LOG, identify),
-    ]
 
 
 def _energy(task: Task, family: Trajectory, run: Library) -> Tensor:
@@ -218,7 +212,7 @@ def _require_places(task: Task) -> None:
             f"{', '.join(arm.joint_names)}"
         )
     refuse_degrees(arm, settings.start, "controllers.start")
-    approach(task.constraints, settings.start, tuple(task.trajectory.home or ()), settings.careful)
+    approach(task.constraints, settings.start, tuple(task.trajectory.home or ()), settings)
 
 
 def _check(task: Task) -> None:
@@ -227,10 +221,12 @@ def _check(task: Task) -> None:
     _require_rate(task)
     _require_places(task)
     _aim(task)
-    if "urscript" in task.cfg.controllers.formats and task.arm.joints != SCRIPTED:
+    slides = task.arm.prismatic
+    if "urscript" in task.cfg.controllers.formats and (task.arm.joints != SCRIPTED or slides.any()):
+        sliding = f", of which {task.arm.named(slides)} slide" if slides.any() else ""
         raise ConfigError(
-            f"controllers.formats has urscript, which moves {SCRIPTED} joints; "
-            f"{task.arm.name} has {task.arm.joints}"
+            f"controllers.formats has urscript, which moves {SCRIPTED} joints that turn; "
+            f"{task.arm.name} has {task.arm.joints}{sliding}"
         )
 
 

@@ -1,0 +1,87 @@
+"""What is to be done with the files of a set, in words and commands for people."""
+
+from collections.abc import Mapping
+from itertools import groupby
+from pathlib import Path
+from shlex import quote
+
+from sidegan.base.names import plain
+from sidegan.controllers import APPROACH, SHELL
+from sidegan.pipeline.task import Task
+from sidegan.recording.sent import FOLDER
+from sidegan.robot import words
+
+Steps = list[tuple[str, str]]  # a sentence and a command each
+
+_FIRST = 0.25  # share of the speed of a first run
+_OWN = ("controllers.speed=", "controllers.start=", "controllers.rehearse=")  # of each run
+_SLOWLY = "Slowly first. The same set at a quarter of the speed, with the way from where the arm stands:"
+_LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
+_ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
+_GOAL = "control_msgs/action/FollowJointTrajectory"
+
+
+def order_of(task: Task, durations: Mapping[str, float]) -> str:
+    """Which files are to be sent one after another, how long each takes, and where the arm must stand."""
+    groups = [(length, [*names]) for length, names in groupby(durations, lambda name: plain(durations[name]))]
+    parts = [
+        f"{names[0]} ({length} s)" if len(names) == 1 else f"{names[0]} … {names[-1]} ({length} s each)"
+        for length, names in groups
+    ]
+    return f"to be sent in this order: {', '.join(parts)}; {_place(task, durations)}"
+
+
+def _place(task: Task, durations: Mapping[str, float]) -> str:
+    """Where the arm must stand before anything is sent."""
+    ways = APPROACH in durations
+    q = task.cfg.controllers.start if ways else task.trajectory.home or [0.0] * task.arm.joints
+    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(task.arm.joint_names, q or ()))
+    if ways:
+        return f"the arm must stand at controllers.start: {where}"
+    return f"the arm must stand at home first: {where} (controllers.start=[…] writes the way there)"
+
+
+def next_steps(task: Task, durations: Mapping[str, float]) -> Steps:
+    """Next steps with the set, a sentence and a command each; the slow run comes before the fast one."""
+    speed, folder = task.cfg.controllers.speed, task.store.run_folder.resolve()
+    pace = "at the planned speed" if speed == 1 else f"at {speed:.0%} of the planned speed"
+    then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {order_of(task, durations)}."
+    if task.arm.locked:
+        then += f" Standing still: {task.arm.locked}."
+    slow = [(_SLOWLY, _slower(task, folder))] if speed > _FIRST else []
+    return [*slow, (then, _send(task, folder / FOLDER, durations)), (_LOG, _identify(task, folder))]
+
+
+def _slower(task: Task, folder: Path) -> str:
+    """Command that writes the same set for a first run."""
+    start = task.cfg.controllers.start
+    where = "…" if start is None else ",".join(f"{x:.6g}" for x in start)
+    given = [one for one in task.overrides if not one.startswith(_OWN)]
+    own = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
+    said = " ".join(map(quote, given)) or f"+experiment=excite {_robot(task)}"
+    return f"sidegan {said} {' '.join(map(quote, own))}"
+
+
+def _send(task: Task, folder: Path, durations: Mapping[str, float]) -> str:
+    """Commands that send the goals of a set one by one, or its files where it has no goals."""
+    formats = task.cfg.controllers.formats
+    if "ros2" not in formats:
+        ending = "script" if "urscript" in formats else "csv"
+        return "\n".join(f"{folder / name}.{ending}" for name in durations)
+    large = max((folder / f"{name}.yaml").stat().st_size for name in durations) >= SHELL
+    goal = "--stdin < $1.yaml" if large else '"$(cat $1.yaml)"'
+    needs = "  # more than a shell passes on: --stdin needs ROS 2 Jazzy or newer" if large else ""
+    send = f"send() {{ ros2 action send_goal {_ACTION} \\\n    {_GOAL} {goal}; }}{needs}"
+    return "\n".join([f"cd {quote(str(folder))}", send, *(f"send {name}" for name in durations)])
+
+
+def _identify(task: Task, folder: Path) -> str:
+    return (
+        f"sidegan +experiment=identify {_robot(task)} 'recordings=[log.csv]' validation=0.25 \\\n"
+        f"    recording=excite recording.sent={quote(str(folder))}"
+    )
+
+
+def _robot(task: Task) -> str:
+    robot = task.cfg.robot
+    return " ".join([quote(f"robot.name={robot.name}"), *words(robot.setup)])
