@@ -22,8 +22,8 @@ constraints, family = Constraints(arm, []), Trajectory(arm.joints, harmonics=3, 
 seeds = Gradient(30, 5, reserve=0.2).optimise(Problem(constraints, family), 100, np.random.SeedSequence(0))
 data = Data(constraints, family, seeds.coefficients)
 
-weights = Weights(adversarial=0.1, features=0.1, success=15, fitness=6, distance=90, rank=90)
-eigen = Variant("Eigen", weights, 64, 20, 4, 10, 50, 2, 1, 2e-3, (0.5, 0.999), True, 0.99, limited=True)
+weights = Weights(adversarial=0.3, features=0.3, success=150, fitness=60, distance=250, rank=200, offset=600)
+eigen = Variant("Eigen", weights, epochs=4, steps=10, width=64, noise=20, batch=50, boxed=False)
 vanilla = replace(eigen, variant="Vanilla", weights=replace(weights, features=0, success=0, fitness=0))
 surrogates = SurrogateSettings("ours", {"vanilla": vanilla}, 400, 4, 16, 16, 16)
 

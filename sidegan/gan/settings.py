@@ -94,19 +94,19 @@ class Variant:
 
     variant: Name
     weights: Weights
-    width: Width  # of generator and discriminators
-    noise: Width  # dimension of the generator's noise
     epochs: Count
-    steps: Count | None  # discriminator steps per epoch; null: as many as the seeds fill
-    batch: Annotated[int, Field(ge=2, le=10**5)]
-    generator_steps: Count  # per discriminator step
-    fitness_start: Natural  # first epoch in which the fitness loss counts
-    learning_rate: Positive
-    last_rate: Share  # of the learning rate, to which it falls along half a cosine
-    betas: tuple[Beta, Beta]  # of Adam
-    gaussian_start: bool  # the generator starts as the Gaussian with the seeds' mean and covariance
-    limited: bool  # position and velocity limits hold by construction
-    boxed: bool  # the box of the seeds' coefficients holds by construction, where they have one
+    steps: Count | None = None  # discriminator steps per epoch; null: as many as the seeds fill
+    width: Width = 256  # of generator and discriminators
+    noise: Width = 100  # dimension of the generator's noise
+    batch: Annotated[int, Field(ge=2, le=10**5)] = 100
+    generator_steps: Count = 2  # per discriminator step
+    fitness_start: Natural = 0  # first epoch in which the fitness loss counts
+    learning_rate: Positive = 2e-3
+    last_rate: Share = 0.02  # of the learning rate, to which it falls along half a cosine
+    betas: tuple[Beta, Beta] = (0.5, 0.999)  # of Adam
+    gaussian_start: bool = True  # the generator starts as the Gaussian with the seeds' mean and covariance
+    limited: bool = True  # position and velocity limits hold by construction
+    boxed: bool = True  # the box of the seeds' coefficients holds by construction, where they have one
     reserve: Share = 0.0  # of each limit, and of 0.1 m, that is kept free where the success predictor judges
     refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
     diversity: Part = 1.0  # share of the seeds' rank at which its floor lies

@@ -114,10 +114,9 @@ def _volume(problem: Problem, c: Tensor) -> Tensor:
     """Minus the mean log eigenvalue of the weighted information of pairs, 0-dimensional."""
     weights = 1 / torch.arange(1.0, 1 + problem.body.joints, dtype=torch.float64)
     subspace, logs = problem.body.base.subspace, []
-    for pair in c.split(2):
-        whole = weighted_gram(problem.body, problem.trajectory, pair.detach(), problem.samples, weights).sum(
-            0
-        )
+    for pair in c[: len(c) // 2 * 2].split(2):
+        grams = weighted_gram(problem.body, problem.trajectory, pair.detach(), problem.samples, weights)
+        whole = grams.sum(0)
         directions = subspace @ torch.linalg.eigh(subspace.T @ whole @ subspace)[1]
         logs.append(energies(problem, pair, directions, weights).sum(0).log())
     return -torch.stack(logs).mean()
