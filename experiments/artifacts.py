@@ -1,19 +1,23 @@
 """Frames of a run's artifacts, which the experiments show; nothing else here opens an artifact."""
 
+import logging
 import math
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from sidegan.errors import SideganError
 from sidegan.gan.metrics import measure
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.settings import Config
+from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
 from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification, plant
@@ -25,8 +29,14 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, ExcitationSet, excitation_sets, pools, selection
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, on_subset, surrogates
+from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 
+log = logging.getLogger(__name__)
+
+# Stages whose artifacts a page shows.
+_SHOWN = ("seeds", "gan", "library", "random", "measures", "long", "identification", "plant")
+_SHOWN += ("replication", "subsets", "density", "timing")
 Report = dict[str, Any]
 
 
@@ -173,7 +183,27 @@ class Artifacts:
 
 
 def comparison(task: Task) -> dict[str, Artifacts]:
-    """Artifacts of every condition that the page compares, by its name."""
+    """Artifacts of every condition that the page compares, by its name; of those beside them what is made."""
     own = task.cfg.condition.name
     names = task.cfg.conditions or [own]
-    return {name: Artifacts(task if name == own else task.with_other("condition", name)) for name in names}
+    tasks = {name: task if name == own else task.with_other("condition", name) for name in names}
+    for name, folder in (task.cfg.beside or {}).items():
+        if Path(folder).is_dir():
+            store = Store(Path(folder), task.store.run_folder)
+            other = replace(task.with_other("condition", name), store=store)
+            missing = [stage for stage in _SHOWN if not _made(other, stage)]
+        else:
+            missing = ["seeds"]
+        if missing:
+            log.warning("condition %s is not on the page: %s has no %s", name, folder, ", ".join(missing))
+        else:
+            tasks[name] = other
+    return {name: Artifacts(one) for name, one in tasks.items()}
+
+
+def _made(task: Task, name: str) -> bool:
+    """Whether all that a stage makes is there."""
+    try:
+        return all(task.store.find(one) is not None for one in stage(name).artifacts(task))
+    except SideganError:  # not even what it would be made from
+        return False
