@@ -179,7 +179,7 @@ def _few_seeds_excite(made: Artifacts) -> Judgement:
 
 
 def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
-    """A metric of the kept epoch on the smallest subset of the seeds, by variant, and its size."""
+    """A metric of the last epoch on the smallest subset of the seeds, by variant, and its size."""
     frame = made.subsets
     smallest = int(frame.seeds.min())
     part = frame[frame.seeds == smallest]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # slow to import
 RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
 EARLY = 10  # epochs after which the paper says so
 GENERATORS = (
-    "Seeds, baselines and generators of the kept epoch, true physics. Gain: expected error of 35 seeds that "
+    "Seeds, baselines and generators of the last epoch, true physics. Gain: expected error of 35 seeds that "
     "are drawn at random over that of 35 others; natural: random draws in natural coordinates"
 )
 BESIDE = "The same sets beside one half of the seeds, whose row is their other half; of as many of each"
