@@ -34,9 +34,11 @@ from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 
 log = logging.getLogger(__name__)
 
-# Stages whose artifacts a page shows.
-_SHOWN = ("seeds", "gan", "library", "random", "measures", "long", "identification", "plant")
-_SHOWN += ("replication", "subsets", "density", "timing")
+_SHOWN = (  # stages whose artifacts a page shows
+    *("seeds", "gan", "library", "random", "measures", "long", "identification", "plant"),
+    *("replication", "subsets", "density", "timing"),
+)
+
 Report = dict[str, Any]
 
 
@@ -50,7 +52,7 @@ class Artifacts:
         constant: the same under a constant noise, weighted.
         draws: expected NMSE of random draws of every measured set, by set, training and noise.
         plant: NMSE of every excitation set as executed on the plant, by set, training, repeat, ….
-        whole_errors: NMSE of experiment 2 by set, training, repeat, weighted and joint.
+        whole_errors: NMSE of experiment 2 in its first reading by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
         density: samples of kernel density estimates, a row for each bandwidth.
         seeds: report of the seed set, with what it took.
@@ -68,8 +70,8 @@ class Artifacts:
     constant = cached_property(lambda self: self._expected("constant"))
     draws = cached_property(lambda self: pd.concat([self.task.frame(one) for one in self._measures.values()]))
     plant = cached_property(lambda self: self._of_sets(plant))
-    whole_errors = cached_property(lambda self: self.task.frame(replication(self.task)))
-    whole_facts = cached_property(lambda self: self.task.frame(replication(self.task), FACTS))
+    whole_errors = cached_property(lambda self: self._replicated(0))
+    whole_facts = cached_property(lambda self: self._replicated(0, FACTS))
     density = cached_property(lambda self: self.task.frame(density(self.task)))
     seeds = cached_property(lambda self: self.report(seed_set(self.task)))
     random = cached_property(lambda self: self.report(random_set(self.task)))
@@ -129,12 +131,28 @@ class Artifacts:
         made = {f"long-{h}": long_trajectory(self.task, h) for h in self.cfg.long.harmonics}
         return {name: (self.report(one), self.task.load(one)) for name, one in made.items()}
 
+    @cached_property
+    def readings(self) -> dict[str, pd.DataFrame]:
+        """Errors of experiment 2, as ``whole_errors``, by reading."""
+        return {name: self._replicated(k) for k, name in enumerate(self.cfg.replication.readings)}
+
+    def _replicated(self, k: int, file: str = RESULTS) -> pd.DataFrame:
+        return self.task.frame(replication(self.task, self.cfg.replication.readings[k]), file)
+
     @property
     def seed_seconds(self) -> float:
         """CPU time of one seed [s]; not a number where others made it."""
         if self.cfg.seeds.method == "published":
             return float("nan")
         return float(self.seeds["cpu_seconds"]) / self.cfg.seeds.count
+
+    def training_seconds(self, name: str, training: int) -> float:
+        """CPU time of a variant's library, its training, and the surrogates that it learned from [s]."""
+        variant = self.cfg.gan[name]
+        made = [surrogates(self.task), generator(self.task, name, training, variant)]
+        return sum(
+            float(self.costs(one)["cpu_seconds"]) for one in [*made, library(self.task, name, training)]
+        )
 
     @cached_property
     def few_seeds(self) -> dict[str, float]:

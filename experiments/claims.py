@@ -13,10 +13,10 @@ import pandas as pd
 from experiments import claims_identification, claims_training
 from experiments.artifacts import Artifacts
 from experiments.finding import Judgement
-from experiments.verdicts import HOLDS, NOT, OPEN, PART, UNDECIDED, UNKNOWN
+from experiments.verdicts import HOLDS, MIXED, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
 
-_SIGNS = {HOLDS: "🟢", PART: "🟡", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
+_SIGNS = {HOLDS: "🟢", PART: "🟡", MIXED: "🟠", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
 _PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
 CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
 

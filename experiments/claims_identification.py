@@ -3,12 +3,23 @@
 from collections.abc import Callable, Mapping
 from functools import partial
 
+import numpy as np
 import pandas as pd
 
 from experiments import exp2
 from experiments.artifacts import Artifacts
-from experiments.finding import GANS, SIDE_GANS, Judgement, listed, ratios
-from experiments.verdicts import REPEAT, TRAINING, above, by_set, log_ratio, not_below, together
+from experiments.finding import GANS, SIDE_GANS, Judgement, ratios, words
+from experiments.verdicts import (
+    REPEAT,
+    TRAINING,
+    above,
+    by_set,
+    interval,
+    log_ratio,
+    not_below,
+    of_several,
+    together,
+)
 
 
 def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
@@ -23,9 +34,8 @@ def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
         "period": cfg.long.period,
         "count": cfg.selection.count,
     }
-    return Judgement(
-        _all_above(effects), f"error of the long one over the seeds': {ratios(effects)}", numbers
-    )
+    ours = f"error of the long one over the seeds': {ratios(effects)}"
+    return Judgement.of_each(map(above, effects.values()), ours, numbers)
 
 
 def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
@@ -37,41 +47,58 @@ def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
         sure = _table1(made, "expected")
         over_all = {n: log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
         ours += f"; expected over all noise: {ratios(over_all)}"
-    return Judgement(_all_above(effects), ours, {"count": made.cfg.selection.count})
+    return Judgement.of_each(map(above, effects.values()), ours, {"count": made.cfg.selection.count})
+
+
+def _generated_alone(made: Artifacts) -> Judgement:
+    """Whether sets drawn at random of what was generated have less expected error than those of the seeds."""
+    frame = made.draws[made.draws.noise == "error"]
+    effects, geometric = ({n: _of_draws(frame, n, key) for n in SIDE_GANS} for key in ("nmse", "geometric"))
+    ours = f"error of the seeds over theirs: {ratios(effects)}; geometric over joints: {ratios(geometric)}"
+    return Judgement.of_each(map(above, effects.values()), ours, {"count": made.cfg.selection.count})
+
+
+def _of_draws(frame: pd.DataFrame, name: str, key: str) -> pd.Series:
+    """Log ratio of the seeds' mean expected error of random draws to a set's, training by training."""
+    own = np.log(frame[frame["set"] == name].groupby(TRAINING)[key].mean())
+    return np.log(frame[frame["set"] == "seeds"][key].mean()) - own
 
 
 def _improve(made: Artifacts, which: Callable[[list[int]], int]) -> Judgement:
     """Whether every variant improves on the seeds measured least or most often."""
     gains = {n: _gain(made, n, which) for n in GANS}
     most = max(made.cfg.replication.replicas)
-    return Judgement(_all_above(gains), f"[%] {listed(gains)}", {"most": most})
+    return Judgement.of_each(map(above, gains.values()), _improvements(gains), {"most": most})
 
 
 def _more_than_vanilla(made: Artifacts) -> Judgement:
     vanilla = _gain(made, "vanilla", min)
     gains = {n: _gain(made, n, min) - vanilla for n in SIDE_GANS}
-    return Judgement(_all_above(gains), f"[percentage points] {listed(gains)}")
+    return Judgement.of_each(map(above, gains.values()), f"error of vanilla over theirs: {ratios(gains)}")
 
 
 def _eigen_best(made: Artifacts) -> Judgement:
     more = _gain(made, "eigen", min) - _gain(made, "diagonal", min)
-    return Judgement(above(more), f"[percentage points over diagonal] {listed({'eigen': more})}")
+    return Judgement(above(more), f"error of diagonal over that of {ratios({'eigen': more})}")
 
 
 def _not_less(made: Artifacts) -> Judgement:
     replicas = made.cfg.replication.replicas
     change = {n: _gain(made, n, max) - _gain(made, n, min) for n in GANS}
-    verdict = together(map(not_below, change.values()))
-    return Judgement(verdict, f"[percentage points, ×{max(replicas)} − ×{min(replicas)}] {listed(change)}")
+    ours = f"gain over the seeds ×{max(replicas)} over that over ×{min(replicas)}: {ratios(change)}"
+    return Judgement.of_each(map(not_below, change.values()), ours)
 
 
 def _smallest_norm(made: Artifacts) -> Judgement:
     """Whether eigen's covariance norm is below that of every other set of Table III."""
     facts = made.whole_facts
     per_sample = facts.assign(covariance_norm=facts.covariance_norm * facts.samples)
-    effects, otherwise = _over_eigen(made, facts), _all_above(_over_eigen(made, per_sample))
+    effects, otherwise = (
+        _over_eigen(made, facts),
+        together(map(above, _over_eigen(made, per_sample).values())),
+    )
     ours = f"theirs over eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
-    return Judgement(_all_above(effects), ours)
+    return Judgement.of_each(map(above, effects.values()), ours)
 
 
 def _over_eigen(made: Artifacts, frame: pd.DataFrame) -> dict[str, pd.Series]:
@@ -81,26 +108,32 @@ def _over_eigen(made: Artifacts, frame: pd.DataFrame) -> dict[str, pd.Series]:
     return {n: log_ratio(x, norms["eigen"]) for n, x in norms.items() if n not in ("eigen", most)}
 
 
-def _all_above(effects: Mapping[str, pd.Series]) -> str:
-    return together(above(x) for x in effects.values())
-
-
 def _table1(made: Artifacts, frame: str) -> dict[str, pd.Series]:
     """Unweighted nMSE of experiment 1, mean over joints, by set."""
     raw = getattr(made, frame)
     return by_set(raw[~raw.weighted.astype(bool)], "nmse", made.cfg.gan)
 
 
+def _improvements(gains: Mapping[str, pd.Series]) -> str:
+    """Improvements [%] and their intervals."""
+    said = (f"{name} {words(interval(x).turned(exp2.percent))}" for name, x in gains.items())
+    return f"[%, geometric mean over joints] {'; '.join(said)}"
+
+
 def _gain(made: Artifacts, name: str, which: Callable[[list[int]], int]) -> pd.Series:
-    """Unweighted improvement [%] over the seeds measured least or most often, mean over joints."""
+    """Logarithm of how many times smaller the error is than of the seeds measured least or most often.
+
+    Unweighted, mean over joints.
+    """
     errors, replicas = made.whole_errors, which(made.cfg.replication.replicas)
     part = exp2.improvement(errors[~errors.weighted], name, f"seeds ×{replicas}")
-    return part.groupby([TRAINING, REPEAT]).improvement.mean()
+    return of_several(part.groupby([TRAINING, REPEAT]).gain.mean())
 
 
 CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "short_beat_long": partial(_short_beat_long, frame="errors"),
     "generated_beat_seeds": partial(_generated_beat_seeds, frame="errors"),
+    "generated_alone": _generated_alone,
     "real_short_beat_long": partial(_short_beat_long, frame="plant"),
     "real_generated_beat_seeds": partial(_generated_beat_seeds, frame="plant"),
     "generated_improve": partial(_improve, which=min),

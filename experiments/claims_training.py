@@ -9,6 +9,7 @@ from scipy.special import logit
 
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.finding import (
+    GANS,
     SIDE_GANS,
     Judgement,
     at,
@@ -19,7 +20,7 @@ from experiments.finding import (
     unless_same,
     words,
 )
-from experiments.training import EARLY, RELIABLE
+from experiments.training import EARLY, LATE, RELIABLE
 from experiments.verdicts import (
     HOLDS,
     NOT,
@@ -41,17 +42,17 @@ _STRUGGLES = 0.4  # valid share that vanilla stays below
 _ACCURATE = 0.99  # of the success predictor
 _COMPARABLE = 0.85  # of the seeds' mean distance, uncentred rank, and coverage of one half by the other
 _ALONG = 0.1  # mean cosine from which on trajectories share a direction
+_COLLAPSED = 0.5  # of the seeds' directions, below which modes are lost
 _MORE = 1.1  # times the seeds' diversity that is significantly more
 _FAILS = 0.001  # valid share of density estimates that fail completely
 _FEW = 0.2  # valid share that is "about 10 %"
 _TRADING = 30  # epoch from which they trade validity for fitness
-_LATE = 40  # epochs after which the paper compares
-_ORDERS = 1e4  # times faster that are four orders of magnitude
+_ORDERS, _WITH_TRAINING = 1e4, 1e2  # times faster: orders of magnitude of one more, and of all that are made
 
 
 def _predictor(made: Artifacts) -> Judgement:
     accuracy = float(made.surrogates["accuracy_paper"])
-    truth = {name: _odds(made, at(made, name, "success", _LATE)) for name in SIDE_GANS}
+    truth = {name: _odds(made, at(made, name, "success", LATE)) for name in SIDE_GANS}
     ours = f"{accuracy:.1%} on held-out seeds and faulty samples; truly valid of what it then accepts: "
     verdict = HOLDS if accuracy >= _ACCURATE else NOT
     return Judgement(verdict, ours + shares(truth), {"accurate": _ACCURATE})
@@ -60,8 +61,8 @@ def _predictor(made: Artifacts) -> Judgement:
 def _reliable(made: Artifacts) -> Judgement:
     early = {name: _odds(made, at(made, name, "success", EARLY, EARLY)) for name in SIDE_GANS}
     ours = f"{shares(early)} valid after {EARLY} epochs"
-    verdict = together(above(x, logit(RELIABLE)) for x in early.values())
-    return Judgement(verdict, ours, {"epochs": EARLY, "reliable": RELIABLE})
+    parts = (above(x, logit(RELIABLE)) for x in early.values())
+    return Judgement.of_each(parts, ours, {"epochs": EARLY, "reliable": RELIABLE})
 
 
 def _vanilla_fails(made: Artifacts) -> Judgement:
@@ -84,10 +85,11 @@ def _against_vanilla(
     """Vanilla's metric over the SIDE-GANs', of all samples and of the valid alone, in the same epochs."""
     everything, valid = (_gains(made, one, first, last) for one in (key, f"{key}_valid"))
     valid = {name: x.dropna() for name, x in valid.items()}  # without what was never valid
-    verdict, other = (together(map(judge, x.values())) for x in (everything, valid))
-    other = other if all(map(len, valid.values())) else UNKNOWN
+    parts, others = (list(map(judge, x.values())) for x in (everything, valid))
+    other = together(others) if all(map(len, valid.values())) else UNKNOWN
     ours = f"vanilla's over theirs: of all samples {ratios(everything)}; of the valid alone {ratios(valid)}"
-    return Judgement(verdict, ours + unless_same(verdict, other), {"epochs": EARLY, "late": _LATE})
+    ours += unless_same(together(parts), other)
+    return Judgement.of_each(parts, ours, {"epochs": EARLY, "late": LATE})
 
 
 def _gains(made: Artifacts, key: str, first: int, last: int | None = None) -> dict[str, pd.Series]:
@@ -106,26 +108,35 @@ def _traded(made: Artifacts) -> Judgement:
         return np.log(at(made, name, key, EARLY, EARLY)) - np.log(at(made, name, key, _TRADING))
 
     gained, of_valid = ({n: smaller(n, k) for n in SIDE_GANS} for k in ("condition", "condition_valid"))
-    verdict = together(together((lost[n], above(gained[n]))) for n in SIDE_GANS)
-    other = together(together((lost[n], above(of_valid[n].dropna()))) for n in SIDE_GANS)
+    parts = [verdict for n in SIDE_GANS for verdict in (lost[n], above(gained[n]))]
+    other = together(verdict for n in SIDE_GANS for verdict in (lost[n], above(of_valid[n].dropna())))
     ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later: "
     ours += f"of all samples {ratios(gained)}, of the valid alone {ratios(of_valid)}"
-    return Judgement(verdict, ours + unless_same(verdict, other), {"epochs": EARLY})
+    return Judgement.of_each(parts, ours + unless_same(together(parts), other), {"epochs": EARLY})
 
 
 def _comparable(made: Artifacts) -> Judgement:
     few = made.few_seeds
     shares_of = {
-        f"{name}, {key}": np.log(at(made, name, key, _LATE) / few[key])
+        f"{name}, {key}": np.log(at(made, name, key, LATE) / few[key])
         for name in SIDE_GANS
         for key in ("distance", "rank_uncentred")
     }
     shares_of |= {f"{name}, coverage": np.log(x) for name, x in _coverage(made).items()}
-    cosines = {name: at(made, name, "cosine", _LATE) for name in SIDE_GANS}
+    cosines = {name: at(made, name, "cosine", LATE) for name in SIDE_GANS}
     alike = (above(x, np.log(_COMPARABLE)) for x in shares_of.values())
-    verdict = together([*alike, *(below(x, _ALONG) for x in cosines.values())])
     ours = f"shares of the seeds': {ratios(shares_of)}; mean cosine: {listed(cosines)}"
-    return Judgement(verdict, ours, {"comparable": _COMPARABLE, "along": _ALONG, "late": _LATE})
+    numbers = {"comparable": _COMPARABLE, "along": _ALONG, "late": LATE}
+    return Judgement.of_each([*alike, *(below(x, _ALONG) for x in cosines.values())], ours, numbers)
+
+
+def _no_collapse(made: Artifacts) -> Judgement:
+    few = made.few_seeds["rank_uncentred"]
+    ranks = {name: np.log(at(made, name, "rank_uncentred", LATE) / few) for name in GANS}
+    cosines = {name: at(made, name, "cosine", LATE) for name in GANS}
+    ours = f"share of the seeds' directions: {ratios(ranks)}; mean cosine: {listed(cosines)}"
+    parts = (above(x, np.log(_COLLAPSED)) for x in ranks.values())
+    return Judgement.of_each(parts, ours, {"collapsed": _COLLAPSED, "late": LATE})
 
 
 def _coverage(made: Artifacts) -> dict[str, pd.Series]:
@@ -138,15 +149,16 @@ def _coverage(made: Artifacts) -> dict[str, pd.Series]:
 
 def _inertial(made: Artifacts) -> Judgement:
     effects = {n: -x for n, x in _gains(made, "distance_diagonal", 1).items()}
-    verdict = together(map(not_below, effects.values()))
-    return Judgement(verdict, f"over vanilla's, all epochs: {ratios(effects)}")
+    return Judgement.of_each(
+        map(not_below, effects.values()), f"over vanilla's, all epochs: {ratios(effects)}"
+    )
 
 
 def _diverse_diagonals(made: Artifacts) -> Judgement:
     seeds = made.seeds["distance_diagonal"]
-    effects = {n: np.log(at(made, n, "distance_diagonal", _LATE) / seeds) for n in SIDE_GANS}
-    verdict = together(above(x, np.log(_MORE)) for x in effects.values())
-    return Judgement(verdict, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
+    effects = {n: np.log(at(made, n, "distance_diagonal", LATE) / seeds) for n in SIDE_GANS}
+    parts = (above(x, np.log(_MORE)) for x in effects.values())
+    return Judgement.of_each(parts, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
 
 
 def _diverse_union(made: Artifacts) -> Judgement:
@@ -154,7 +166,7 @@ def _diverse_union(made: Artifacts) -> Judgement:
     for name in SIDE_GANS:
         part = frame[frame.name == name].set_index(TRAINING).union_distance_diagonal
         effects[name] = np.log(part.astype(float) / made.seeds["distance_diagonal"])
-    return Judgement(together(above(x) for x in effects.values()), f"of the seeds': {ratios(effects)}")
+    return Judgement.of_each(map(above, effects.values()), f"of the seeds': {ratios(effects)}")
 
 
 def _density_fails(made: Artifacts) -> Judgement:
@@ -166,8 +178,8 @@ def _density_fails(made: Artifacts) -> Judgement:
 def _few_seeds_fail(made: Artifacts) -> Judgement:
     kept, smallest = _few(made, "success")
     odds = {n: _odds(made, x) for n, x in kept.items()}
-    verdict = together(below(x, logit(_FEW)) for x in odds.values())
-    return Judgement(verdict, f"{shares(odds)} valid", {"seeds": smallest, "few": _FEW})
+    parts = (below(x, logit(_FEW)) for x in odds.values())
+    return Judgement.of_each(parts, f"{shares(odds)} valid", {"seeds": smallest, "few": _FEW})
 
 
 def _few_seeds_excite(made: Artifacts) -> Judgement:
@@ -175,7 +187,7 @@ def _few_seeds_excite(made: Artifacts) -> Judgement:
     effects = {n: np.log(x / made.random["condition"]) for n, x in condition.items()}
     seeds = {n: np.log(x / made.seeds["condition"]) for n, x in condition.items()}
     ours = f"cond(YᵀY) over that of random valid ones: {ratios(effects)}; over the seeds': {ratios(seeds)}"
-    return Judgement(together(map(below, effects.values())), ours, {"seeds": smallest})
+    return Judgement.of_each(map(below, effects.values()), ours, {"seeds": smallest})
 
 
 def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
@@ -190,6 +202,15 @@ def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
 def _faster(made: Artifacts) -> Judgement:
     seed, one = made.seed_seconds, made.speed["generation_seconds"]
     return _measured(seed / one, _ORDERS, f"{seconds(one)} against {seconds(seed)} ({seed / one:,.0f} ×)")
+
+
+def _trained_too(made: Artifacts) -> Judgement:
+    """Whether a library is far faster made than as many seeds, its training included."""
+    first, count = made.cfg.trainings[0], made.cfg.library.count
+    spent = made.training_seconds("eigen", first) / count
+    text = f"{seconds(spent)} each of {count}, the seeds not counted, against {seconds(made.seed_seconds)}"
+    ratio = made.seed_seconds / spent
+    return _measured(ratio, _WITH_TRAINING, f"{text} ({ratio:,.0f} ×)")
 
 
 def _checked(made: Artifacts) -> Judgement:
@@ -216,10 +237,11 @@ CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "reliable": _reliable,
     "vanilla_fails": _vanilla_fails,
     "vanilla_first": partial(_against_vanilla, key="condition", judge=below, first=1, last=EARLY),
-    "fitter": partial(_against_vanilla, key="condition", judge=above, first=_LATE),
+    "fitter": partial(_against_vanilla, key="condition", judge=above, first=LATE),
     "traded": _traded,
-    "more_diverse": partial(_against_vanilla, key="distance", judge=below, first=_LATE),
+    "more_diverse": partial(_against_vanilla, key="distance", judge=below, first=LATE),
     "comparable": _comparable,
+    "no_collapse": _no_collapse,
     "inertial": _inertial,
     "diverse_diagonals": _diverse_diagonals,
     "diverse_union": _diverse_union,
@@ -227,6 +249,7 @@ CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "few_seeds_fail": _few_seeds_fail,
     "few_seeds_excite": _few_seeds_excite,
     "faster": _faster,
+    "trained_too": _trained_too,
     "checked": _checked,
     "grows": _grows,
 }

@@ -1,6 +1,6 @@
 """Findings on one claim under one condition, and their words."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,7 +9,7 @@ import pandas as pd
 from scipy.special import expit
 
 from experiments.artifacts import Artifacts
-from experiments.verdicts import TRAINING, Interval, interval
+from experiments.verdicts import TRAINING, Interval, interval, tally, together
 from sidegan.base.names import plain
 
 SIDE_GANS = ("eigen", "diagonal")
@@ -23,6 +23,14 @@ class Judgement:
     verdict: str
     ours: str
     numbers: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of_each(
+        cls, parts: Iterable[str], ours: str, numbers: Mapping[str, Any] | None = None
+    ) -> "Judgement":
+        """Judgement of a claim about several, by the verdicts on each of them."""
+        every = list(parts)
+        return cls(together(every), tally(every) + ours, dict(numbers or {}))
 
 
 def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:

@@ -34,9 +34,10 @@ _JOINED: dict[str, tuple[str, ...]] = {
     "generators": (),
     "likeness": (),
     "draws": (),
-    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.PLANT),
+    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.GEOMETRIC, exp1.PLANT, exp1.PLANT_WEIGHTED),
     "factors": (exp1.SIMULATOR, exp1.EXPECTED),
     "table2": (),
+    "readings": (),
     "table3": (),
 }
 
@@ -87,6 +88,7 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
         "confidence": CONFIDENCE,
         "described": {name: described(made) for name, made in conditions.items()},
         "checked": checked(conditions),
+        "readings": exp2.READINGS,
         "verdicts": {
             name: claims.counted(claim.findings[name].verdict for claim in judged) for name in conditions
         },
@@ -96,8 +98,10 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
 def described(artifacts: Artifacts) -> str:
     """The seeds and the recipe of a condition, in a sentence."""
     seeds = _SEEDS.get(artifacts.cfg.seeds.method, artifacts.cfg.seeds.method)
-    published = any(variant.published is not None for variant in artifacts.cfg.gan.values())
-    return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {'their' if published else 'our'} recipe."
+    shipped = getattr(artifacts.cfg.surrogates, "shipped", None)  # of the published recipe alone
+    surrogates = "shipped" if shipped else "trained anew"
+    recipe = "our recipe" if shipped is None else f"their recipe, surrogates {surrogates}"
+    return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}."
 
 
 def checked(conditions: Conditions) -> dict[str, list[str]]:
@@ -161,6 +165,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "factors": exp1.factors(made.errors, made.expected, made.cfg.gan),
         "sets": tables.excitation_sets(made.errors),
         "long": comparisons.longs(made),
+        "readings": exp2.readings(made),
         "table3": exp2.table3(made.whole_facts),
         "whole": exp2.errors(made.whole_errors),
         "density": comparisons.densities(made.density),

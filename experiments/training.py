@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
-EARLY = 10  # epochs after which the paper says so
+EARLY, LATE = 10, 40  # epochs after which the paper says so; from which on it compares
 GENERATORS = (
     "Seeds, baselines and generators of the last epoch, true physics. Gain: expected error of 35 seeds that "
     "are drawn at random over that of 35 others; natural: random draws in natural coordinates"
@@ -80,7 +80,7 @@ def figure(
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:
-    """First epoch after which a generator is reliable, and its best and last valid share."""
+    """First epoch after which a generator is reliable, and its best, late and last valid shares."""
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
         share = part.pivot(index="epoch", columns=TRAINING, values="success").fillna(0.0)
@@ -90,6 +90,7 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
             "first epoch": ", ".join(f"{x} ({n} ×)" if n > 1 else x for x, n in Counter(first).items()),
             f"valid after {EARLY} epochs": tables.spread(share.iloc[min(EARLY, len(share)) - 1]),
             "best": tables.spread(share.max()),
+            f"mean from epoch {LATE} on": tables.spread(share.iloc[min(LATE, len(share)) - 1 :].mean()),
             "last": tables.spread(share.iloc[-1]),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")

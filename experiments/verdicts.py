@@ -14,11 +14,12 @@ from scipy.special import logit
 
 from sidegan.report.style import NOT_MEASURED
 
-HOLDS, PART, NOT = "holds", "holds in part", "does not hold"
+HOLDS, PART, MIXED, NOT = "holds", "holds in part", "mixed", "does not hold"
 UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
 UNKNOWN = NOT_MEASURED
 CONFIDENCE = 0.95
 TRAINING, REPEAT = "training", "repeat"
+_NEGLIGIBLE = float(np.log(1.05))  # logarithm of a ratio that makes no difference
 
 
 class Interval(NamedTuple):
@@ -51,6 +52,12 @@ def interval(effect: pd.Series) -> Interval:
     half = float(stats.t.ppf((1 + CONFIDENCE) / 2, fewest - 1) * error)
     middle = float(values.mean())
     return Interval(middle - half, middle, middle + half)
+
+
+def of_several(effect: pd.Series) -> pd.Series:
+    """An effect without the level of trainings where there is a single one, but several draws."""
+    alone = effect.index.nlevels > 1 and effect.index.get_level_values(TRAINING).nunique() == 1
+    return effect.droplevel(TRAINING) if alone else effect
 
 
 def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str, pd.Series]:
@@ -94,10 +101,9 @@ def below(effect: pd.Series, bound: float | None = None) -> str:
 
 
 def not_below(effect: pd.Series) -> str:
-    """Whether an effect is not detectably below zero; one training alone detects nothing."""
-    if not np.isfinite(interval(effect).low):
-        return UNDECIDED
-    return NOT if below(effect) == HOLDS else HOLDS
+    """Whether the logarithm of a ratio is shown not to lie below zero by more than makes a difference."""
+    low, _, high = interval(effect)
+    return HOLDS if low > -_NEGLIGIBLE else NOT if high < 0 else UNDECIDED
 
 
 def beside(measured: Interval, bound: float) -> str:
@@ -106,15 +112,27 @@ def beside(measured: Interval, bound: float) -> str:
 
 
 def together(verdicts: Iterable[str]) -> str:
-    """One verdict on a claim about several: it holds when it holds of each, in part when of some."""
+    """One verdict on a claim about several.
+
+    It holds when it holds of each, in part when of some while others are not decided, and is mixed when it
+    holds of some and does not of others.
+    """
     every = list(verdicts)
     if not every or UNKNOWN in every:
         return UNKNOWN
     if len(set(every)) == 1:
         return every[0]
-    if {HOLDS, PART} & set(every):
-        return PART
+    if {HOLDS, PART, MIXED} & set(every):
+        return MIXED if {NOT, MIXED} & set(every) else PART
     return NOT if NOT in every else OPEN
+
+
+def tally(verdicts: Iterable[str]) -> str:
+    """Of how many a claim holds, and does not, where it is not the same of each."""
+    every = list(verdicts)
+    if len(set(every)) < 2:
+        return ""
+    return f"{every.count(HOLDS)} of {len(every)} hold, {every.count(NOT)} do not: "
 
 
 def _untrained(values: pd.Series) -> pd.Series:

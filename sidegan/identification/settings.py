@@ -27,31 +27,36 @@ class StudySettings:
     reach: Part
 
 
+# What is noisy: measurements of the seeds alone; all of them; torques alone; torques, and the seeds' states.
+Reading = Literal["seeds", "all", "torques", "seeds_states"]
+
+
 @dataclass(frozen=True)
 class ReplicationSettings:
     """Whole sets measured with noise, the seeds several times over."""
 
-    # "each replication is done with 10% uniform random noise on both the robot state and on the output
-    # torques": on all measurements, on those of the seeds alone, or on torques alone
-    reading: Literal["all", "seeds", "torques"]
+    # Of "each replication is done with 10% uniform random noise on both the robot state and on the output
+    # torques", all of which are made side by side; tables II and III and verdicts are by the first.
+    readings: list[Reading]
     replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
     noise: Noise  # of noisy measurements
     repeats: Count
 
     def __post_init__(self) -> None:
-        if not self.replicas or len(set(self.replicas)) < len(self.replicas):
-            raise ConfigError(f"replicas is {self.replicas}, expected one number or more, each once")
+        for name in ("replicas", "readings"):
+            values = getattr(self, name)
+            if not values or len(set(values)) < len(values):
+                raise ConfigError(f"{name} is {values}, expected one or more, each once")
 
-    @property
-    def of_seeds(self) -> Noise:
+    def of_seeds(self, reading: Reading) -> Noise:
         """Noise of the seeds' measurements."""
-        return replace(self.noise, state=False) if self.reading == "torques" else self.noise
+        return replace(self.noise, state=False) if reading == "torques" else self.noise
 
-    @property
-    def of_generated(self) -> Noise:
+    def of_generated(self, reading: Reading) -> Noise:
         """Noise of the measurements of generated trajectories."""
-        exact = replace(self.noise, level=0.0, torque=False, state=False)
-        return exact if self.reading == "seeds" else self.of_seeds
+        if reading == "seeds":
+            return replace(self.noise, level=0.0, torque=False, state=False)
+        return self.noise if reading == "all" else replace(self.noise, state=False)
 
 
 @dataclass(frozen=True)

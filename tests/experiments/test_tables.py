@@ -41,9 +41,13 @@ def test_expected_errors_stand_below_those_of_some_draws_and_what_was_not_made_h
     both = pd.concat([sure, sure.assign(training=1, nmse=3 * sure.nmse)])
     constant = both[both.weighted]
     table = exp1.table1(raw, raw, both, constant)
-    expected = [exp1.EXPECTED, exp1.EXPECTED_WEIGHTED, exp1.CONSTANT]
-    assert list(table.index)[:5] == [exp1.SIMULATOR, exp1.WEIGHTED, *expected]
+    expected = [exp1.EXPECTED, exp1.GEOMETRIC, exp1.EXPECTED_WEIGHTED, exp1.CONSTANT]
+    assert list(table.index)[:6] == [exp1.SIMULATOR, exp1.WEIGHTED, *expected]
     assert table.loc[exp1.EXPECTED].tolist() == ["14 ± 9.9"] * 3
+    root = 0.75**0.5  # of the joints' shares of their mean, 0.5 and 1.5
+    assert [float(x.split(" ")[0]) for x in table.loc[exp1.GEOMETRIC]] == pytest.approx(
+        [14 * root] * 3, rel=0.02
+    )
     assert table.loc[exp1.CONSTANT].tolist() == ["56 ± 40"] * 3
     plain = raw[~raw.weighted]
     table = exp1.table1(plain, plain, both.iloc[:0], both.iloc[:0])
@@ -104,9 +108,11 @@ def test_table_2_is_one_minus_the_ratio_of_errors_joint_by_joint(whole):
     plain = whole.whole_errors[~whole.whole_errors.weighted]
     gain = exp2.improvement(plain, "eigen", "seeds ×1").set_index("joint").improvement
     assert gain.to_dict() == {"shoulder": 75.0, "elbow": 87.5}
-    table = exp2.table2(plain, whole.cfg)
-    assert table.loc["seeds + eigen", ["×1", "×4", "×10"]].tolist() == ["81.2 ± 8.8", "62 ± 18", "25 ± 35"]
-    assert table.loc["seeds + eigen", "×1, paper"] == "51 ± 27"
+    table = exp2.table2(plain, whole.cfg).filter(like="seeds + eigen over seeds ×", axis=0)
+    assert table["mean over joints"].tolist() == ["81.2 ± 8.8", "62 ± 18", "25 ± 35"]
+    geometric = [100 * (1 - (0.25 * 0.125) ** 0.5 * k) for k in (1, 2, 4)]
+    assert [float(x.split(" ")[0]) for x in table["geometric mean"]] == pytest.approx(geometric, abs=0.05)
+    assert table.iloc[0]["median"] == "81.2" and table.iloc[0]["paper, mean"] == "51 ± 27"
     assert list(exp2.tables2(whole.whole_errors, whole.cfg)) == ["table2", "table2_weighted"]
 
 
@@ -129,6 +135,7 @@ def test_epochs_to_reliability():
     assert table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never"
     assert table.loc["diagonal", "first epoch"] == "1 (2 ×)"
     assert table.loc["eigen", "best"] == "0.9 ± 0.071"
+    assert table.loc["eigen", "mean from epoch 40 on"] == table.loc["eigen", "last"]  # of three epochs
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from experiments.claims_training import CRITERIA
 from experiments.finding import ratios, shares
 from experiments.verdicts import (
     HOLDS,
+    MIXED,
     NOT,
     OPEN,
     PART,
@@ -21,6 +22,7 @@ from experiments.verdicts import (
     interval,
     log_odds,
     not_below,
+    tally,
     together,
 )
 
@@ -54,8 +56,13 @@ def test_a_verdict_needs_the_whole_interval():
     assert above(effect(1.0)) == HOLDS and above(effect(-1.0)) == NOT
     assert below(effect(-1.0)) == HOLDS and above(effect(0.0)) == UNDECIDED
     assert above(effect(1.0, trainings=1)) == UNDECIDED  # one training says nothing
-    assert not_below(effect(0.0)) == HOLDS and not_below(effect(-1.0)) == NOT
-    assert not_below(effect(0.0, trainings=1)) == UNDECIDED
+
+
+def test_that_nothing_is_lost_has_to_be_shown():
+    """A wide interval about zero, or one training, shows nothing; a narrow one below it is no loss."""
+    assert not_below(effect(0.0, 0.01)) == HOLDS == not_below(effect(-0.02, 0.001))
+    assert not_below(effect(0.0, 1.0)) == UNDECIDED == not_below(effect(0.0, trainings=1))
+    assert not_below(effect(-1.0)) == NOT
 
 
 def test_what_lies_about_a_bound_is_not_decided():
@@ -65,7 +72,9 @@ def test_what_lies_about_a_bound_is_not_decided():
 
 
 def test_a_claim_about_several_holds_of_each_or_in_part():
-    assert together([HOLDS, HOLDS]) == HOLDS and together([HOLDS, NOT]) == PART
+    assert together([HOLDS, HOLDS]) == HOLDS and together([HOLDS, NOT]) == MIXED
+    assert tally([HOLDS, NOT, UNDECIDED]) == "1 of 3 hold, 1 do not: " and tally([NOT, NOT]) == ""
+    assert together([MIXED, HOLDS]) == MIXED == together([PART, NOT])
     assert together([HOLDS, UNDECIDED]) == PART and together([NOT, UNDECIDED]) == NOT
     assert together([UNDECIDED, UNDECIDED]) == UNDECIDED and together([]) == UNKNOWN
     assert together([OPEN, OPEN]) == OPEN and together([OPEN, HOLDS]) == PART

@@ -88,11 +88,12 @@ def test_every_artifact_has_a_stamp_of_its_own_and_variants_and_trainings_keep_t
 
 def test_readings_share_what_they_measure_alike(task):
     """The seeds' measurements are as noisy in the reading of seeds as where all are."""
-    names = ("all", "seeds", "torques")
-    readings = [task(f"replication.reading={name}", experiment="exp2") for name in names]
-    both, seeds, torques = ([sums(one, pool).digest for pool in whole_sets(one)] for one in readings)
-    assert both[0] == seeds[0] and both[1] != seeds[1]
-    assert not {*torques} & {*both} and len({replication(one).digest for one in readings}) == 3
+    one, names = task(experiment="exp2"), ("all", "seeds", "torques", "seeds_states")
+    digests = ([sums(one, pool, name).digest for pool in whole_sets(one)] for name in names)
+    both, seeds, torques, states = digests
+    assert both[0] == seeds[0] == states[0] and both[1] != seeds[1]
+    assert not {*torques} & {*both} and states[1:] == torques[1:]
+    assert len({replication(one, name).digest for name in names}) == 4
 
 
 def test_random_numbers_differ_by_purpose_and_seed(task):

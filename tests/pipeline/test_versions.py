@@ -56,8 +56,8 @@ def identified(task):
 
 def replicated(task):
     for pool in whole_sets(task):
-        task.store.produce(sums(task, pool))
-    return means(task, replication(task), (RESULTS, FACTS))
+        task.store.produce(sums(task, pool, "all"))
+    return means(task, replication(task, "all"), (RESULTS, FACTS))
 
 
 WATCHED = {"identification": identified, "replication": replicated}

@@ -1,5 +1,6 @@
 """Stage replication: identification from whole sets that are measured with noise, the seeds repeatedly."""
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,6 +10,7 @@ import pandas as pd
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
 from sidegan.identification import Noise
+from sidegan.identification.settings import Reading
 from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
@@ -33,12 +35,12 @@ class Measured:
     replicas: int  # times in each of them; the seeds as often as they are replicated
 
     @classmethod
-    def of(cls, task: Task, pool: Pool) -> "Measured":
-        """Measurement of a set under the task's reading."""
+    def of(cls, task: Task, pool: Pool, reading: Reading) -> "Measured":
+        """Measurement of a set under a reading."""
         settings = task.cfg.replication
         if pool.name == SEEDS:
-            return cls(settings.of_seeds, settings.repeats, max(settings.replicas))
-        noise = settings.of_generated
+            return cls(settings.of_seeds(reading), settings.repeats, max(settings.replicas))
+        noise = settings.of_generated(reading)
         return cls(noise, 1 if noise.exact else settings.repeats, 1)
 
     @property
@@ -55,31 +57,33 @@ def whole_sets(task: Task) -> list[Pool]:
     return [Pool(name, k, (artifact,)) for name, k, artifact in made]
 
 
-def sums(task: Task, pool: Pool) -> Artifact:
+def sums(task: Task, pool: Pool, reading: Reading) -> Artifact:
     """The sums of the measurements of a whole set; readings that measure it alike share them."""
-    measured = Measured.of(task, pool)
+    measured = Measured.of(task, pool, reading)
     settings, label = asdict(measured) | {"rate": task.cfg.identification.rate}, pool.name + measured.mark
-    make = partial(_measure, pool=pool)
+    make = partial(_measure, pool=pool, measured=measured)
     return task.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
 
 
-def replication(task: Task) -> Artifact:
-    """Errors of identification from each combination of whole sets."""
-    inputs = {f"{one.name} {one.training or 0}": sums(task, one) for one in whole_sets(task)}
+def replication(task: Task, reading: Reading) -> Artifact:
+    """Errors of identification from each combination of whole sets, under a reading."""
+    inputs = {f"{one.name} {one.training or 0}": sums(task, one, reading) for one in whole_sets(task)}
+    settings = asdict(task.cfg.replication)
+    del settings["readings"]
     return task.artifact(
         "replication",
-        "-".join([*task.cfg.gan, task.cfg.replication.reading]),
-        _combine,
-        asdict(task.cfg.identification) | asdict(task.cfg.replication),
+        "-".join([*task.cfg.gan, reading]),
+        partial(_combine, reading=reading),
+        asdict(task.cfg.identification) | settings | {"reading": reading},
         inputs,
-        title="replication",
+        title=f"replication {reading}",
         metrics=_mean_errors,
     )
 
 
-def draws(task: Task, pool: Pool) -> list[list[Sums]]:
+def draws(task: Task, pool: Pool, reading: Reading) -> list[list[Sums]]:
     """The sums over a whole set by noise realisation and replica."""
-    measured = read_torch(task.store.require(sums(task, pool)) / SUMS)
+    measured = read_torch(task.store.require(sums(task, pool, reading)) / SUMS)
     every = [[Sums(**part) for part in draw] for draw in measured]
     return every * (task.cfg.replication.repeats if len(every) == 1 else 1)
 
@@ -90,9 +94,9 @@ def _mean_errors(folder: Path) -> Metrics:
     return {f"{name}/nmse": float(value) for name, value in mean.items()}
 
 
-def _measure(task: Task, build: Build, pool: Pool) -> None:
+def _measure(task: Task, build: Build, pool: Pool, measured: Measured) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
-    measured, coefficients = Measured.of(task, pool), pool.load(task).coefficients
+    coefficients = pool.load(task).coefficients
     settings = replace(task.cfg.identification, noise=measured.noise)
     every = range(measured.repeats)
     parts = {(r, k): build.work / f"{r}-{k}.pt" for r in every for k in range(measured.replicas)}
@@ -111,10 +115,10 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
     report(before * count + done, total * count)
 
 
-def _combine(task: Task, build: Build) -> None:
+def _combine(task: Task, build: Build, reading: Reading) -> None:
     settings, tests = task.cfg.replication, (task.trajectory, test_trajectories(task))
-    study = replace(task.cfg.identification, noise=settings.of_seeds)
-    seeds, *libraries = ((one, draws(task, one)) for one in whole_sets(task))
+    study = replace(task.cfg.identification, noise=settings.of_seeds(reading))
+    seeds, *libraries = ((one, draws(task, one, reading)) for one in whole_sets(task))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.repeats):
         first = seeds[1][repeat]
@@ -129,6 +133,10 @@ def _combine(task: Task, build: Build) -> None:
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
 
 
-STAGES = {
-    "replication": Stage(lambda task: [*(sums(task, one) for one in whole_sets(task)), replication(task)])
-}
+def _replications(task: Task) -> Iterator[Artifact]:
+    for reading in task.cfg.replication.readings:
+        yield from (sums(task, one, reading) for one in whole_sets(task))
+        yield replication(task, reading)
+
+
+STAGES = {"replication": Stage(_replications)}
