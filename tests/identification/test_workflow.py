@@ -41,7 +41,7 @@ def test_every_method_identifies(planar, recordings, method):
     assert result.chosen.method == method and result.kind == "held out"
     assert list(result.tests) == list(dict.fromkeys([method, "ols", "consistent"]))
     assert result.tests[method].nmse.mean() < 5e-3
-    assert result.use == CONSISTENT or method != "weighted"
+    assert result.use == CONSISTENT
     assert result.links.shape == (2, 10)
 
 
