@@ -1,6 +1,7 @@
 """The generator of trajectories: its network, scale and limits, in one file once it is trained."""
 
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -91,6 +92,21 @@ class TrajectoryGenerator(nn.Module):
         }
         write_torch(path, content)
 
+    def start_from(self, path: Path) -> None:
+        """Take over the network of a generator's file, of any arm; scale, limits and corrections stay.
+
+        Raises:
+            ArtifactError: for a truncated or foreign file, or a network of another size.
+        """
+        content = _content(path)
+        if content["network"] != self.network.settings:
+            raise ArtifactError(
+                f"{path} has a network of {content['network']}, expected {self.network.settings}"
+            )
+        name = "network."
+        weights = {key.removeprefix(name): x for key, x in content["weights"].items() if key.startswith(name)}
+        self.network.load_state_dict(weights)
+
     @classmethod
     def load(cls, path: Path, arm: Arm) -> "TrajectoryGenerator":
         """Generator of an arm from a file that ``save`` wrote; no code in the file is run.
@@ -98,9 +114,7 @@ class TrajectoryGenerator(nn.Module):
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
-        content = read_torch(path)
-        if not isinstance(content, dict) or content.get("format") != _FORMAT:
-            raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
+        content = _content(path)
         if content["digest"] != arm.digest:
             raise ArtifactError(
                 f"{path} was trained for {content['robot']} (digest {content['digest'][:12]}), "
@@ -120,3 +134,10 @@ class TrajectoryGenerator(nn.Module):
         )
         generator.load_state_dict(content["weights"])
         return generator.eval()
+
+
+def _content(path: Path) -> dict[str, Any]:
+    content = read_torch(path)
+    if not isinstance(content, dict) or content.get("format") != _FORMAT:
+        raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
+    return content

@@ -5,6 +5,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
+from pathlib import Path
 from typing import Any
 
 import pytorch_lightning as pl
@@ -34,6 +35,7 @@ class Data:
     success_predictor: Any = None  # a trained network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
     box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
+    start: Path | None = None  # file of a generator, of any arm, from whose network one starts
 
 
 class SideGAN(pl.LightningModule):
@@ -74,8 +76,11 @@ class SideGAN(pl.LightningModule):
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
-        arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, settings.limited, box, settings.corrections)
+        arm, corrections = self.data.constraints.arm, settings.corrections
+        made = TrajectoryGenerator(network, scaling, family, arm, settings.limited, box, corrections)
+        if self.data.start is not None:
+            made.start_from(self.data.start)
+        return made
 
     @abstractmethod
     def losses(self) -> list[Loss]:

@@ -84,6 +84,7 @@ class Config:
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
+    start: str | None = None  # file of a generator, from whose network those with surrogates start
     surrogates: Surrogates = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared

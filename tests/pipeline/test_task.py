@@ -58,6 +58,7 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
         ("identification.repeats=3", IDENTIFICATIONS),
         ("identification.reach=0.6", IDENTIFICATIONS | PLANTS | MEASURES),
         ("subset=20", {"surrogates"} | of(*LEARNING)),
+        (f"start={__file__}", of("eigen", "diagonal", "prediction")),
         # Long trajectories have the seeds' optimiser, but steps of their own.
         ("seeds.steps=21", lambda every: every - UNSEEDED - LONG),
         ("seeds.count=41", lambda every: every - UNSEEDED - LONG),

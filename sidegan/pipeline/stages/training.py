@@ -4,18 +4,20 @@ import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import torch
 
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import read_torch, write_json, write_torch
+from sidegan.base.storage import read_torch, reading, write_json, write_torch
 from sidegan.gan import Variant
 from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
+from sidegan.pipeline.store import file_digest
 from sidegan.pipeline.task import GENERATOR, HISTORY, REPORT, Task
 from sidegan.seeds.published import WEIGHTS, Layout
 
@@ -40,8 +42,11 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
     """A trained variant; one of the configured ones where none is given."""
     variant = variant or task.cfg.gan[name]
     samples = _samples(task, variant)
-    inputs = {"seeds": seed_set(task)} if variant.seeded else {}
+    inputs: dict[str, Artifact | str] = {"seeds": seed_set(task)} if variant.seeded else {}
     inputs |= {"surrogates": surrogates(task)} if variant.features else {}
+    if start := _start(task, variant):
+        with reading(start, "generator"):
+            inputs |= {"start": file_digest(start)}
     return task.artifact(
         "gan",
         name,
@@ -53,6 +58,12 @@ def generator(task: Task, name: str, training: int, variant: Variant | None = No
         inputs,
         training=training,
     )
+
+
+def _start(task: Task, variant: Variant) -> Path | None:
+    """File of the generator from whose network a variant starts: of those with surrogates."""
+    ours = variant.features and variant.published is None
+    return Path(task.cfg.start).expanduser() if task.cfg.start is not None and ours else None
 
 
 def _box(task: Task, variant: Variant) -> float | None:
@@ -107,7 +118,7 @@ def _train(task: Task, build: Build, name: str, training: int, variant: Variant)
         task.cfg.seeds.refuse_beyond(seeds)
     else:
         seeds = random_trajectories(task.constraints, task.trajectory, seed, box)
-    data = Data(task.constraints, task.trajectory, seeds, box=box)
+    data = Data(task.constraints, task.trajectory, seeds, box=box, start=_start(task, variant))
     if variant.features:
         folder = task.store.require(surrogates(task))
         predictor, converter = load_surrogates(folder, variant, task.arm, task.trajectory)
