@@ -1,12 +1,13 @@
 """Which columns of a file hold which signal: by the patterns that are set, or by what they are called."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
+from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
 from sidegan.recording.words import Series, is_split, own_names, series_of, stamps_of
 
@@ -25,10 +26,16 @@ class Joints:
     chain: tuple[str, ...]
     places: tuple[int, ...]  # which of these are the arm's
     own: tuple[str, ...]  # names of the arm's joints in its description
+    slides: tuple[bool, ...]  # which of the arm's do not turn
 
     @classmethod
     def of(
-        cls, file: str, settings: RecordingSettings, joint_names: Sequence[str], chain: Sequence[str]
+        cls,
+        file: str,
+        settings: RecordingSettings,
+        joint_names: Sequence[str],
+        chain: Sequence[str],
+        sliding: Collection[str] = (),
     ) -> "Joints":
         """The arm's joints in a file, as part of a chain in which others may be locked; no names: none are.
 
@@ -36,11 +43,11 @@ class Joints:
             RecordingError: when the names that are set are not as many as the joints.
         """
         own, every = tuple(joint_names), tuple(chain or joint_names)
-        named = tuple(settings.joints or every)
+        named, slides = tuple(settings.joints or every), tuple(name in sliding for name in own)
         if len(named) == len(every):
-            return cls(named, tuple(every.index(name) for name in own), own)
+            return cls(named, tuple(every.index(name) for name in own), own, slides)
         if len(named) == len(own):
-            return cls(named, tuple(range(len(own))), own)
+            return cls(named, tuple(range(len(own))), own, slides)
         raise RecordingError(
             f"{file}: recording.joints has {counted(len(named), 'name')}, the arm has "
             f"{counted(len(own), 'joint')}: {', '.join(own)}"
@@ -68,6 +75,7 @@ class Finder:
     ) -> None:
         self.file, self.available, self.settings, self.joints = file, [*table.columns], settings, joints
         self.only, self.effort = only, settings.effort
+        self.dated = dated(table)
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings(table)
         self.numbering, *others = self._likeliest()
@@ -104,7 +112,7 @@ class Finder:
         names = self.settings.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
-            stamps = stamps_of(self.available)
+            stamps = stamps_of(self.available) or self.dated
         if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
