@@ -128,7 +128,7 @@ def _apart(signals: Mapping[str, Numbers]) -> list[tuple[list[str], NDArray[np.b
 def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
     """A sentence on the units that columns are headed with, where these count."""
     found = [("time", units.read("time", False, where["time"][0]))] if len(where.get("time", "")) == 1 else []
-    for name in where.keys() - {"time"}:
+    for name in [name for name in where if name != "time"]:
         found += [(name, units.read(name, *each)) for each in zip(joints.slides, where[name])]
     return told(found)
 

@@ -83,8 +83,8 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     per_turn = 2 ** math.ceil(math.log2(float(raw.upper.max().clamp_min(2))))
     zero = per_turn // 2 if (raw.lower >= 0).all() else 0
     return (
-        f"{_reaches(position, arm, far)}, which no unit mends: are these counts of encoders? With their counts "
-        "per turn, and what they read where the joints are at zero, perhaps "
+        f"{_reaches(position, arm, far)}, which no unit mends: are these counts of encoders? With their "
+        "counts per turn, and what they read where joints are at zero, perhaps "
         f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
     )
 

@@ -1,7 +1,7 @@
 """Time stamps as files keep them: numbers, also since 1970, dates with time zones, times of day."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,11 @@ from sidegan.recording.units import Units
 
 _EPOCH = pd.Timestamp("1970-01-01", tz="UTC")
 _SINCE_1970 = 9.4e8, 4.1e9  # [s] when such clocks are read: 2000 to 2100
+_OF_TEXT: tuple[Callable[[Any], Any], ...] = (
+    lambda texts: pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601") - _EPOCH,
+    lambda texts: pd.to_timedelta(texts, errors="coerce"),  # since midnight
+    lambda texts: pd.to_datetime(texts, utc=True, errors="coerce") - _EPOCH,
+)
 _LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _DATES = 0.5  # of a column's texts that are dates at least, where it is one of dates
 
@@ -56,12 +61,10 @@ def _dates(values: Any) -> Numbers | None:
     texts = series.astype(str).str.replace(",", ".")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
-        for form in ("ISO8601", None):
-            found = pd.to_datetime(texts, utc=True, errors="coerce", format=form)
-            if found.notna().mean() > _DATES:
-                return _seconds(found - _EPOCH)
-        found = pd.to_timedelta(texts, errors="coerce")
-    return _seconds(found) if found.notna().mean() > _DATES else None
+        for read in _OF_TEXT:
+            if (found := read(texts)).notna().mean() > _DATES:
+                return _seconds(found)
+    return None
 
 
 def _are_texts(series: "pd.Series[Any]") -> bool:

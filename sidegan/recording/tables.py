@@ -31,6 +31,13 @@ class Table:
         """A column's first element as text; nothing where there is none."""
         return str(next(iter(self.columns[name]), "")).strip()
 
+    def width(self, name: str) -> int:
+        """How many elements a column has in each row: 1 where it holds no lists."""
+        values = self.columns[name]
+        if np.ndim(values) == 2:
+            return int(np.shape(values)[1])
+        return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
+
     def numbers(self, name: str) -> Numbers:
         """A column, (S,) or, of lists, (S, J); NaN where it holds no number.
 

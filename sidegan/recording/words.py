@@ -49,6 +49,12 @@ class Series:
         wanted = [place + (0 if self.named else base) for place in places]
         return [self.columns[k] for k in wanted if k in self.columns]
 
+    def of_another_arm(self, arms: "Series") -> bool:
+        """Whether columns are called as an arm's but for one word, which is none of a signal: right, left."""
+        words, others = ([*_words(next(iter(one.columns.values())))] for one in (self, arms))
+        swapped = {pair for pair in zip(words, others) if pair[0] != pair[1]}
+        return len(words) == len(others) and len(swapped) == 1 and not {*next(iter(swapped))} & _KNOWN
+
     def pattern(self, base: int) -> str:
         """The pattern that they are columns of."""
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
