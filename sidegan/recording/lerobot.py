@@ -48,7 +48,7 @@ def dataset_table(path: Path) -> Table:
     parts = []
     for file in files:
         with reading(file, "Parquet", RecordingError):
-            parts.append(pd.DataFrame(parquet_table(file).columns))
+            parts.append(pd.DataFrame({**parquet_table(file).columns}))
     frames = pd.concat(parts, ignore_index=True)
     if missing := [name for name in (_TIME, _EPISODE) if name not in frames]:
         raise RecordingError(f"{files[0]} has no column {', '.join(missing)}: is it of a LeRobot dataset?")

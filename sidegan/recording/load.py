@@ -1,6 +1,6 @@
 """From files to recordings in SI units."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,7 @@ def load_recording(
     else:
         wanted = [(k, path) for k, path in files.signals(settings.effort).items() if getattr(settings, k)]
         signals, corrupt, remarks = merged([_read(Path(path), settings, joints, k) for k, path in wanted])
-    tensors: dict[str, Any] = {key: torch.from_numpy(np.ascontiguousarray(x)) for key, x in signals.items()}
+    tensors: dict[str, Any] = {k: torch.from_numpy(np.require(x, None, "W")) for k, x in signals.items()}
     made = Recording(name, tuple(joint_names), corrupt=tuple(corrupt), remarks=tuple(remarks), **tensors)
     return driven(unwrapped(made, joints.slides))
 
@@ -96,33 +96,44 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         remarks.append(f"{listed(sorted(rates))} is derived, since positions are counts of encoders")
     with reading(path, path.suffix[1:], RecordingError):
         stamps, odd = stamps_in_si(table, where["time"], settings.units) if "time" in where else (None, [])
-        signals = {k: _in_si(path.name, table, k, where[k], settings, joints) for k in where if k != "time"}
+        signals = {} if stamps is None else {"time": stamps}
+        for name in [name for name in where if name != "time"]:
+            signals[name] = _in_si(path.name, table, name, where[name], settings, joints)
+            table.forget({*where[name]} - {c for one in where.keys() - signals.keys() for c in where[one]})
     remarks = [*table.remarks, *odd, *_headed(where, settings.units, joints), *remarks]
-    signals = signals if stamps is None else {"time": stamps, **signals}
     _refuse_lengths(path.name, signals, where)
-    parts = []
-    for names, rows in _apart(signals):
-        some = {name: signals[name][rows] for name in signals if name in (*names, "time")}
-        good, corrupt = _whole_rows(path.name, table.rows[rows], where, some)
-        if not good.any():
-            raise RecordingError(f"{path.name} holds no samples")
-        kept = {name: x[good] for name, x in some.items()}
-        numbers = table.rows[rows][good] / (settings.rate or 1.0)
-        kept["time"] = numbers if stamps is None else kept["time"][:, 0]
-        parts.append(Part(f"the {listed(names)} of {path.name}", stamps is not None, kept, corrupt, []))
+    parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
     signals, corrupt, more = merged(parts) if parts[1:] else (parts[0].signals, parts[0].corrupt, [])
     return Part(path.name, stamps is not None, signals, [*table.skipped, *corrupt], [*remarks, *more])
 
 
-def _apart(signals: Mapping[str, Numbers]) -> list[tuple[list[str], NDArray[np.bool_]]]:
-    """Names of signals (S, J) and their rows, (S,): of all together, or each where it has any numbers.
+def _apart(
+    signals: dict[str, Numbers], rows: NDArray[np.int64]
+) -> list[tuple[dict[str, Numbers], NDArray[np.int64]]]:
+    """Signals and their rows, (S,): all of them, or each, with time, at the rows where it has any numbers.
 
     The latter where one comes at moments of its own, so that many cells are blank.
     """
     blank = {name: np.isnan(x).all(1) for name, x in signals.items() if name != "time"}
-    if any(_APART < lacks.mean() < 1 for lacks in blank.values()):
-        return [([name], ~lacks) for name, lacks in blank.items()]
-    return [([*blank], np.ones(len(next(iter(blank.values()))), dtype=bool))]
+    if not any(_APART < lacks.mean() < 1 for lacks in blank.values()):
+        return [(signals, rows)]
+    return [
+        ({one: signals[one][~lacks] for one in ("time", name) if one in signals}, rows[: len(lacks)][~lacks])
+        for name, lacks in blank.items()
+    ]
+
+
+def _part(
+    file: str, where: Where, signals: dict[str, Numbers], rows: NDArray[np.int64], rate: float | None
+) -> Part:
+    """Signals without rows that lack a number."""
+    good, corrupt = _whole_rows(file, rows, where, signals)
+    if not good.any():
+        raise RecordingError(f"{file} holds no samples")
+    kept = signals if good.all() else {name: x[good] for name, x in signals.items()}
+    time = kept["time"][:, 0] if "time" in kept else rows[: len(good)][good] / (rate or 1.0)
+    label = f"the {listed([name for name in signals if name != 'time'])} of {file}"
+    return Part(label, "time" in kept, {**kept, "time": time}, corrupt, [])
 
 
 def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
@@ -149,25 +160,31 @@ def _open(
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
         table = dataset_table(path) if dataset else _READERS[suffix](path)
-    return table, *Finder(path.name, table, settings, joints, only).found()
+        return table, *Finder(path.name, table, settings, joints, only).found()
 
 
 def _in_si(
     file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
 ) -> Numbers:
-    """A signal (S, J) in SI units."""
-    parts = [table.numbers(column) for column in where]
-    if len({len(x) for x in parts}) > 1 or any(x.ndim > 2 for x in parts):
-        shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, parts))
-        raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
-    x = np.column_stack(parts)
+    """A signal (S, J) in SI units, of columns (S,), or of one (S, J)."""
+    x = np.empty((0, 0))
+    for j, column in enumerate(where):
+        values = table.numbers(column)
+        if j == 0:  # a joint after the other in memory, as they are read
+            x = np.empty((len(where), len(values))).T if where[1:] else values.reshape(len(values), -1)
+        if values.ndim > 2 or (where[1:] and values.shape != x.shape[:1]):
+            shapes = ", ".join(f"{one} is {np.shape(table.numbers(one))}" for one in where)
+            raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
+        if where[1:]:
+            x[:, j] = values
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
         raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
     if name == "position" and settings.units.position is not None:
         return settings.units.position.in_si(x, joints.slides)
-    headings = where if len(where) > 1 else [*where] * len(joints.own)
-    return x * [settings.units.factor(name, *each) for each in zip(joints.slides, headings)]
+    headings = where if where[1:] else [*where] * len(joints.own)
+    factors = [settings.units.factor(name, *each) for each in zip(joints.slides, headings)]
+    return np.multiply(x, factors, out=x if where[1:] else None)
 
 
 def _refuse_lengths(file: str, signals: dict[str, Numbers], where: Where) -> None:
@@ -181,19 +198,19 @@ def _whole_rows(
     file: str, rows: NDArray[np.int64], where: Where, signals: dict[str, Numbers]
 ) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the number and reason of the others."""
-    bad = ~(np.abs(np.concatenate([*signals.values()], 1)) <= _LARGEST)
     names = [
         where[name][k] if x.shape[1] <= len(where[name]) else f"{where[name][0]}[{k}]"
         for name, x in signals.items()
         for k in range(x.shape[1])
     ]
-    wrong = np.asarray(bad.any(1))
+    bad = np.array([~(np.abs(column) <= _LARGEST) for x in signals.values() for column in x.T])
+    wrong = np.asarray(bad.any(0))
     if len(wrong) and wrong.mean() > _MOST_CORRUPT:
-        worst = [name for name, share in zip(names, bad.mean(0)) if share > _MOST_CORRUPT / len(names)]
+        worst = [name for name, share in zip(names, bad.mean(1)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
             f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
         )
-    lacking = [[name for name, is_bad in zip(names, bad[k]) if is_bad] for k in np.flatnonzero(wrong)]
+    lacking = [[name for name, is_bad in zip(names, bad[:, k]) if is_bad] for k in np.flatnonzero(wrong)]
     return ~wrong, [
         (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], lacking)
     ]

@@ -23,19 +23,19 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
     Steps between neighbouring samples are that which are nearly a turn, in a joint none of whose other steps
     is beyond doubt.
     """
-    near = np.diff(recording.time.numpy()) < SLOWEST
-    position, found = recording.position.numpy().copy(), []
-    for j, (q, name) in enumerate(zip(position.T, recording.joint_names)):
-        steps = np.where(near, np.diff(q), 0.0)
+    near, found, position = np.diff(recording.time.numpy()) < SLOWEST, [], recording.position
+    for j, name in enumerate(recording.joint_names):
+        steps = np.where(near, np.diff(position[:, j].numpy()), 0.0)
         turns = np.round(steps / _TURN)
         odd = np.abs(steps - _TURN * turns) > _AROUND
         if not slides[j] and turns.any() and odd.mean() < _GLITCHES:
-            position[1:, j] -= _TURN * np.cumsum(np.where(odd, 0.0, turns))
+            position = position if found else position.clone()
+            position[1:, j] -= torch.from_numpy(_TURN * np.cumsum(np.where(odd, 0.0, turns)))
             found.append(name)
     if not found:
         return recording
     said = f"readings of {listed(found)} jump by whole turns, which are taken out: they go on beyond ±π"
-    return replace(recording, position=torch.from_numpy(position), remarks=(*recording.remarks, said))
+    return replace(recording, position=position, remarks=(*recording.remarks, said))
 
 
 def driven(recording: Recording) -> Recording:
@@ -44,7 +44,10 @@ def driven(recording: Recording) -> Recording:
         return recording
     load, time = recording.signals()[recording.load].numpy(), recording.time.numpy()
     position, kept, lost = recording.position.numpy(), np.ones(len(time), dtype=bool), 0.0
-    begins = np.flatnonzero(np.append(True, (np.diff(load, axis=0) != 0).any(1)))
+    begins = np.append(True, np.zeros(len(time) - 1, dtype=bool))
+    for column in load.T:
+        begins[1:] |= np.diff(column) != 0
+    begins = np.flatnonzero(begins)
     ends = np.append(begins[1:], len(time)) - 1
     long = np.flatnonzero(time[ends] - time[begins] >= _WITHOUT_DRIVES)
     for begin, end in zip(begins[long], ends[long]):
@@ -52,11 +55,14 @@ def driven(recording: Recording) -> Recording:
             kept[begin : end + 1], lost = False, lost + time[end] - time[begin]
     if kept.all() or not kept.any():
         return recording
-    part = {name: x[torch.from_numpy(kept)] for name, x in recording.signals().items()}
+    rows = np.flatnonzero(kept)
+    whole = len(rows) == rows[-1] - rows[0] + 1  # a part of the memory will do
+    part = slice(rows[0], rows[-1] + 1) if whole else torch.from_numpy(rows)
+    signals = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
     said = (
         f"from {first:.6g} s on no {recording.load} changes while the arm rests, as without drives: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
     remarks = (*recording.remarks, said)
-    return replace(recording, time=recording.time[torch.from_numpy(kept)], remarks=remarks, **part)
+    return replace(recording, time=recording.time[part], remarks=remarks, **signals)

@@ -1,7 +1,7 @@
 """Tables of columns from files of other programs: Parquet, JSON lines, NPZ and MATLAB files."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,12 @@ class Table:
     def first(self, name: str) -> str:
         """A column's first element as text; nothing where there is none."""
         return str(next(iter(self.columns[name]), "")).strip()
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Give up the memory of columns that are not asked for again."""
+        for name in names:
+            if isinstance(self.columns, dict):
+                self.columns.pop(name, None)
 
     def width(self, name: str) -> int:
         """How many elements a column has in each row: 1 where it holds no lists."""
@@ -60,9 +66,26 @@ def parquet_table(path: Path) -> Table:
     import pyarrow.parquet as pq
 
     plain = [field.name for field in pq.read_schema(path) if not pa.types.is_struct(field.type)]
-    # What pandas notes in it about an index would hide columns, clocks above all.
-    frame = pq.read_table(path, columns=plain).to_pandas(ignore_metadata=True)
-    return Table({name: frame[name] for name in plain}, np.arange(len(frame)) + 1)
+    return Table(_Parquet(path, plain), np.arange(pq.read_metadata(path).num_rows) + 1)
+
+
+class _Parquet(Mapping[str, Any]):
+    """Columns of a Parquet file, each of which is read when it is asked for."""
+
+    def __init__(self, path: Path, names: Sequence[str]) -> None:
+        self.path, self.names = path, names
+
+    def __getitem__(self, name: str) -> Any:
+        import pyarrow.parquet as pq
+
+        # What pandas notes in a file about an index would hide the column.
+        return pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True)[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
 
 
 def json_table(path: Path) -> Table:

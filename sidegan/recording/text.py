@@ -19,6 +19,7 @@ from sidegan.recording.tables import Table
 _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _LOOKED_AT = 100  # lines that tell separator and decimal mark
+_AT_ONCE = 100_000  # rows that are read at once
 _SAMPLE = 1 << 16  # bytes that tell the encoding
 _FIELDS = ("position", "velocity", "effort")  # of a joint state, in its order
 
@@ -117,15 +118,20 @@ def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: A
     """Rows of a text from line ``first`` on, under these names."""
     options: dict[str, Any] = {"decimal": decimal, "index_col": False, "header": None, "names": names, **form}
     options |= {"skiprows": first - 1, "skip_blank_lines": False, "encoding_errors": "replace"}
+    parts: list[dict[str, Any]] = []
     # All columns are read: with a choice of them pandas does not notice a line with too many fields.
     with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
-        frame = pd.read_csv(path, on_bad_lines="warn", **options)
-    if decimal == ",":  # pandas leaves a column as text where one field is no number
-        texts = frame.select_dtypes(exclude="number")
-        frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
+        with pd.read_csv(path, on_bad_lines="warn", chunksize=_AT_ONCE, **options) as frames:
+            for frame in frames:
+                if decimal == ",":  # pandas leaves a column as text where one field is no number
+                    texts = frame.select_dtypes(exclude="number")
+                    frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
+                parts.append({name: frame[name].copy() for name in names})
+    columns = {name: pd.concat([part.pop(name) for part in parts], ignore_index=True) for name in names}
+    count = len(columns[names[0]])
     matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
     skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
-    lines = np.arange(len(frame) + len(skipped)) + first  # people count the header as the first
-    rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
-    return Table({name: frame[name] for name in names}, rows, skipped)
+    lines = np.arange(count + len(skipped)) + first  # people count the header as the first
+    rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[:count]
+    return Table(columns, rows, skipped)
