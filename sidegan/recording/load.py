@@ -203,14 +203,21 @@ def _whole_rows(
         for name, x in signals.items()
         for k in range(x.shape[1])
     ]
-    bad = np.array([~(np.abs(column) <= _LARGEST) for x in signals.values() for column in x.T])
-    wrong = np.asarray(bad.any(0))
+    columns = [column for x in signals.values() for column in x.T]
+    wrong, shares = np.zeros(len(columns[0]), dtype=bool), []
+    for column in columns:  # a matrix of all would take as much memory as they do
+        bad = ~(np.abs(column) <= _LARGEST)
+        wrong |= bad
+        shares.append(bad.mean() if len(bad) else 0.0)
     if len(wrong) and wrong.mean() > _MOST_CORRUPT:
-        worst = [name for name, share in zip(names, bad.mean(1)) if share > _MOST_CORRUPT / len(names)]
+        worst = [name for name, share in zip(names, shares) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
             f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
         )
-    lacking = [[name for name, is_bad in zip(names, bad[:, k]) if is_bad] for k in np.flatnonzero(wrong)]
+    lacking = [
+        [name for name, column in zip(names, columns) if not abs(column[k]) <= _LARGEST]
+        for k in np.flatnonzero(wrong)
+    ]
     return ~wrong, [
         (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], lacking)
     ]

@@ -1,6 +1,6 @@
 """Preprocessing: from raw recordings to filtered states and torques on a uniform grid."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
 from sidegan.recording.tables import Numbers
 
 _OVERSAMPLING = 10.0  # samples that are kept per period of the cut-off
-_AT_ONCE = 100_000  # points of the grid that are filtered at once
+_AT_ONCE = 50_000  # points of the grid that are filtered at once
 _FORGOTTEN = 20.0  # periods of the cut-off, after which the filter has forgotten all but 1e-12 of a sample
 _PAUSE = 0.1  # [s]: samples this close to a motion are kept
 _LEAST_POINTS = 8  # of a segment
@@ -100,11 +100,10 @@ def preprocess(
     signals, factor = _signals(recording, gains, settings.reverse)
     segments: list[Segment] = []
     for run in runs(recording.time.numpy(), grid.step, grid.gap):
-        parts = [
+        kept, *states, moving = _joined(
             _thinned(run, signals, factor, grid, span, sign_width, settings.still, delay)
             for span in _spans(run.points, grid)
-        ]
-        kept, *states, moving = (np.concatenate(x) for x in zip(*parts))
+        )
         states = [run.time[0] + kept * grid.step, *states]
         segments += [
             Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in states))
@@ -115,6 +114,11 @@ def preprocess(
             f"{recording.name}: no joint is ever faster than {settings.still:g} rad/s for a while"
         )
     return segments
+
+
+def _joined(pieces: Iterable[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
+    """Arrays of pieces, one after the other."""
+    return [np.concatenate(x) for x in zip(*pieces)]
 
 
 def _spans(points: int, grid: Grid) -> Iterator[tuple[int, int, int, int]]:
@@ -191,8 +195,9 @@ def _inside(kept: NDArray[np.int64], points: int, grid: Grid) -> NDArray[np.bool
     return (kept >= edge) & (kept < points - edge)
 
 
-def _stretches(moving: NDArray[np.bool_]) -> Iterator[NDArray[np.int64]]:
-    """Numbers of kept points of a run in stretches that move."""
-    for part in np.split(np.arange(len(moving)), np.flatnonzero(np.diff(moving)) + 1):
-        if len(part) >= _LEAST_POINTS and moving[part[0]]:
-            yield part
+def _stretches(moving: NDArray[np.bool_]) -> Iterator[slice]:
+    """Kept points of a run in stretches that move."""
+    edges = np.flatnonzero(np.diff(np.pad(moving, 1)))
+    for begin, end in zip(edges[::2], edges[1::2]):
+        if end - begin >= _LEAST_POINTS:
+            yield slice(begin, end)

@@ -76,10 +76,13 @@ class _Parquet(Mapping[str, Any]):
         self.path, self.names = path, names
 
     def __getitem__(self, name: str) -> Any:
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
         # What pandas notes in a file about an index would hide the column.
-        return pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True)[name]
+        column = pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True)[name]
+        pa.default_memory_pool().release_unused()  # or it keeps what decoding took
+        return column
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
