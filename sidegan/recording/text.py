@@ -118,7 +118,8 @@ def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: A
     """Rows of a text from line ``first`` on, under these names."""
     options: dict[str, Any] = {"decimal": decimal, "index_col": False, "header": None, "names": names, **form}
     options |= {"skiprows": first - 1, "skip_blank_lines": False, "encoding_errors": "replace"}
-    parts: list[dict[str, Any]] = []
+    columns: dict[str, Any] = {}
+    most, count = _lines_of(path), 0
     # All columns are read: with a choice of them pandas does not notice a line with too many fields.
     with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
@@ -127,11 +128,31 @@ def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: A
                 if decimal == ",":  # pandas leaves a column as text where one field is no number
                     texts = frame.select_dtypes(exclude="number")
                     frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
-                parts.append({name: frame[name].copy() for name in names})
-    columns = {name: pd.concat([part.pop(name) for part in parts], ignore_index=True) for name in names}
-    count = len(columns[names[0]])
+                for name in names:
+                    columns[name] = _filled(columns.get(name), frame[name].to_numpy(), count, most)
+                count += len(frame)
     matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
     skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
     lines = np.arange(count + len(skipped)) + first  # people count the header as the first
     rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[:count]
-    return Table(columns, rows, skipped)
+    return Table({name: columns.get(name, np.empty(0))[:count] for name in names}, rows, skipped)
+
+
+def _lines_of(path: Path) -> int:
+    """How many lines a text has at most."""
+    with path.open("rb") as file:
+        return 1 + sum(block.count(b"\n") for block in iter(lambda: file.read(_SAMPLE), b""))
+
+
+def _filled(column: Any, values: Any, begin: int, most: int) -> Any:
+    """A column, or a new one for so many elements, with values from a place on; of a kind that holds both.
+
+    Where numbers are kept in pieces until all are read, they take their memory twice.
+    """
+    kind = values.dtype if values.dtype.kind in "iuf" else np.dtype(object)
+    if column is None:
+        column = np.empty(most, dtype=kind)
+    elif column.dtype != kind:
+        column = column.astype(np.result_type(column.dtype, kind))
+    column[begin : begin + len(values)] = values
+    return column
