@@ -13,12 +13,12 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, measured, pooled
-from sidegan.recording.load import load_recording, recording_name
+from sidegan.recording.load import recording_name
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess
 from sidegan.recording.sent import Repeated, averaged, load_sent
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
-from sidegan.recording.standing import chain_of
+from sidegan.recording.standing import load_for
 from sidegan.recording.statistics import Statistics, statistics_of
 from sidegan.robot import Arm
 
@@ -134,8 +134,7 @@ def read_and_check(
 
     They are of one arm and have one delay. Arguments and errors are those of ``check_recording``.
     """
-    chain = chain_of(arm)
-    read = [load_recording(file, settings, arm.joint_names, chain) for file, _ in files]
+    read = [load_for(arm, file, settings) for file, _ in files]
     found = [check_recording(one, arm, settings, gains, sign_width) for one in read]
     common = pooled([one.delay for one in found])
     if common is not None and settings.delay is None:

@@ -1,12 +1,13 @@
 """Which columns of a file hold which signal: by the patterns that are set, or by what they are called."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
+from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
 from sidegan.recording.words import Series, is_split, own_names, series_of, stamps_of
 
@@ -25,10 +26,16 @@ class Joints:
     chain: tuple[str, ...]
     places: tuple[int, ...]  # which of these are the arm's
     own: tuple[str, ...]  # names of the arm's joints in its description
+    slides: tuple[bool, ...]  # which of the arm's do not turn
 
     @classmethod
     def of(
-        cls, file: str, settings: RecordingSettings, joint_names: Sequence[str], chain: Sequence[str]
+        cls,
+        file: str,
+        settings: RecordingSettings,
+        joint_names: Sequence[str],
+        chain: Sequence[str],
+        sliding: Collection[str] = (),
     ) -> "Joints":
         """The arm's joints in a file, as part of a chain in which others may be locked; no names: none are.
 
@@ -36,11 +43,11 @@ class Joints:
             RecordingError: when the names that are set are not as many as the joints.
         """
         own, every = tuple(joint_names), tuple(chain or joint_names)
-        named = tuple(settings.joints or every)
+        named, slides = tuple(settings.joints or every), tuple(name in sliding for name in own)
         if len(named) == len(every):
-            return cls(named, tuple(every.index(name) for name in own), own)
+            return cls(named, tuple(every.index(name) for name in own), own, slides)
         if len(named) == len(own):
-            return cls(named, tuple(range(len(own))), own)
+            return cls(named, tuple(range(len(own))), own, slides)
         raise RecordingError(
             f"{file}: recording.joints has {counted(len(named), 'name')}, the arm has "
             f"{counted(len(own), 'joint')}: {', '.join(own)}"
@@ -66,10 +73,10 @@ class Finder:
     def __init__(
         self, file: str, table: Table, settings: RecordingSettings, joints: Joints, only: str | None
     ) -> None:
-        self.file, self.available, self.settings, self.joints = file, [*table.columns], settings, joints
-        self.only, self.effort = only, settings.effort
+        self.file, self.table, self.settings, self.joints = file, table, settings, joints
+        self.available, self.only, self.effort = [*table.columns], only, settings.effort
         self.series = series_of(self.available, joints.chain)
-        self.numberings = self._numberings(table)
+        self.numberings = self._numberings()
         self.numbering, *others = self._likeliest()
         self.ambiguous = bool(others)
 
@@ -104,7 +111,7 @@ class Finder:
         names = self.settings.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
-            stamps = stamps_of(self.available)
+            stamps = stamps_of(self.available) or dated(self.table)
         if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
@@ -125,8 +132,12 @@ class Finder:
         return [], pattern
 
     def _called(self, signal: str) -> tuple[list[str], str]:
-        """Columns that are the signal's by their names, and their pattern; none where there are none."""
-        ways = self._ways(self._candidates(signal), self.numbering)
+        """Columns that are the signal's by their names, and their pattern; none where there are none.
+
+        The column is one where it holds all joints.
+        """
+        ways = self._ways(self._own(self._candidates(signal)), self.numbering)
+        ways = ways or {(one,): one for one in self._arrays(signal)}
         if len(ways) > 1:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
@@ -144,6 +155,16 @@ class Finder:
         called = [s for s in self.series if s.signal(self.effort) == signal]
         return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
+    def _own(self, series: Sequence[Series]) -> list[Series]:
+        """Series without numbered ones of another arm, where this one's are there by their names."""
+        whole = [s for s in series if s.named and len(s.of(self.joints.places, 0)) == len(self.joints.places)]
+        return [s for s in series if s.named or not any(s.of_another_arm(one) for one in whole)]
+
+    def _arrays(self, signal: str | None) -> list[str]:
+        """Columns of lists with an element for each joint that are called as a signal, or as none."""
+        called = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
+        return [c for c in called if self.table.width(c) == len(self.joints.places)]
+
     def _of(self, one: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
         """Columns of a series that are the arm's joints', numbered like this, and its pattern."""
         places, base = numbering
@@ -154,7 +175,7 @@ class Finder:
         each = [self._of(one, numbering) for one in sorted(series, key=lambda one: one.named)]
         return {columns: pattern for columns, pattern in each if len(columns) == len(self.joints.places)}
 
-    def _numberings(self, table: Table) -> list[Numbering]:
+    def _numberings(self) -> list[Numbering]:
         """Ways to number the arm's joints: their places, and the number of the first joint of the chain.
 
         Locked joints have numbers, too, or else none. A file that names its joints in columns has
@@ -163,7 +184,7 @@ class Finder:
         names, count = self.joints.names, len(self.joints.places)
         for one in self.series:
             if not one.named and one.words[-1:] in (["name"], ["names"]):
-                numbers = {table.first(column): number for number, column in one.columns.items()}
+                numbers = {self.table.first(column): number for number, column in one.columns.items()}
                 if {*names} <= {*numbers}:
                     return [(tuple(numbers[name] for name in names), 0)]
         every = dict.fromkeys([self.joints.places, tuple(range(count))])
@@ -250,10 +271,9 @@ class Finder:
     def _offers(self, signal: str) -> str:
         """Settings with which other columns of the file would be the signal."""
         unknown = [s for s in self.series if self.only or s.signal(self.effort) is None]
-        arrays = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
         ways = [self._ways(unknown, numbering) for numbering in self.numberings]
         patterns = [*dict.fromkeys(p for one in ways for p in one.values())]
-        patterns += arrays if len(arrays) == 1 else []
+        patterns += self._arrays(None)
         if patterns:
             return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
         names = ",".join(own_names(self.available, signal, len(self.joints.places)))

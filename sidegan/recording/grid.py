@@ -1,9 +1,11 @@
 """From jittery samples to a uniform grid, and filters along it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts are imported when they are used
+from numpy.typing import NDArray
 
 from sidegan.recording.tables import Numbers
 
@@ -12,39 +14,56 @@ _ORDER = 4  # of the low-pass, which is run forwards and backwards
 _LEAST = 4  # samples of a run: the interpolation looks at so many
 
 
-def uniform(time: Numbers, signals: Numbers, step: float, gap: float) -> Iterator[tuple[Numbers, Numbers]]:
-    """Time (K,) and signals (K, C) on a grid, run by run, by monotone cubic interpolation.
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A stretch of samples without a gap, and a uniform grid along it."""
 
-    Times (S,) of signals (S, C) ascend. The second of two samples with one stamp is left out; a gap [s] ends
-    a run, and one of fewer than four samples is left out, before or on the grid.
+    samples: NDArray[np.int64]  # their numbers, (S,)
+    time: Numbers  # their stamps [s], (S,), which ascend
+    step: float  # of the grid [s]
+    points: int  # of the grid
 
-    Source: Fritsch, Butland 1984, A method for constructing local monotone piecewise cubic interpolants.
+    def grid(self, first: int, last: int) -> Numbers:
+        """Times [s] of points of the grid from one number to another, (K,)."""
+        return np.asarray(self.time[0] + np.arange(first, last) * self.step)
+
+    def at(self, signals: Sequence[Numbers], first: int, last: int) -> Numbers:
+        """Signals (S, J) of the recording at these points, (K, C), by monotone cubic interpolation.
+
+        Source: Fritsch, Butland 1984, A method for constructing local monotone piecewise cubic interpolants.
+        """
+        at = np.minimum(self.grid(first, last), self.time[-1])
+        begin, end = np.searchsorted(self.time, at[[0, -1]])
+        part = slice(max(0, begin - _LEAST), end + _LEAST)  # the curves depend on no others
+        columns = np.concatenate([x[self.samples[part]] for x in signals], 1).T
+        # a curve of all signals at once would take four times the memory
+        return np.stack([scipy.interpolate.PchipInterpolator(self.time[part], y)(at) for y in columns], 1)
+
+
+def runs(time: Numbers, step: float, gap: float) -> Iterator[Run]:
+    """Stretches of samples at ascending times (S,) between gaps [s], with a grid of this step [s].
+
+    The second of two samples with one stamp is left out, and so is a run of fewer than four samples, before
+    or on the grid.
     """
-    time, signals = _fresh(time, signals)
+    fresh = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0)
+    time = time[fresh]
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
-    for t, x in zip(np.split(time, cuts), np.split(signals, cuts)):
-        steps = np.floor((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9)  # rounding does not lose one
-        if min(len(t), steps + 1) >= _LEAST:
-            grid = t[0] + np.arange(steps + 1) * step
-            at = np.minimum(grid, t[-1])
-            # a curve of all signals at once would take four times the memory of the recording
-            yield grid, np.stack([scipy.interpolate.PchipInterpolator(t, y)(at) for y in x.T], 1)
+    for samples, t in zip(np.split(fresh, cuts), np.split(time, cuts)):
+        points = int((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9) + 1  # rounding does not lose one
+        if min(len(t), points) >= _LEAST:
+            yield Run(samples, t, step, points)
 
 
 def interpolated(at: Numbers, time: Numbers, signals: Numbers, gap: float) -> Numbers:
-    """Signals (S, C) at other times (K,) [s], (K, C), as by ``uniform``; NaN outside and in gaps."""
-    time, signals = _fresh(time, signals)
+    """Signals (S, C) at other times (K,) [s], (K, C), as by ``Run.at``; NaN outside and in gaps."""
+    fresh = np.diff(time, prepend=-np.inf) > 0
+    time, signals = time[fresh], signals[fresh]
     values = np.asarray(scipy.interpolate.PchipInterpolator(time, signals, extrapolate=False)(at))
     after = np.searchsorted(time, at).clip(1, len(time) - 1)
     inside = (time[after] - time[after - 1] > gap) & (time[after - 1] < at) & (at < time[after])
     values[inside] = np.nan
     return values
-
-
-def _fresh(time: Numbers, signals: Numbers) -> tuple[Numbers, Numbers]:
-    """Samples but for those with the time stamp of the one before."""
-    fresh = np.diff(time, prepend=-np.inf) > 0
-    return time[fresh], signals[fresh]
 
 
 def low_pass(x: Numbers, cutoff: float, step: float) -> Numbers:

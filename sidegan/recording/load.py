@@ -1,6 +1,6 @@
 """From files to recordings in SI units."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,43 +14,55 @@ from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
 from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
+from sidegan.recording.mended import driven, unwrapped
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
-from sidegan.recording.tables import Numbers, Table, Where, npz_table, parquet_table, text_table
+from sidegan.recording.stamps import stamps_in_si
+from sidegan.recording.tables import Numbers, Table, Where, json_table, mat_table, npz_table, parquet_table
+from sidegan.recording.text import text_table
+from sidegan.recording.units import Units, told
 
 _MOST_CORRUPT = 0.5  # of the rows of a file
 _LARGEST = 1e12  # of any signal in SI units, and of a time: what is larger is no measurement
-_OF_SECONDS = np.array([1.0, 1e-9])  # seconds, and nanoseconds in a column of their own
+_APART = 0.1  # of the rows: where a signal lacks in as many, it comes at other moments than the others
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
+    **dict.fromkeys((".jsonl", ".ndjson"), json_table),
     ".npz": npz_table,
+    ".mat": mat_table,
 }
 
 
 def load_recording(
-    files: Recorded | Path, settings: RecordingSettings, joint_names: Sequence[str], chain: Sequence[str] = ()
+    files: Recorded | Path,
+    settings: RecordingSettings,
+    joint_names: Sequence[str],
+    chain: Sequence[str] = (),
+    sliding: Collection[str] = (),
 ) -> Recording:
     """A recording of an arm's joints, from a file or from one for each signal.
 
-    It is CSV (first line: column names), Parquet, NPZ, a ROS 2 bag (folder, .db3, .mcap) or a LeRobot dataset
-    (folder). The chain are the names of the arm's joints and of those locked between them, from the base
-    outwards; no names: no others.
+    It is CSV (first line: column names), Parquet, JSON lines, NPZ, a MATLAB file, a ROS 2 bag (folder, .db3,
+    .mcap) or a LeRobot dataset (folder). The chain are the names of the arm's joints and of those locked
+    between them, from the base outwards; no names: no others. Some joints slide; the others turn, and where
+    their readings jump by a turn, that is taken out. So are rows at rest without drives.
 
     Raises:
         RecordingError: when a file cannot be read or does not fit the arm.
     """
     name = recording_name(files)
-    joints = Joints.of(name, settings, joint_names, chain)
+    joints = Joints.of(name, settings, joint_names, chain, sliding)
     if not isinstance(files, Files):
         part = _read(Path(files), settings, joints)
         signals, corrupt, remarks = part.signals, part.corrupt, part.remarks
     else:
         wanted = [(k, path) for k, path in files.signals(settings.effort).items() if getattr(settings, k)]
         signals, corrupt, remarks = merged([_read(Path(path), settings, joints, k) for k, path in wanted])
-    tensors: dict[str, Any] = {key: torch.from_numpy(np.ascontiguousarray(x)) for key, x in signals.items()}
-    return Recording(name, tuple(joint_names), corrupt=tuple(corrupt), remarks=tuple(remarks), **tensors)
+    tensors: dict[str, Any] = {k: torch.from_numpy(np.require(x, None, "W")) for k, x in signals.items()}
+    made = Recording(name, tuple(joint_names), corrupt=tuple(corrupt), remarks=tuple(remarks), **tensors)
+    return driven(unwrapped(made, joints.slides))
 
 
 def recording_name(files: Recorded | Path) -> str:
@@ -70,21 +82,66 @@ def files_of(path: Path) -> list[Path]:
 
 
 def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None = None) -> Part:
-    """The signals of a file, or the only one of interest, without rows that lack a number."""
+    """The signals of a file, or the only one of interest, without rows that lack a number.
+
+    Where signals come at moments of their own, each has its rows.
+    """
     with reading(path, "recording", RecordingError):
         if not path.exists():
             raise RecordingError(f"there is no recording {path}")
         files_of(path)
     table, where, remarks = _open(path, settings, joints, only)
+    if settings.units.position is not None and (rates := where.keys() & {"velocity", "acceleration"}):
+        where = {name: columns for name, columns in where.items() if name not in rates}
+        remarks.append(f"{listed(sorted(rates))} is derived, since positions are counts of encoders")
     with reading(path, path.suffix[1:], RecordingError):
-        signals = {name: _in_si(path.name, table, name, where[name], settings) for name in where}
-    _refuse_shapes(path.name, signals, where, len(joints.own))
-    good, corrupt = _whole_rows(path.name, table.rows, where, signals)
+        stamps, odd = stamps_in_si(table, where["time"], settings.units) if "time" in where else (None, [])
+        signals = {} if stamps is None else {"time": stamps}
+        for name in [name for name in where if name != "time"]:
+            signals[name] = _in_si(path.name, table, name, where[name], settings, joints)
+            table.forget({*where[name]} - {c for one in where.keys() - signals.keys() for c in where[one]})
+    remarks = [*table.remarks, *odd, *_headed(where, settings.units, joints), *remarks]
+    _refuse_lengths(path.name, signals, where)
+    parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
+    signals, corrupt, more = merged(parts) if parts[1:] else (parts[0].signals, parts[0].corrupt, [])
+    return Part(path.name, stamps is not None, signals, [*table.skipped, *corrupt], [*remarks, *more])
+
+
+def _apart(
+    signals: dict[str, Numbers], rows: NDArray[np.int64]
+) -> list[tuple[dict[str, Numbers], NDArray[np.int64]]]:
+    """Signals and their rows, (S,): all of them, or each, with time, at the rows where it has any numbers.
+
+    The latter where one comes at moments of its own, so that many cells are blank.
+    """
+    blank = {name: np.isnan(x).all(1) for name, x in signals.items() if name != "time"}
+    if not any(_APART < lacks.mean() < 1 for lacks in blank.values()):
+        return [(signals, rows)]
+    return [
+        ({one: signals[one][~lacks] for one in ("time", name) if one in signals}, rows[: len(lacks)][~lacks])
+        for name, lacks in blank.items()
+    ]
+
+
+def _part(
+    file: str, where: Where, signals: dict[str, Numbers], rows: NDArray[np.int64], rate: float | None
+) -> Part:
+    """Signals without rows that lack a number."""
+    good, corrupt = _whole_rows(file, rows, where, signals)
     if not good.any():
-        raise RecordingError(f"{path.name} holds no samples")
-    kept = {name: x[good] for name, x in signals.items()}
-    kept["time"] = kept["time"][:, 0] if "time" in where else table.rows[good] / (settings.rate or 1.0)
-    return Part(path.name, "time" in where, kept, [*table.skipped, *corrupt], remarks)
+        raise RecordingError(f"{file} holds no samples")
+    kept = signals if good.all() else {name: x[good] for name, x in signals.items()}
+    time = kept["time"][:, 0] if "time" in kept else rows[: len(good)][good] / (rate or 1.0)
+    label = f"the {listed([name for name in signals if name != 'time'])} of {file}"
+    return Part(label, "time" in kept, {**kept, "time": time}, corrupt, [])
+
+
+def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
+    """A sentence on the units that columns are headed with, where these count."""
+    found = [("time", units.read("time", False, where["time"][0]))] if len(where.get("time", "")) == 1 else []
+    for name in [name for name in where if name != "time"]:
+        found += [(name, units.read(name, *each)) for each in zip(joints.slides, where[name])]
+    return told(found)
 
 
 def _open(
@@ -103,49 +160,64 @@ def _open(
         raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
     with reading(path, suffix[1:], RecordingError):
         table = dataset_table(path) if dataset else _READERS[suffix](path)
-    return table, *Finder(path.name, table, settings, joints, only).found()
+        return table, *Finder(path.name, table, settings, joints, only).found()
 
 
-def _in_si(file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings) -> Numbers:
-    """Time (S, 1) or a signal (S, J) in SI units."""
-    parts = [table.numbers(column) for column in where]
-    if len({len(x) for x in parts}) > 1 or any(x.ndim > 2 for x in parts):
-        shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, parts))
-        raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
-    x = np.column_stack(parts)
-    if name == "time" and len(parts) > 1:
-        x = x @ _OF_SECONDS[:, None] / settings.units.factor("time")
-    return x * settings.units.factor(name)
+def _in_si(
+    file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
+) -> Numbers:
+    """A signal (S, J) in SI units, of columns (S,), or of one (S, J)."""
+    x = np.empty((0, 0))
+    for j, column in enumerate(where):
+        values = table.numbers(column)
+        if j == 0:  # a joint after the other in memory, as they are read
+            x = np.empty((len(where), len(values))).T if where[1:] else values.reshape(len(values), -1)
+        if values.ndim > 2 or (where[1:] and values.shape != x.shape[:1]):
+            shapes = ", ".join(f"{one} is {np.shape(table.numbers(one))}" for one in where)
+            raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
+        if where[1:]:
+            x[:, j] = values
+    if x.shape[1] != len(joints.own):
+        arm = f"the arm has {counted(len(joints.own), 'joint')}"
+        raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
+    if name == "position" and settings.units.position is not None:
+        return settings.units.position.in_si(x, joints.slides)
+    headings = where if where[1:] else [*where] * len(joints.own)
+    factors = [settings.units.factor(name, *each) for each in zip(joints.slides, headings)]
+    return np.multiply(x, factors, out=x if where[1:] else None)
 
 
-def _refuse_shapes(file: str, signals: dict[str, Numbers], where: Where, joints: int) -> None:
-    """Refuse arrays that are not of one length, or have not an element for each joint."""
+def _refuse_lengths(file: str, signals: dict[str, Numbers], where: Where) -> None:
+    """Refuse arrays that are not of one length."""
     if len({len(x) for x in signals.values()}) > 1:
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
         raise RecordingError(f"{file}: the arrays are not of the same length: {lengths}")
-    for name, x in signals.items():
-        if name != "time" and x.shape[1] != joints:
-            arm = f"the arm has {counted(joints, 'joint')}"
-            raise RecordingError(f"{file}: {where[name][0]!r} is {x.shape}, {arm}")
 
 
 def _whole_rows(
     file: str, rows: NDArray[np.int64], where: Where, signals: dict[str, Numbers]
 ) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the number and reason of the others."""
-    bad = ~(np.abs(np.concatenate([*signals.values()], 1)) <= _LARGEST)
     names = [
         where[name][k] if x.shape[1] <= len(where[name]) else f"{where[name][0]}[{k}]"
         for name, x in signals.items()
         for k in range(x.shape[1])
     ]
-    wrong = np.asarray(bad.any(1))
+    columns = [column for x in signals.values() for column in x.T]
+    wrong, shares = np.zeros(len(columns[0]), dtype=bool), []
+    for column in columns:  # a matrix of all would take as much memory as they do
+        bad = ~(np.abs(column) <= _LARGEST)
+        wrong |= bad
+        shares.append(bad.mean() if len(bad) else 0.0)
     if len(wrong) and wrong.mean() > _MOST_CORRUPT:
-        worst = [name for name, share in zip(names, bad.mean(0)) if share > _MOST_CORRUPT / len(names)]
+        worst = [name for name, share in zip(names, shares) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
             f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
         )
-    lacking = [[name for name, is_bad in zip(names, bad[k]) if is_bad] for k in np.flatnonzero(wrong)]
+    lacking = [
+        [name for name, column in zip(names, columns) if not abs(column[k]) <= _LARGEST]
+        for k in np.flatnonzero(wrong)
+    ]
     return ~wrong, [
         (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], lacking)
     ]

@@ -4,17 +4,21 @@ import math
 from dataclasses import replace
 
 import torch
+from torch import Tensor
 
 from sidegan.errors import RecordingError
 from sidegan.recording.agreement import Agreement
-from sidegan.recording.settings import Units
-from sidegan.recording.statistics import SLOWEST, Statistics
+from sidegan.recording.statistics import SLOWEST, Signal, Statistics
+from sidegan.recording.units import Units
 from sidegan.robot import Arm
 
-DEGREES = 180 / math.pi
+DEGREES, MILLIMETRES = 180 / math.pi, 1e3
 HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
 _FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
 _TURN = 2.1 * math.pi  # [rad] that nothing moves from zero without a reason
+_LONG = 5.0  # times the limit of a joint that slides, beyond which positions are hardly in metres
+_PART = 0.1  # of its range, that a joint slides through at least where it is used
+_COUNTED = 10.0  # times a joint limit, beyond which most positions are neither in degrees nor in radians
 _TINY = 2 * math.pi / DEGREES  # [rad] that a turn becomes when radians are taken for degrees
 _USUAL = 0.15  # [s] between samples: the first unit of time by which they are no further apart is likely
 _STRONG = 3.0  # times a torque limit: no drive is overloaded that much for a hundredth of the time
@@ -34,21 +38,68 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={_time_unit(statistics.step, units)})"
         )
-    turning, reach = ~arm.prismatic, position.largest
-    limit = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+    for doubt in (_angles, _lengths, _counts):
+        if said := doubt(position, arm, units):
+            raise RecordingError(f"{name}: {said}")
+
+
+def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
+    """Whether angles are degrees taken for radians, or the other way round; None where they are not."""
+    turning, reach, limit = ~arm.prismatic, position.largest, _limit(arm)
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
-    if units.angle == "rad" and far.any() and (reach[turning] / DEGREES <= limit[turning]).all():
-        j = int(far.nonzero()[0])
-        raise RecordingError(
-            f"{name}: {arm.joint_names[j]} reaches {reach[j]:.4g} rad, its limit is {limit[j]:.4g} "
-            "rad: are these degrees? (recording.units.angle=deg)"
-        )
+    if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= limit[turning]).all():
+        return f"{_reaches(position, arm, far)}: are these degrees? (recording.units.angle=deg)"
     span = (position.upper - position.lower)[turning]
     if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
-        raise RecordingError(
-            f"{name}: no joint turns by more than {span.max() * DEGREES:.3g}°: are these radians? "
-            "(recording.units.angle=rad)"
-        )
+        turned = f"{span.max() * DEGREES:.3g}°"
+        return f"no joint turns by more than {turned}: are these radians? (recording.units.angle=rad)"
+    return None
+
+
+def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
+    """Whether lengths are millimetres taken for metres, or the other way round; None where they are not."""
+    sliding, reach, limit = arm.prismatic, position.largest, _limit(arm)
+    far = sliding & (reach > _LONG * limit)
+    if units.length != "mm" and far.any() and (reach[far] / MILLIMETRES <= _FAR * limit[far]).all():
+        return f"{_reaches(position, arm, far)}: are these millimetres? (recording.units.length=mm)"
+    span, whole = position.upper - position.lower, arm.position_upper - arm.position_lower
+    short = sliding & (MILLIMETRES * reach <= _FAR * limit) & (MILLIMETRES * span > _PART * whole)
+    if units.length == "mm" and short.any():
+        slid = f"{arm.named(short)} slides by no more than {span[short].max() * MILLIMETRES:.3g} mm"
+        return f"{slid}: are these metres? (recording.units.length=m)"
+    return None
+
+
+def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
+    """Whether positions are counts of encoders, which no unit makes angles of; None where they are not."""
+    if units.position is not None:
+        return None
+    raw = Signal(*(x / units.factor("position") for x in position))
+    whole = torch.stack([raw.lower, raw.upper, raw.quantum]).frac().eq(0).all()
+    reach = position.largest
+    far = (reach > _COUNTED * _limit(arm)) | (whole & ~arm.prismatic & (reach > _TURN))
+    if 2 * int(far.sum()) <= arm.joints:
+        return None
+    per_turn = 2 ** math.ceil(math.log2(float(raw.upper.max().clamp_min(2))))
+    zero = per_turn // 2 if (raw.lower >= 0).all() else 0
+    return (
+        f"{_reaches(position, arm, far)}, which no unit mends: are these counts of encoders? With their "
+        "counts per turn, and what they read where joints are at zero, perhaps "
+        f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
+    )
+
+
+def _limit(arm: Arm) -> Tensor:
+    """How far joints may be from zero [rad or m], (J,)."""
+    return torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+
+
+def _reaches(position: Signal, arm: Arm, far: Tensor) -> str:
+    """How far the first of some joints reaches, and might."""
+    j = int(far.nonzero()[0])
+    unit, limit = "m" if arm.prismatic[j] else "rad", _limit(arm)[j]
+    has = f"its limit is {limit:.4g} {unit}" if limit.isfinite() else "it has no limit"
+    return f"{arm.joint_names[j]} reaches {position.largest[j]:.4g} {unit}, {has}"
 
 
 def _time_unit(step: float, units: Units) -> str:

@@ -1,7 +1,8 @@
 """Preprocessing: from raw recordings to filtered states and torques on a uniform grid."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -10,13 +11,15 @@ from scipy.ndimage import maximum_filter1d, shift
 
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import derivative, low_pass, uniform
+from sidegan.recording.grid import Run, derivative, low_pass, runs
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
 from sidegan.recording.tables import Numbers
 
 _OVERSAMPLING = 10.0  # samples that are kept per period of the cut-off
+_AT_ONCE = 50_000  # points of the grid that are filtered at once
+_FORGOTTEN = 20.0  # periods of the cut-off, after which the filter has forgotten all but 1e-12 of a sample
 _PAUSE = 0.1  # [s]: samples this close to a motion are kept
 _LEAST_POINTS = 8  # of a segment
 _LEAST_PERIODS = 4.0  # of the cut-off in a recording: as long as the edges of the filter
@@ -94,21 +97,17 @@ def preprocess(
         RecordingError: when there is no torque, or no motion.
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
-    signals = _signals(recording, gains, settings.reverse)
+    signals, factor = _signals(recording, gains, settings.reverse)
     segments: list[Segment] = []
-    columns = np.concatenate([*signals.values()], 1)
-    for time, x in uniform(recording.time.numpy(), columns, grid.step, grid.gap):
-        smooth = low_pass(x, grid.cutoff, grid.step)
-        run = dict(zip(signals, np.split(smooth, len(signals), 1)))
-        if delay:
-            run["torque"] = shift(run["torque"], (-delay / grid.step, 0.0), order=3, mode="nearest")
-        velocity = run["velocity"] if "velocity" in run else derivative(run["position"], grid.step)
-        acceleration = run["acceleration"] if "acceleration" in run else derivative(velocity, grid.step)
-        sign = low_pass(np.tanh(velocity / sign_width), grid.cutoff, grid.step)
-        states = time, run["position"], velocity, acceleration, run["torque"], sign
+    for run in runs(recording.time.numpy(), grid.step, grid.gap):
+        kept, *states, moving = _joined(
+            _thinned(run, signals, factor, grid, span, sign_width, settings.still, delay)
+            for span in _spans(run.points, grid)
+        )
+        states = [run.time[0] + kept * grid.step, *states]
         segments += [
             Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in states))
-            for part in _kept(velocity, grid, settings.still)
+            for part in _stretches(moving & _inside(kept, run.points, grid))
         ]
     if not segments:
         raise RecordingError(
@@ -117,13 +116,54 @@ def preprocess(
     return segments
 
 
+def _joined(pieces: Iterable[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
+    """Arrays of pieces, one after the other."""
+    return [np.concatenate(x) for x in zip(*pieces)]
+
+
+def _spans(points: int, grid: Grid) -> Iterator[tuple[int, int, int, int]]:
+    """First and last points of pieces of a run, and of what the filters have to see of it around them."""
+    margin = round(max(_FORGOTTEN / grid.cutoff, 2 * _PAUSE) / grid.step)
+    size = max(_AT_ONCE, 4 * margin)
+    for begin in range(0, points, size):
+        end = min(points, begin + size)
+        yield max(0, begin - margin), begin, end, min(points, end + margin)
+
+
+def _thinned(
+    run: Run,
+    signals: Mapping[str, Numbers],
+    factor: Numbers,
+    grid: Grid,
+    span: tuple[int, int, int, int],
+    sign_width: float,
+    still: float,
+    delay: float,
+) -> tuple[NDArray[Any], ...]:
+    """Numbers of points of a piece of a run that are kept, (K,), states there, (K, J), and what is moving."""
+    first, begin, end, last = span
+    x = run.at([*signals.values()], first, last)
+    parts = dict(zip(signals, np.split(x, len(signals), 1)))
+    parts["torque"] *= factor
+    smooth = dict(zip(signals, np.split(low_pass(x, grid.cutoff, grid.step), len(signals), 1)))
+    if delay:
+        by = (-delay / grid.step, 0.0)
+        smooth["torque"] = shift(smooth["torque"], by, order=3, mode="nearest")
+    velocity = smooth["velocity"] if "velocity" in smooth else derivative(smooth["position"], grid.step)
+    acceleration = smooth["acceleration"] if "acceleration" in smooth else derivative(velocity, grid.step)
+    sign = low_pass(np.tanh(velocity / sign_width), grid.cutoff, grid.step)
+    states = smooth["position"], velocity, acceleration, smooth["torque"], sign
+    kept = np.arange(-(-begin // grid.stride) * grid.stride, end, grid.stride)
+    return kept, *(one[kept - first] for one in (*states, _moving(velocity, grid, still)))
+
+
 def _signals(
     recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]
-) -> dict[str, Numbers]:
-    """Signals (S, J) that count; torque from current where it has to be."""
+) -> tuple[dict[str, Numbers], Numbers]:
+    """Signals (S, J) that count, and factors (J,) to what is the torque among them, or the current."""
     names = recording.joint_names
     signals = {name: x.numpy() for name, x in recording.signals().items()}
-    load = signals[recording.load]
+    factor = np.array([-1.0 if name in reverse else 1.0 for name in names])
     if recording.load == "current":
         if gains is None:
             raise RecordingError(
@@ -134,23 +174,30 @@ def _signals(
                 f"robot.gains has {counted(len(gains), 'drive gain')}, the arm has "
                 f"{counted(len(names), 'joint')}"
             )
-        load = load * np.array(gains)
+        factor *= gains
     if unknown := [name for name in reverse if name not in names]:
         raise RecordingError(f"reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}")
-    signals["torque"] = load * [-1.0 if name in reverse else 1.0 for name in names]
-    return {name: x for name, x in signals.items() if name != "current"}
+    signals["torque"] = signals[recording.load]
+    return {name: x for name, x in signals.items() if name != "current"}, factor
 
 
-def _kept(velocity: Numbers, grid: Grid, still: float) -> Iterator[NDArray[np.int64]]:
-    """Indices of stretches of a run that are kept, of its velocities (S, J): every stride near motion."""
-    moving = np.ones(len(velocity), dtype=bool)
-    if still:
-        fast = np.abs(velocity).max(1) > still
-        moving = maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1).astype(bool)
-    edge = round(2 / (grid.cutoff * grid.step))  # samples at either end that the filter cannot see around
-    moving[:edge] = False
-    moving[max(0, len(moving) - edge) :] = False
-    kept = np.arange(0, len(moving), grid.stride)
-    for part in np.split(kept, np.flatnonzero(np.diff(moving[kept])) + 1):
-        if len(part) >= _LEAST_POINTS and moving[part[0]]:
-            yield part
+def _moving(velocity: Numbers, grid: Grid, still: float) -> NDArray[np.bool_]:
+    """Which points are near a motion, (S,), of their velocities (S, J)."""
+    if not still:
+        return np.ones(len(velocity), dtype=bool)
+    fast = np.abs(velocity).max(1) > still
+    return np.asarray(maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1), dtype=bool)
+
+
+def _inside(kept: NDArray[np.int64], points: int, grid: Grid) -> NDArray[np.bool_]:
+    """Which points of a run are none of those at either end that the filter cannot see around."""
+    edge = round(2 / (grid.cutoff * grid.step))
+    return (kept >= edge) & (kept < points - edge)
+
+
+def _stretches(moving: NDArray[np.bool_]) -> Iterator[slice]:
+    """Kept points of a run in stretches that move."""
+    edges = np.flatnonzero(np.diff(np.pad(moving, 1)))
+    for begin, end in zip(edges[::2], edges[1::2]):
+        if end - begin >= _LEAST_POINTS:
+            yield slice(begin, end)

@@ -1,6 +1,5 @@
 """Group ``recording`` of ``conf/``: where a file keeps what, in which units, and how it is preprocessed."""
 
-import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,30 +9,11 @@ from pydantic import Field
 
 from sidegan.base.typed import Hertz, NonNegative, Seconds
 from sidegan.errors import ConfigError
+from sidegan.recording.units import Units
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
-_TO_SI = {
-    **{"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    **{"rad": 1.0, "deg": math.pi / 180},
-    **{"N·m": 1.0, "Nm": 1.0, "mNm": 1e-3},
-    **{"A": 1.0, "mA": 1e-3},
-}
 PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
 AUTO = "auto"  # in the place of a pattern: what columns are called tells what they hold
-
-
-@dataclass(frozen=True)
-class Units:
-    """Units of what a file holds; velocity and acceleration are in ``angle`` per second and second²."""
-
-    time: Literal["s", "ms", "us", "ns"]
-    angle: Literal["rad", "deg"]
-    torque: Literal["N·m", "Nm", "mNm"]
-    current: Literal["A", "mA"]
-
-    def factor(self, signal: str) -> float:
-        """Factor that brings a signal, or ``"time"``, to SI units."""
-        return _TO_SI[getattr(self, signal if signal in ("time", "torque", "current") else "angle")]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.recording.load import load_recording
+from sidegan.recording.recording import Recording
 from sidegan.recording.refused import HARDLY
 from sidegan.recording.settings import Recorded, RecordingSettings
 from sidegan.robot import Arm
@@ -25,6 +26,12 @@ def chain_of(arm: Arm) -> tuple[str, ...]:
     return tuple(name for name in longest if name in wanted)
 
 
+def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recording:
+    """A recording of an arm; see ``load_recording``."""
+    sliding = [name for name, slides in zip(arm.joint_names, arm.prismatic.tolist()) if slides]
+    return load_recording(files, settings, arm.joint_names, chain_of(arm), sliding)
+
+
 def standing(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings) -> dict[str, float]:
     """Where the joints without a torque stand [rad or m], from the positions in all recordings.
 
@@ -39,7 +46,7 @@ def standing(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettin
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
     lower, upper = torch.full((2, len(places)), torch.inf, dtype=torch.float64) * torch.tensor([[1], [-1]])
     for files in recordings:
-        recording = load_recording(files, only, arm.joint_names, chain_of(arm))
+        recording = load_for(arm, files, only)
         position = recording.position[:, places]
         lower, upper = torch.minimum(lower, position.amin(0)), torch.maximum(upper, position.amax(0))
         for name, low, high in zip(settings.without, lower.tolist(), upper.tolist()):

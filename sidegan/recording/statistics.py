@@ -144,15 +144,18 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
     Of positions (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White noise of the
     positions, which is seen above half of the highest frequency, is taken off first.
     """
-    moved = (np.abs(position - position[0]) > _MOVED).any(1)
-    if not moved.any():
+    moved = [np.flatnonzero(np.abs(q - q[0]) > _MOVED)[:1] for q in position.T]
+    if not any(map(len, moved)):
         return 0.0
-    start, keep = int(np.argmax(moved)), np.append(True, np.diff(time) > 0)
-    rate = min(_HEAD_RATE, 1 / step)
+    start, rate = int(np.concatenate(moved).min()), min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
     if len(grid) < _LEAST_HEAD:
         raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
-    velocity = np.stack([np.gradient(np.interp(grid, time[keep], q[keep])) for q in position.T], 1)
+    head = slice(start, np.searchsorted(time, grid[-1], "right") + 1)
+    keep = np.append(True, np.diff(time[head]) > 0)
+    velocity = np.stack(
+        [np.gradient(np.interp(grid, time[head][keep], q[head][keep])) for q in position.T], 1
+    )
     power = (np.abs(np.fft.rfft(velocity * np.hanning(len(grid))[:, None], axis=0)) ** 2).sum(1)
     frequency = np.fft.rfftfreq(len(grid), 1 / rate)
     gain = np.sin(2 * np.pi * frequency / rate) ** 2  # of the central difference
@@ -166,18 +169,21 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
 
 def _signal(x: Numbers) -> Signal:
     """Statistics of a signal (S, J)."""
-    lower, upper, steps = x.min(0), x.max(0), np.abs(np.diff(x, axis=0))
-    quantum = np.where(steps > 0, steps, np.inf).min(0)
-    clipped = np.maximum(_longest_run(x == lower), _longest_run(x == upper))
-    clipped = np.where((clipped >= _CLIPPED) & (upper > lower), clipped, 0)
-    each = lower, upper, np.where(np.isfinite(quantum), quantum, 0), clipped
-    return Signal(*map(torch.from_numpy, each))
+    return Signal(*torch.tensor([_of_joint(column) for column in x.T], dtype=torch.float64).T)
 
 
-def _longest_run(marked: Any) -> Numbers:
-    """Most consecutive samples that are marked, (J,), of (S, J)."""
-    edges = [np.flatnonzero(np.diff(column)) for column in np.pad(marked, ((1, 1), (0, 0))).T]
-    return np.array([max(np.diff(edge)[::2], default=0) for edge in edges], dtype=np.float64)
+def _of_joint(x: Numbers) -> tuple[float, float, float, float]:
+    """The same of one joint, (S,); a joint after the other, an hour of all takes little memory."""
+    lower, upper, steps = x.min(), x.max(), np.abs(np.diff(x))
+    quantum = steps.min(where=steps > 0, initial=np.inf)
+    clipped = max(_longest_run(x == lower), _longest_run(x == upper)) if upper > lower else 0
+    return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped if clipped >= _CLIPPED else 0.0
+
+
+def _longest_run(marked: Any) -> float:
+    """Most consecutive samples that are marked, of (S,)."""
+    edges = np.flatnonzero(np.diff(np.pad(marked, 1)))
+    return float(max(np.diff(edges)[::2], default=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:

@@ -1,11 +1,8 @@
-"""Files of numbers: text with a first line of column names, Parquet and NPZ."""
+"""Tables of columns from files of other programs: Parquet, JSON lines, NPZ and MATLAB files."""
 
-import csv
-import re
-import warnings
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +10,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 
 Numbers = NDArray[np.float64]
 Where = dict[str, list[str]]  # columns of time and of every signal; a single column may hold all joints
 
-_SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
-_DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
-_LOOKED_AT = 100  # lines that tell separator and decimal mark
+PAUSE = 10.0  # [s] that is put between two stretches of one recording, whose clocks begin anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +25,24 @@ class Table:
     columns: Mapping[str, Any]
     rows: NDArray[np.int64]  # their numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # number and reason of rows that have no columns
+    remarks: Sequence[str] = ()  # for people, on what was made of the file
 
     def first(self, name: str) -> str:
         """A column's first element as text; nothing where there is none."""
         return str(next(iter(self.columns[name]), "")).strip()
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Give up the memory of columns that are not asked for again."""
+        for name in names:
+            if isinstance(self.columns, dict):
+                self.columns.pop(name, None)
+
+    def width(self, name: str) -> int:
+        """How many elements a column has in each row: 1 where it holds no lists."""
+        values = self.columns[name]
+        if np.ndim(values) == 2:
+            return int(np.shape(values)[1])
+        return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
 
     def numbers(self, name: str) -> Numbers:
         """A column, (S,) or, of lists, (S, J); NaN where it holds no number.
@@ -52,79 +60,127 @@ class Table:
         return np.asarray(values, dtype=np.float64)
 
 
-def text_table(path: Path) -> Table:
-    """A text file whose columns are separated by commas, semicolons, tabs or spaces.
-
-    Between semicolons and tabs, numbers may have decimal commas.
-
-    Raises:
-        RecordingError: when it is empty, has no first line of column names, or one with a name twice.
-    """
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-        lines = list(islice(file, _LOOKED_AT))
-    if not lines or not lines[0].strip():
-        raise RecordingError(f"{path} is empty")
-    separator, decimal = _format_of(lines)
-    names = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
-    if all(_is_number(name.replace(decimal, ".")) for name in names):
-        raise RecordingError(
-            f"{path} begins with numbers, expected a first line of column names: write one into it, such as "
-            "t,q1,q2,tau1,tau2"
-        )
-    if len(set(names)) < len(names):
-        raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
-    return _text_rows(path, [name or f"column {i + 1}" for i, name in enumerate(names)], separator, decimal)
-
-
-def _format_of(lines: Sequence[str]) -> tuple[str, str]:
-    """Separator of a text's columns, and decimal mark of its numbers, from its first lines."""
-    for separator in ";\t":
-        fields = [field for line in lines for field in line.split(separator)]
-        commas = sum(_DECIMAL_COMMA.fullmatch(field) is not None for field in fields)
-        if separator in lines[0] and commas and not any("." in x and _is_number(x) for x in fields):
-            return separator, ","
-    return max(",;\t ", key=lines[0].count), "."
-
-
-def _is_number(text: str) -> bool:
-    """Whether a field is a number, or says that it is none."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _text_rows(path: Path, names: list[str], separator: str, decimal: str) -> Table:
-    """Rows of a text below its first line, under these names."""
-    options: dict[str, Any] = {"sep": separator, "decimal": decimal, "index_col": False, "header": None}
-    options |= {"names": names, "skiprows": 1, "skip_blank_lines": False, "encoding_errors": "replace"}
-    # All columns are read: with a choice of them pandas does not notice a line with too many fields.
-    with warnings.catch_warnings(record=True) as messages:
-        warnings.simplefilter("always")
-        frame = pd.read_csv(path, on_bad_lines="warn", **options)
-    if decimal == ",":  # pandas leaves a column as text where one field is no number
-        texts = frame.select_dtypes(exclude="number")
-        frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
-    matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
-    skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
-    lines = np.arange(len(frame) + len(skipped)) + 2  # people count the header as the first
-    rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
-    return Table({name: frame[name] for name in names}, rows, skipped)
-
-
 def parquet_table(path: Path) -> Table:
     """A Parquet file: a row per sample; a column may hold lists of all joints. Pictures stay in it."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     plain = [field.name for field in pq.read_schema(path) if not pa.types.is_struct(field.type)]
-    frame = pd.read_parquet(path, columns=plain)
-    return Table({name: frame[name] for name in plain}, np.arange(len(frame)) + 1)
+    return Table(_Parquet(path, plain), np.arange(pq.read_metadata(path).num_rows) + 1)
+
+
+class _Parquet(Mapping[str, Any]):
+    """Columns of a Parquet file, each of which is read when it is asked for."""
+
+    def __init__(self, path: Path, names: Sequence[str]) -> None:
+        self.path, self.names = path, names
+
+    def __getitem__(self, name: str) -> Any:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        # What pandas notes in a file about an index would hide the column.
+        column = pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True)[name]
+        pa.default_memory_pool().release_unused()  # or it keeps what decoding took
+        return column
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+def json_table(path: Path) -> Table:
+    """A file of JSON, an object per line; of what it nests, names are joined by dots and lists numbered."""
+    rows, found, skipped = [], [], []
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for row, line in enumerate(file, 1):
+            try:
+                found.append(dict(_leaves(json.loads(line), "")))
+                rows.append(row)
+            except ValueError:
+                skipped += [(row, "is no object of JSON")] if line.strip() else []
+    frame = pd.DataFrame(found)
+    return Table({str(name): frame[name] for name in frame}, np.array(rows, dtype=np.int64), skipped)
+
+
+def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Names and values of what a value of JSON nests.
+
+    Raises:
+        ValueError: when the whole of it is no object.
+    """
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from _leaves(one, f"{name}.{key}".lstrip("."))
+    elif not name:
+        raise ValueError("no object")
+    elif isinstance(value, list):
+        for k, one in enumerate(value):
+            yield from _leaves(one, f"{name}[{k}]")
+    else:
+        yield name, value
 
 
 def npz_table(path: Path) -> Table:
-    """An NPZ file: an array (S,) per column, or (S, J) per signal; nothing in it is run."""
+    """An NPZ file: an array (S,) per column, or (S, J) or (J, S) per signal; nothing in it is run."""
     with np.load(path, allow_pickle=False) as file:
-        arrays = dict(file.items())
-    return Table(arrays, np.arange(max((len(x) for x in arrays.values() if x.ndim), default=0)) + 1)
+        return _of_arrays(dict(file.items()))
+
+
+def mat_table(path: Path) -> Table:
+    """A file of MATLAB, up to version 7: arrays as in an NPZ file; of structures, names are joined by dots.
+
+    Raises:
+        RecordingError: when it is of version 7.3.
+    """
+    import scipy
+
+    try:
+        content = scipy.io.loadmat(path, simplify_cells=True)
+    except NotImplementedError as error:  # HDF5
+        raise RecordingError(f"{path} is of MATLAB 7.3, expected an older version: save(…, '-v7')") from error
+    return _of_arrays({name: x for name, x in _fields(content) if not name.startswith("__")})
+
+
+def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Names and arrays of a structure and of those in it."""
+    for name, value in content.items():
+        if isinstance(value, dict):
+            yield from _fields(value, f"{prefix}{name}.")
+        elif np.ndim(value):
+            yield f"{prefix}{name}", np.asarray(value)
+
+
+def _of_arrays(arrays: Mapping[str, Any]) -> Table:
+    """A table of arrays (S,), (S, J), or (J, S); of rollouts, (K, T, J), one after the other.
+
+    A clock of rollouts goes on from one to the next, after a pause.
+    """
+    stacks = [x.shape[:2] for x in arrays.values() if x.ndim == 3]
+    if len(stacks) > 1 and len({*stacks}) == 1:
+        count, length = stacks[0]
+        flat = {name: _in_a_row(x, count, length) for name, x in arrays.items()}
+        rows = np.arange(count * length) + 1
+        said = f"{count} rollouts of {length} samples each are stretches of one recording"
+        return Table(flat, rows + length * (np.arange(count * length) // length), remarks=[said])
+    longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
+    upright = {
+        name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()
+    }
+    return Table(upright, np.arange(max((len(x) for x in upright.values() if x.ndim), default=0)) + 1)
+
+
+def _in_a_row(x: Any, count: int, length: int) -> Any:
+    """An array of rollouts, (K, T, …), or one of all of them, (T,), as (K·T, …); others as they are."""
+    if x.shape == (length,):
+        x = np.tile(x, (count, 1))
+    if x.shape[:2] != (count, length):
+        return x
+    if x.ndim == 2 and x.dtype.kind in "fiu" and (np.diff(x.astype(np.float64), axis=1) > 0).all():
+        x = x.astype(np.float64)
+        if (x[1:, 0] <= x[:-1, -1]).any():  # a clock that begins anew in each
+            begins = np.append(0.0, np.cumsum(x[:-1, -1] - x[:-1, 0] + PAUSE))
+            x = x - x[:, :1] + begins[:, None]
+    return x.reshape(count * length, *x.shape[2:])

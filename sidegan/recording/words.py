@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
+from sidegan.recording.units import SPELT_TIMES, without_unit
+
 _CALLED = {
     "position": ["q", "qpos", "pos", "position", "positions", "angle", "angles"],
     "velocity": ["qd", "dq", "dot", "qdot", "qvel", "vel", "velocity", "velocities", "speed", "speeds"],
@@ -22,11 +24,10 @@ _OTHERS = {  # words of set points, of estimated contact, and of what is not mea
     *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
     *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian"),
 }
-_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps"}
+_TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "datetime"}
 _SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are no stamps
 _SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
-_UNITS = _SECONDS | _NANOSECONDS | {"ms", "us", "msec", "usec"}
-_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *_UNITS}
+_KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *SPELT_TIMES}
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,12 @@ class Series:
         """Columns of some joints, those that are there; numbers begin with the base."""
         wanted = [place + (0 if self.named else base) for place in places]
         return [self.columns[k] for k in wanted if k in self.columns]
+
+    def of_another_arm(self, arms: "Series") -> bool:
+        """Whether columns are called as an arm's but for one word, which is none of a signal: right, left."""
+        words, others = ([*_words(next(iter(one.columns.values())))] for one in (self, arms))
+        swapped = {pair for pair in zip(words, others) if pair[0] != pair[1]}
+        return len(words) == len(others) and len(swapped) == 1 and not {*next(iter(swapped))} & _KNOWN
 
     def pattern(self, base: int) -> str:
         """The pattern that they are columns of."""
@@ -76,7 +83,14 @@ def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:
             for match in re.finditer(pattern, column, re.IGNORECASE):
                 key = column[: match.start()], column[match.end() :], place is not None
                 found.setdefault(key, {}).setdefault(int(match[0]) if place is None else place, column)
-    return [Series(*key, columns) for key, columns in found.items()]
+    series: dict[tuple[str, str, bool], list[Series]] = {}
+    for (before, after, named), columns in found.items():
+        same = series.setdefault((before, without_unit(after), named), [])
+        if same and not same[-1].columns.keys() & columns.keys():  # a joint that slides is in another unit
+            same[-1].columns.update(columns)
+        else:
+            same.append(Series(before, after, named, columns))
+    return [one for some in series.values() for one in some]
 
 
 def _bounded(name: str) -> str:
@@ -98,7 +112,7 @@ def stamps_of(available: Sequence[str]) -> list[str]:
     """Columns of time stamps that are called so with the fewest words."""
     ranked = []
     for column in available:
-        words = [word for word in _words(column) if word not in _UNITS]
+        words = [word for word in _words(column) if word not in SPELT_TIMES]
         if words and words[-1] in _TIMES and not _SPANS & {*words} and not re.search(r"\d", column):
             ranked.append((len(words), column))
     return [column for words, column in ranked if words == min(ranked)[0]]
@@ -106,7 +120,7 @@ def stamps_of(available: Sequence[str]) -> list[str]:
 
 def is_split(stamps: Sequence[str]) -> bool:
     """Whether stamps are seconds and, in a column of their own, nanoseconds."""
-    units = [_UNITS & {*_words(column)} for column in stamps]
+    units = [SPELT_TIMES & {*_words(column)} for column in stamps]
     return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
 
 

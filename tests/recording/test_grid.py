@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sidegan.recording.grid import derivative, low_pass, uniform
+from sidegan.recording.grid import derivative, low_pass, runs
 
 
 def signal(time):
@@ -20,7 +20,8 @@ def test_the_grid_is_uniform_crosses_no_gap_and_duplicates_make_no_difference(at
     time = stamps()
     time[at:] += 1.0
     once, again = (
-        list(uniform(t, signal(t), 0.01, 0.1)) for t in (time, np.sort([*time, *time[:duplicates]]))
+        [(run.grid(0, run.points), run.at([signal(t)], 0, run.points)) for run in runs(t, 0.01, 0.1)]
+        for t in (time, np.sort([*time, *time[:duplicates]]))
     )
     assert len(once) == len(again) == 2
     for (grid, x), (same, y), ends in zip(once, again, (time[:at], time[at:])):

@@ -1,11 +1,16 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 import torch
 
+from sidegan.recording import segments
+from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
 from sidegan.recording.statistics import statistics_of
 from tests.recording.conftest import of_file, recorded, states
+from tests.recording.files import write_csv, write_parquet
 
 
 @pytest.mark.parametrize("keep", [("position", "torque"), ("position", "velocity", "torque")])
@@ -42,6 +47,40 @@ def test_rest_is_left_out(planar):
     assert 9.5 < first.time[-1] < 10.5 and 19.5 < second.time[0] < 20.5
     (whole,) = preprocess(recording, of_file(cutoff=6.0, still=0.0))
     assert whole.time[-1] - whole.time[0] > 29
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.013])
+def test_pieces_are_filtered_as_the_whole(planar, monkeypatch, delay):
+    time = np.arange(3600) * 0.01
+    rests = np.where(time < 12, time, np.where(time < 15, 12.0, time - 3))
+    q, _, _ = states(rests)
+    recording = Recording("stops", planar.joint_names, torch.from_numpy(time), q, torque=q)
+    whole, grid = preprocess(recording, of_file(), delay=delay), segments.grid_for
+    monkeypatch.setattr(segments, "_AT_ONCE", 1)
+    spans = segments._spans(3600, grid(statistics_of(recording, of_file()), of_file()))
+    pieces = preprocess(recording, of_file(), delay=delay)
+    assert len(whole) == len(pieces) == 2 and len([*spans]) > 2
+    for one, other in zip(whole, pieces):
+        for name in one._fields:
+            torch.testing.assert_close(getattr(other, name), getattr(one, name), atol=1e-10, rtol=0)
+
+
+@pytest.mark.parametrize("write", [write_csv, write_parquet])
+def test_a_long_recording_is_read_and_reduced_in_little_more_memory_than_its_numbers_take(
+    planar, tmp_path, write
+):
+    recording = recorded(planar, np.arange(400_000) * 1e-3)
+    numbers = 8 * len(recording) * 7
+    path = write(recording, tmp_path)
+    preprocess(recording, of_file())  # what it imports is no part of it
+    tracemalloc.start()
+    read = load_recording(path, of_file(), ("1", "2"))
+    loaded = tracemalloc.get_traced_memory()[1]
+    tracemalloc.reset_peak()
+    preprocess(read, of_file())
+    reduced = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert loaded < 2.2 * numbers and reduced < 2.5 * numbers
 
 
 def test_currents_become_torques(planar, clock):

@@ -1,0 +1,91 @@
+"""Time stamps as files keep them: numbers, also since 1970, dates with time zones, times of day."""
+
+import warnings
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sidegan.recording.statistics import SLOWEST
+from sidegan.recording.tables import Numbers, Table
+from sidegan.recording.units import Units
+
+_EPOCH = pd.Timestamp("1970-01-01", tz="UTC")
+_SINCE_1970 = 9.4e8, 4.1e9  # [s] when such clocks are read: 2000 to 2100
+_OF_TEXT: tuple[Callable[[Any], Any], ...] = (
+    lambda texts: pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601") - _EPOCH,
+    lambda texts: pd.to_timedelta(texts, errors="coerce"),  # since midnight
+    lambda texts: pd.to_datetime(texts, utc=True, errors="coerce") - _EPOCH,
+)
+_LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+_DATES = 0.5  # of a column's texts that are dates at least, where it is one of dates
+
+
+def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Numbers, list[str]]:
+    """Time stamps [s], (S, 1), of a column, or of one of seconds and one of nanoseconds; and remarks on them.
+
+    Dates are seconds since 1970. Numbers that are a usual time since 1970 in another unit than seconds, and
+    follow each other like samples in it, are in that unit, unless another one is set.
+    """
+    if len(columns) > 1:
+        seconds, nanoseconds = map(table.numbers, columns)
+        return (seconds + 1e-9 * nanoseconds)[:, None], []
+    dates = _dates(table.columns[columns[0]])
+    if dates is not None:
+        return dates[:, None], []
+    stamps, heading = table.numbers(columns[0]), columns[0]
+    known = units.time or units.read("time", False, heading)
+    unit = "" if known else _since_1970(stamps)
+    if unit:
+        said = f"time stamps are {_LONG[unit]} since 1970; recording.units.time sets another unit"
+        return (stamps * Units.of_time(unit)).reshape(len(stamps), -1), [said]
+    factor = units.factor("time", heading=heading)
+    return (stamps * factor).reshape(len(stamps), -1), []
+
+
+def dated(table: Table) -> list[str]:
+    """Columns whose first element is a date."""
+    return [name for name, values in table.columns.items() if _dates(values[:1]) is not None]
+
+
+def _dates(values: Any) -> Numbers | None:
+    """Seconds since 1970 of dates, or since midnight of times of day, (S,); None of what is neither."""
+    series = pd.Series(values) if np.ndim(values) == 1 else pd.Series(dtype=float)
+    if pd.api.types.is_datetime64_any_dtype(series):
+        return _seconds(pd.to_datetime(series, utc=True) - _EPOCH)
+    if pd.api.types.is_timedelta64_dtype(series):
+        return _seconds(series)
+    if pd.api.types.is_numeric_dtype(series) or not _are_texts(series):
+        return None
+    texts = series.astype(str).str.replace(",", ".")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
+        for read in _OF_TEXT:
+            if (found := read(texts)).notna().mean() > _DATES:
+                return _seconds(found)
+    return None
+
+
+def _are_texts(series: "pd.Series[Any]") -> bool:
+    """Whether elements are texts that are no numbers."""
+    first = next(iter(series), None)
+    return isinstance(first, str) and bool(pd.to_numeric(series, errors="coerce").isna().mean() > _DATES)
+
+
+def _seconds(times: "pd.Series[Any]") -> Numbers:
+    return np.asarray(times.dt.total_seconds(), dtype=np.float64)
+
+
+def _since_1970(stamps: Numbers) -> str:
+    """The unit other than seconds in which stamps (S,) are times since 1970; nothing where there is none."""
+    steps = np.diff(stamps) if stamps.ndim == 1 else np.zeros(0)
+    forward = steps[steps > 0]
+    if not len(forward):
+        return ""
+    usual, step = float(np.nanmedian(stamps)), float(np.median(forward))
+    for unit in _LONG:
+        factor = Units.of_time(unit)
+        if _SINCE_1970[0] < usual * factor < _SINCE_1970[1] and step * factor < SLOWEST:
+            return unit
+    return ""

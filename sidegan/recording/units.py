@@ -1,0 +1,114 @@
+"""Units of what a file holds: those that are set, else those that its columns are headed with, else SI."""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sidegan.base.names import counted
+from sidegan.errors import RecordingError
+
+_DEGREE, _TURN = math.pi / 180, 2 * math.pi
+_TO_SI = {
+    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "angle": {"rad": 1.0, "deg": _DEGREE, "rpm": _TURN / 60},
+    "length": {"m": 1.0, "mm": 1e-3},
+    "torque": {"N·m": 1.0, "Nm": 1.0, "mNm": 1e-3},
+    "current": {"A": 1.0, "mA": 1e-3},
+}
+_SPELT = {  # in small letters, where that is another one than SI's
+    "time": {
+        **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
+        **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"), "us"),
+        **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds"), "ns"),
+    },
+    "angle": {**dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"), "rpm": "rpm"},
+    "length": {"mm": "mm"},
+    "torque": {"mnm": "mNm", "nmm": "mNm", "mm": "mNm"},  # N·mm
+    "current": {"ma": "mA"},
+}
+_ENDS = {"rad", "m", "nm", "n", "a", *(word for words in _SPELT.values() for word in words)}
+SPELT_TIMES = frozenset(_SPELT["time"]) | {"s", "sec", "secs", "second", "seconds"}
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Positions in counts of encoders: of every joint, or of each."""
+
+    per_turn: float | list[float]  # or per metre of a joint that slides; below zero where they run backwards
+    zero: float | list[float] = 0.0  # what is read where the joint's position is zero
+
+    def in_si(self, counts: NDArray[np.float64], slides: Sequence[bool]) -> NDArray[np.float64]:
+        """Positions [rad or m], (S, J), of counts (S, J).
+
+        Raises:
+            RecordingError: when there are numbers for more or fewer joints.
+        """
+        each = []
+        for name, values in vars(self).items():
+            if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
+                raise RecordingError(
+                    f"recording.units.position.{name} is of {counted(len(np.atleast_1d(values)), 'joint')}, "
+                    f"the arm has {len(slides)}"
+                )
+            each.append(np.asarray(values, dtype=np.float64))
+        per_turn, zero = each
+        return (counts - zero) / per_turn * np.where(slides, 1.0, _TURN)
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of what a file holds; null is what its columns are headed with (``q1 [deg]``), or else SI.
+
+    Velocity and acceleration are in ``angle``, or ``length`` of a joint that slides, per second and second².
+    """
+
+    time: Literal["s", "ms", "us", "ns"] | None
+    angle: Literal["rad", "deg"] | None
+    length: Literal["m", "mm"] | None
+    torque: Literal["N·m", "Nm", "mNm"] | None
+    current: Literal["A", "mA"] | None
+    position: Counts | None  # null: positions are in ``angle`` and ``length``
+
+    def factor(self, signal: str, slides: bool = False, heading: str = "") -> float:
+        """Factor that brings a joint's signal, or ``"time"``, to SI units."""
+        kind = _kind(signal, slides)
+        return _TO_SI[kind].get(getattr(self, kind) or _headed(kind, heading), 1.0)
+
+    @staticmethod
+    def of_time(unit: str) -> float:
+        """Seconds of a unit of time."""
+        return _TO_SI["time"][unit]
+
+    def read(self, signal: str, slides: bool, heading: str) -> str:
+        """The unit other than SI's that a column is headed with, where it is what counts; else nothing."""
+        kind = _kind(signal, slides)
+        return "" if getattr(self, kind) else _headed(kind, heading)
+
+
+def _kind(signal: str, slides: bool) -> str:
+    if signal in ("time", "torque", "current"):
+        return signal
+    return "length" if slides else "angle"
+
+
+def _headed(kind: str, heading: str) -> str:
+    """The unit of a kind that stands last in a heading; nothing where there is none, or SI's."""
+    words = re.findall(r"[a-zµμ°]+", heading.lower())
+    return next((_SPELT[kind][word] for word in reversed(words) if word in _SPELT[kind]), "")
+
+
+def without_unit(text: str) -> str:
+    """The end of a heading without its unit: ``" Pos"`` of ``" Pos (deg)"``, nothing of ``"_rad"``."""
+    name, _, last = text.rpartition("_")
+    return name if last.lower() in _ENDS else re.sub(r"\s*[(\[][^\d)\]]+[)\]]\s*$", "", text)
+
+
+def told(units: Iterable[tuple[str, str]]) -> list[str]:
+    """A sentence on units that were read from headings, pairs of signal and unit."""
+    each = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(units) if unit)
+    return [f"{each}, as the columns are headed; recording.units sets another unit"] if each else []
