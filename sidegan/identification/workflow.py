@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
@@ -11,6 +12,7 @@ from sidegan.identification.estimate import estimate
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
+from sidegan.identification.noise import is_noise
 from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.trust import trust
@@ -61,6 +63,9 @@ def identify_arm(
     use = preferred(settings.method, unseen)
     judged = trust(model, estimates[settings.method], held_out or None, turns.get(use))
     judged = replace(judged, train=trained[use], validation=tests[use] if held_out else None)
+    sets = [one for one in (training, validation) if one]
+    used = model, estimates[use].parameters, estimates[use].covariance
+    judged = replace(judged, noise=torch.stack([is_noise(*used, one) for one in sets]).all(0))
     found = IdentifiedArm(
         model, training, validation, kind, estimates, tests, trained, judged, use, unseen, unseen_kind
     )

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from torch import Tensor
+
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
@@ -14,8 +16,9 @@ from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import load_recording, recording_name
+from sidegan.recording.noise import noise_of
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.segments import Grid, grid_for, preprocess
+from sidegan.recording.segments import Grid, grid_for, preprocess, signals_of
 from sidegan.recording.sent import Repeated, averaged, load_sent
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.standing import chain_of
@@ -40,6 +43,7 @@ class CheckedRecording:
     warnings: list[str]  # what a person should look at
     delay: Delay  # of the torques
     corrected: bool  # whether it was taken off
+    noise: Tensor  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
     repeated: Repeated | None = None  # trajectories that were sent and found, where they are known
     role: Role = "training"  # what it is for
 
@@ -200,6 +204,7 @@ def check_recording(
     if left.noticed and not corrected:
         warnings.append(left.statement(corrected))
     agreement = agreement_of(body, segments)
+    torques = [(x.time.numpy(), signals_of(x, gains, settings.reverse)["torque"]) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
         joint_names=arm.joint_names,
@@ -210,5 +215,6 @@ def check_recording(
         warnings=warnings + agreement.warnings(arm),
         delay=delay,
         corrected=corrected,
+        noise=noise_of(torques, grid),
         repeated=repeated,
     )

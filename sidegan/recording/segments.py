@@ -94,7 +94,7 @@ def preprocess(
         RecordingError: when there is no torque, or no motion.
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
-    signals = _signals(recording, gains, settings.reverse)
+    signals = signals_of(recording, gains, settings.reverse)
     segments: list[Segment] = []
     columns = np.concatenate([*signals.values()], 1)
     for time, x in uniform(recording.time.numpy(), columns, grid.step, grid.gap):
@@ -117,7 +117,7 @@ def preprocess(
     return segments
 
 
-def _signals(
+def signals_of(
     recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]
 ) -> dict[str, Numbers]:
     """Signals (S, J) that count; torque from current where it has to be."""
