@@ -16,7 +16,7 @@ from sidegan.identification.noise import is_noise
 from sidegan.identification.score import Score, folds, score, shown
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.trust import trust
-from sidegan.identification.verdict import BAD, USABLE, Finding, implausible_links, implausible_mass
+from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
@@ -111,6 +111,8 @@ def _causes(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         error, now = _error_under(found, agreement.load.gravity), found.trust.judged.nmse_mean
         gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
+    remarks = {signal: text for one in found.recordings[::-1] for signal, text in one.remarks.items()}
+    causes[:0] = [Finding(GOOD, text) for text in remarks.values()]
     causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
     return causes, gravity is not None
 

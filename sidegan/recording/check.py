@@ -17,6 +17,7 @@ from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import load_recording, recording_name
 from sidegan.recording.noise import noise_of
+from sidegan.recording.rates import RATES, contradiction
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess, signals_of
 from sidegan.recording.sent import Repeated, averaged, load_sent
@@ -41,6 +42,7 @@ class CheckedRecording:
     segments: list[Segment]  # preprocessed stretches
     agreement: Agreement  # of the torques with the arm's description
     warnings: list[str]  # what a person should look at
+    remarks: dict[str, str]  # of these, on signals that contradict others and are not used, by their names
     delay: Delay  # of the torques
     corrected: bool  # whether it was taken off
     noise: Tensor  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
@@ -191,7 +193,13 @@ def check_recording(
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
     body, given = RigidBody(arm), settings.delay or 0.0
-    segments = kept(given)
+    segments, remarks = kept(given), dict[str, str]()
+    for rate in [name for name in RATES if name in statistics.signals]:
+        if wrong := contradiction(recording.name, arm, rate, segments):
+            parts = [replace(part, **{rate: None}) for part in parts]
+            used = {name: x for name, x in statistics.signals.items() if name != rate}
+            segments, statistics = kept(given), replace(statistics, signals=used)
+            remarks[rate] = wrong
     left = known or measured(body, segments, lambda more: kept(given + more))
     delay = Delay(given, given=True) if given else left
     corrected = settings.delay is None and delay.believed
@@ -200,7 +208,7 @@ def check_recording(
     warnings = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
-    warnings += plausibility.velocity_warnings(statistics, arm, segments)
+    warnings += remarks.values()
     if left.noticed and not corrected:
         warnings.append(left.statement(corrected))
     agreement = agreement_of(body, segments)
@@ -213,6 +221,7 @@ def check_recording(
         segments=segments,
         agreement=agreement,
         warnings=warnings + agreement.warnings(arm),
+        remarks=remarks,
         delay=delay,
         corrected=corrected,
         noise=noise_of(torques, grid),

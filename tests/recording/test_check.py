@@ -33,6 +33,37 @@ def test_torques_in_another_unit_can_be_insisted_on(planar, recording):
     assert check_recording(wrong, strong, of_file()).kept
 
 
+WRONG = {  # of a velocity, and what is said of it
+    "half": (lambda v: 0.5 * v, r"velocity is 0\.50 \(shoulder\), 0\.50 \(elbow\) times"),
+    "reversed": (lambda v: v * torch.tensor([1, -1]), r"velocity is -1\.00 \(elbow\) times"),
+    "exchanged": (
+        lambda v: v.flip(1),
+        r"\(shoulder: it is that of elbow\), .*\(elbow: it is that of shoulder\)",
+    ),
+    "a fifth too fast": (lambda v: v * torch.tensor([1.0, 1.2]), r"velocity is 1\.20 \(elbow\) times"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_velocity_that_is_wrong_is_not_used(planar, recording, kind):
+    change, words = WRONG[kind]
+    checked = check_recording(replace(recording, velocity=change(recording.velocity)), planar, of_file())
+    alone = check_recording(replace(recording, velocity=None), planar, of_file())
+    assert re.search(words, checked.remarks["velocity"])
+    assert checked.derived == alone.derived == ["velocity", "acceleration"]
+    for one, other in zip(checked.segments, alone.segments):
+        torch.testing.assert_close(one.velocity, other.velocity, rtol=0, atol=0)
+    half = replace(recording, acceleration=torch.gradient(recording.velocity, spacing=0.02, dim=0)[0])
+    assert [*check_recording(half, planar, of_file()).remarks] == ["acceleration"]
+
+
+def test_a_velocity_is_kept_where_noise_is_all_that_is_wrong(planar, recording):
+    noise = torch.randn(2, *recording.position.shape, generator=torch.Generator().manual_seed(0)).double()
+    noisy = replace(recording, position=recording.position + 0.02 * noise[0])
+    loud = replace(recording, velocity=recording.velocity + 0.5 * noise[1])
+    assert [check_recording(one, planar, of_file()).remarks for one in (noisy, loud)] == [{}, {}]
+
+
 def test_a_torque_that_stays_the_same_while_its_joint_moves_is_told(planar, recording):
     stuck = recording.torque.clone()
     stuck[600:1900, 1] = stuck[600, 1]
