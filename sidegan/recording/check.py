@@ -1,6 +1,7 @@
 """Check of a recording before anything is fitted to it: is it plausible, and what can it tell?"""
 
 import logging
+import math
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -43,6 +44,7 @@ class CheckedRecording:
     agreement: Agreement  # of the torques with the arm's description
     warnings: list[str]  # what a person should look at
     remarks: dict[str, str]  # of these, on signals that contradict others and are not used, by their names
+    late: str | None  # what is said of a delay that is left in
     delay: Delay  # of the torques
     corrected: bool  # whether it was taken off
     noise: Tensor  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
@@ -93,7 +95,7 @@ class CheckedRecording:
             "kept": self.kept,
             "moving": self.moving,
             "sign": self.agreement.sign.tolist(),
-            "delay": self.delay._asdict(),
+            "delay": {key: x if math.isfinite(x) else None for key, x in self.delay._asdict().items()},
             "repetitions": None if repeated is None else repeated.counts,
             "noise": None if repeated is None or repeated.noise is None else repeated.noise.tolist(),
             "warnings": self.warnings,
@@ -209,9 +211,10 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += remarks.values()
-    if left.noticed and not corrected:
-        warnings.append(left.statement(corrected))
-    agreement = agreement_of(body, segments)
+    late = left.statement(corrected) if left.noticed and not corrected else None
+    warnings += [late] if late else []
+    # a delay that is left in turns signs and gravity round
+    agreement = agreement_of(body, kept(given + left.seconds) if late and left.believed else segments)
     torques = [(x.time.numpy(), signals_of(x, gains, settings.reverse)["torque"]) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
@@ -222,6 +225,7 @@ def check_recording(
         agreement=agreement,
         warnings=warnings + agreement.warnings(arm),
         remarks=remarks,
+        late=late,
         delay=delay,
         corrected=corrected,
         noise=noise_of(torques, grid),

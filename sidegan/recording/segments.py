@@ -108,7 +108,7 @@ def preprocess(
         states = time, run["position"], velocity, acceleration, run["torque"], sign
         segments += [
             Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in states))
-            for part in _kept(velocity, grid, settings.still)
+            for part in _kept(velocity, grid, settings.still, delay)
         ]
     if not segments:
         raise RecordingError(
@@ -141,13 +141,14 @@ def signals_of(
     return {name: x for name, x in signals.items() if name != "current"}
 
 
-def _kept(velocity: Numbers, grid: Grid, still: float) -> Iterator[NDArray[np.int64]]:
+def _kept(velocity: Numbers, grid: Grid, still: float, delay: float) -> Iterator[NDArray[np.int64]]:
     """Indices of stretches of a run that are kept, of its velocities (S, J): every stride near motion."""
     moving = np.ones(len(velocity), dtype=bool)
     if still:
         fast = np.abs(velocity).max(1) > still
         moving = maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1).astype(bool)
-    edge = round(2 / (grid.cutoff * grid.step))  # samples at either end that the filter cannot see around
+    # samples at either end that the filter cannot see around, or that have no torque without the delay
+    edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)
     moving[:edge] = False
     moving[max(0, len(moving) - edge) :] = False
     kept = np.arange(0, len(moving), grid.stride)

@@ -8,8 +8,11 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import check_recording, split
 from sidegan.recording.delay import Delay, delay_of, pooled
+from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.recording.conftest import moved, of_file, part_of, recorded
 
@@ -102,7 +105,7 @@ def late(arm, delay, noise=0.02, seconds=30):
     return replace(first, torque=second.torque)
 
 
-@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.08])
+@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.08, 0.5, 0.85])
 def test_a_delay_is_found_within_its_deviation(planar, delay):
     wrong = replace(planar, inertial_parameters=1.7 * planar.inertial_parameters)
     checked = check_recording(late(planar, delay), wrong, of_file())
@@ -110,6 +113,27 @@ def test_a_delay_is_found_within_its_deviation(planar, delay):
     assert found.seconds == pytest.approx(delay, abs=4 * found.deviation)
     assert found.deviation < 1e-3 and found.believed == (delay != 0)
     assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: left" in said) == (abs(delay) > 0.02)
+
+
+def test_friction_that_leads_the_velocity_is_no_delay(planar):
+    """MuJoCo's dry friction turns round before the velocity does."""
+    plant = Plant(planar, replace(IDEAL, coulomb=[3.0], viscous=[0.5], rotor_inertia=[0.02]))
+    family = Trajectory(joints=2, harmonics=4, period=8.0)
+    c = 0.5 * torch.randn(2, 2, 4, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    found = plant.execute(family.roll_out(c, family.times(plant.settings.rate)), seed=0, noise=0.02)
+    made = Recording("made", planar.joint_names, found.time, *found[1:3], torque=found.torque)
+    checked = check_recording(made, planar, of_file(delay=None))
+    assert abs(checked.delay.seconds) < 5e-4  # [s]
+    near = delay_of(RigidBody(planar), check_recording(made, planar, of_file()).segments)
+    assert near.believed and near.seconds < -2e-3
+
+
+def test_a_delay_that_is_not_found_is_said(planar):
+    lost = check_recording(late(planar, 1.3, seconds=15), planar, of_file(delay=None))
+    assert not lost.corrected and "more than 1 s later" in lost.late
+    other = check_recording(late(planar, 5.0, seconds=15), planar, of_file(delay=None))
+    assert not other.corrected and "cannot be told: left as it is" in other.statements[-1]
+    json.dumps(other.as_json(), allow_nan=False)
 
 
 def test_a_measured_delay_is_taken_off(planar):
@@ -138,6 +162,6 @@ def test_recordings_of_one_arm_have_one_delay():
     assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)
     for other in ([], [Delay(0.03, 1e-4)], [Delay(0.0, float("inf"))]):
         assert pooled([Delay(0.004, 1e-4), *other]) is None
-    # at a quarter of a second the search was stopped: the torques are not late by just that
-    believed = [Delay(seconds, 1e-4).believed for seconds in (0.249, 4e-4, 0.25, -0.25, 2e-4)]
+    # at a second the search was stopped: the torques are not late by just that
+    believed = [Delay(seconds, 1e-4).believed for seconds in (0.999, 4e-4, 1.0, -1.0, 2e-4)]
     assert believed == [True, True, False, False, False]
