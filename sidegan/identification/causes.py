@@ -17,12 +17,14 @@ from sidegan.identification.score import score, shown
 from sidegan.identification.sums import Sums, scaled_inverse
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.agreement import agreement_of
+from sidegan.recording.agreement import Agreement, agreement_of
 
 _LEAST = 1e-6  # information on each parameter beside the samples'
 _ROUNDING = 1e-10
 _EXPLAINED = 0.5  # of an error is left at most where a fault in the recordings is believed
-_SURE = 5.0  # deviations of a scale or a mass
+_SURE = 5.0  # deviations of a mass or an offset that is one
+_CLEAR = 3.0  # of a scale that the description says too
+_ALIKE = 0.98  # correlation with the description there
 _SCALE = 0.03  # by which a joint's torque is off at least
 _NOTABLE = 0.02  # of the arm's mass that a load has at least
 _OFFSET = 0.2  # of a joint's usual torque, that an offset is told from
@@ -37,15 +39,16 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     remarks = {signal: text for one in found.recordings[::-1] for signal, text in one.remarks.items()}
     told = [Finding(GOOD, text) for text in remarks.values()]
     if late := [one.late for one in found.recordings if one.late]:
-        return [*told, Finding(USABLE, late[0])], False
+        return [Finding(USABLE, late[0]), *told], False
     agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
     if exchanged := agreement.exchanged(arm):
-        return [*told, Finding(BAD, exchanged)], False
+        return [Finding(BAD, exchanged), *told], False
     causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
     if gravity is None and (against := agreement.reversed(arm, driven=True)):
         causes.insert(0, Finding(USABLE, against))
-    if not causes and gravity is None and found.trust.verdict != GOOD:
-        causes += [Finding(USABLE, text) for text in _faults(found)]
+    if not causes and gravity is None:
+        faults = [*_odd_scale(found, agreement)] or ([] if found.trust.verdict == GOOD else [*_faults(found)])
+        causes += [Finding(USABLE, text) for text in faults]
     torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
         masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
@@ -55,7 +58,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
-    return [*told, *causes, *_offsets(found)], gravity is not None
+    return [*causes, *told, *_offsets(found)], gravity is not None
 
 
 def _error_under(found: IdentifiedArm, gravity: Tensor) -> float:
@@ -84,32 +87,28 @@ def _faults(found: IdentifiedArm) -> Iterator[str]:
             )
             return
     yield from _changed_load(found)
-    yield from _odd_scale(found)
 
 
-def _odd_scale(found: IdentifiedArm) -> Iterator[str]:
-    """The joint whose torque at another scale fits the others', by the parameters that they share."""
-    chosen, arm = found.chosen, found.model.arm
-    sums, squares = chosen.sums, chosen.weights.square()
-    inverse = scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
+def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> Iterator[str]:
+    """The joint whose torque is at another scale than the others', by the parameters that they share.
+
+    That of two joints which share parameters one is too large may be that the other is too small: the
+    description says which. Alone it may be wrong about masses.
+    """
+    chosen, arm, sums = found.chosen, found.model.arm, found.chosen.sums
+    squares = chosen.weights.square()
     moments = squares[:, None] * sums.moment
-    rest = moments.sum(0) - moments
-    turned = torch.einsum("jp,pq->jq", moments, inverse)
+    turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
     free = squares * sums.energy - (turned * moments).sum(1)  # of each scale, beside all parameters, (J,)
-    scale = (turned * rest).sum(1) / free.clamp_min(torch.finfo(torch.float64).tiny)
-    gained = (scale - 1).square() * free
-    left = (squares * sums.squares(chosen.parameters)).sum()
-    j = int(gained.argmax())
-    deviation = float((chosen.inflation[j] / free[j]).sqrt())
-    off, times = abs(float(scale[j]) - 1), 1 / float(scale[j])
-    if (
-        float(gained[j]) > (1 - _EXPLAINED) * float(left)
-        and off > max(_SCALE, _SURE * deviation)
-        and times > 0
-    ):
+    shared = (turned * (moments.sum(0) - moments)).sum(1)
+    times, deviation = free / shared, (chosen.inflation / free).sqrt() * (free / shared).square()
+    off, same = (times - 1).abs(), (times - agreement.load.scale).abs()
+    odd = (off > (_CLEAR * deviation).clamp_min(_SCALE)) & (same < _SCALE) & (agreement.sign > _ALIKE)
+    if odd.any():
+        j = int(torch.where(odd, off, 0.0).argmax())
         yield (
-            f"the torque of {arm.joint_names[j]} is {times:.3g} times what the other joints' torques make "
-            "it: another gain or unit? (robot.gains, or the column divided by that)"
+            f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
+            "the description make it: another gain or unit? (robot.gains, or divide the column by that)"
         )
 
 

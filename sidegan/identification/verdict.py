@@ -79,7 +79,7 @@ class Trust:
         if self.verdict == GOOD:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
             right = "; the description is right: its own links predict as well" if self.described else ""
-            sentences.insert(0, f"{error}, and every parameter that matters is certain{right}")
+            sentences.append(f"{error}, and every parameter that matters is certain{right}")
         return sentences
 
     @cached_property
