@@ -77,8 +77,8 @@ class Lacks:
                 own[0] = own[0].replace("%", "% of what is left is", 1)
                 error, beside = float(self.error[j]), float(noise[j])
                 sentences.append(
-                    f"{name}: {listed(own, _MOST)}, and no noise; torques of other motions err by "
-                    f"{error:.1%} for what the model lacks and by {beside:.1%} for noise: "
+                    f"{name}: {listed(own, _MOST)}, more than noise explains; torques of other motions err "
+                    f"by {error:.1%} for what the model lacks and by {beside:.1%} for noise: "
                     f"{BIASED if error > beside else 'noise dominates'}"
                 )
         return sentences or ["no known misfit explains more of it than noise would: more motion helps"]

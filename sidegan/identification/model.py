@@ -13,8 +13,11 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
-_DEPENDENT = 1e-8  # relative length of a column's new part; rounding leaves 1e-14, a true one 1e-3
+# Relative length of a column's new part. A right angle that is written as 1.5708 leaves 4e-6, a calibrated
+# one that is 0.5 mrad off 1e-3, and a true one 0.5: less than a hundredth is not told by any motion.
+_DEPENDENT = 0.01
 _NO_PART = 1e-10  # a smaller coefficient in a grouping is rounding
+_SPREAD = 5.0  # times the new part that a grouping neglects: no larger a part of it only makes up for that
 _STATES_PER_JOINT = 60
 _USUAL = 400  # random states that stand for where the model is to hold
 _PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves there
@@ -147,7 +150,9 @@ class TorqueModel:
         kept = np.flatnonzero(new > _DEPENDENT)
         basis = np.concatenate([rigid, extra[:, kept]], 1)
         norms = np.linalg.norm(basis, axis=0)
-        shares = np.linalg.lstsq(basis / norms, extra, rcond=None)[0] / norms[:, None]
+        parts = np.linalg.lstsq(basis / norms, extra, rcond=None)[0]  # of the length of an extra's column
+        parts[np.abs(parts) <= _SPREAD * new * np.linalg.norm(extra, axis=0)] = 0.0
+        shares = parts / norms[:, None]
         shares[np.abs(shares) < _NO_PART] = 0.0
         shares[:, kept] = np.eye(len(norms))[:, rigid.shape[1] :]
         return torch.from_numpy(kept), torch.from_numpy(shares)

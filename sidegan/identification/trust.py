@@ -25,7 +25,7 @@ def trust(
     Raises:
         ShapeError: when a joint's validation torque is constant.
     """
-    per_unit, torque_deviation = _effects(model, estimate)
+    per_unit, torque_deviation, usual = _effects(model, estimate)
     effect = per_unit * estimate.deviation
     weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > _EFFECT]
     candidates = estimate.parameters, _nominal_fit(model, estimate)
@@ -34,11 +34,11 @@ def trust(
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
     names = tuple(estimate.names[i] for i in weak)
-    return Trust(model.arm, estimate, train, validated, nominal, folds, torque_deviation, names)
+    return Trust(model.arm, estimate, train, validated, nominal, folds, torque_deviation, usual, names)
 
 
-def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
-    """Largest share of a joint's usual torque per unit of each parameter, (P,), and of its deviation, (J,).
+def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor, Tensor]:
+    """Share of usual torques per unit of each parameter, (P,), of their deviation, (J,), and these, (J,).
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
     """
@@ -46,7 +46,7 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor]:
     usual = (y @ estimate.parameters).square().mean(0).sqrt().clamp_min(torch.finfo(torch.float64).tiny)
     share = y.square().mean(0).sqrt() / usual[:, None]
     variance = torch.einsum("sjp,pq,sjq->j", y, estimate.covariance, y).clamp_min(0) / len(y)
-    return share.amax(0), variance.sqrt() / usual
+    return share.amax(0), variance.sqrt() / usual, usual
 
 
 def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:

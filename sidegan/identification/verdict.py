@@ -4,9 +4,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import NormalDist
 from string import ascii_letters
 from typing import NamedTuple
 
+import torch
 from torch import Tensor
 
 from sidegan.base.names import listed
@@ -16,7 +18,7 @@ from sidegan.robot import Arm
 
 
 class Finding(NamedTuple):
-    """Something that keeps a model from being good."""
+    """Something that keeps a model from being good, or is worth telling though it does not."""
 
     level: str  # the best verdict that it leaves
     text: str  # the reason
@@ -29,12 +31,13 @@ GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
 _GOOD_NMSE, _USABLE_NMSE = 0.02, 0.1  # mean over joints up to which a model is so
 _GOOD_JOINT, _USABLE_JOINT = 0.05, 0.3  # nMSE of its worst joint
 _GOOD_TORQUE, _USABLE_TORQUE = 0.1, 0.5  # largest deviation of predicted torque, as a share of it
+_USABLE_LIMIT = 0.1  # largest deviation of a torque that is noise, as a share of the joint's limit
 _OVERFIT = 3.0  # largest ratio of validation to training nMSE, means over joints, of a good model
 _CONDITION = 100.0  # largest condition number of a good model's scaled regressor
 _NAMED = 6  # parameters that a reason names at most
 _LITTLE = 0.25  # of a limit
 _MOST = 10.0  # a larger share says no more
-_CLEAR = 2.0  # deviations below zero, from which on a parameter is negative
+_CLEAR = 2.0  # deviations below zero, from which on a single parameter is negative; of many, as rare a one
 _MASSES = 10.0  # times the description's mass, or a part of it, from which it is hardly the same arm
 _NOTABLE = 0.02  # of the arm's mass that a link's is looked at from
 _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
@@ -51,23 +54,21 @@ class Trust:
     nominal_score: Score  # of the description's links with fitted friction, on the same samples as these
     folds: Score | None  # each recording predicted from the others; None when not asked for
     torque_deviation: Tensor  # deviation of predicted torques within the limits, over the usual ones, (J,)
+    usual: Tensor  # these: torques within the limits, root mean square [N·m or N], (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
     causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
     other_gravity: bool = False  # whether another one than the description's explains the torques better
+    noise: Tensor | None = None  # whether what is left of a joint's torque is noise, (J,); None: not known
 
     @property
     def verdict(self) -> str:
         """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
         levels = [one.level for one in self.findings]
-        return BAD if BAD in levels else USABLE if levels else GOOD
+        return next((level for level in (BAD, USABLE) if level in levels), GOOD)
 
     @property
     def reasons(self) -> list[str]:
         """Reasons of the verdict: causes, then all about one joint together, the gravest first."""
-        if not self.findings:
-            error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
-            right = "; the description is right: its own links predict as well" if self.described else ""
-            return [f"{error}, and every parameter that matters is certain{right}"]
         groups, sentences = dict[object, list[Finding]](), list[str]()
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
@@ -75,6 +76,10 @@ class Trust:
         for group in [*([one] for one in self.causes), *gravest_first]:
             texts, joint = "; ".join(one.text for one in group), group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
+        if self.verdict == GOOD:
+            error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
+            right = "; the description is right: its own links predict as well" if self.described else ""
+            sentences.append(f"{error}, and every parameter that matters is certain{right}")
         return sentences
 
     @cached_property
@@ -85,7 +90,23 @@ class Trust:
     @property
     def described(self) -> bool:
         """Whether the description's own links predict as well as the model."""
-        return self.judged.nmse_mean >= self.nominal_score.nmse_mean
+        return self.mean(self.judged) >= self.mean(self.nominal_score)
+
+    @property
+    def faulty(self) -> bool:
+        """Whether something is to be mended before more motion helps."""
+        return any(one.level != GOOD for one in self.causes)
+
+    @property
+    def drowned(self) -> Tensor:
+        """Joints whose torque noise drowns, so that nMSE tells nothing about the model, (J,)."""
+        large = self.judged.nmse > _GOOD_JOINT
+        drowned = large & self.noise if self.noise is not None else torch.zeros_like(large)
+        return drowned & ~drowned.all()
+
+    def mean(self, errors: Score) -> float:
+        """Mean nMSE over the joints that noise does not drown."""
+        return float(errors.nmse[..., ~self.drowned].mean())
 
     @property
     def judged(self) -> Score:
@@ -115,30 +136,47 @@ def _held_out(trust: Trust) -> Iterator[Finding]:
     train, validation, folds = trust.train, trust.held_out, trust.folds
     if validation is None:
         yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
-    elif validation.nmse_mean > max(_OVERFIT * train.nmse_mean, _GOOD_NMSE / 2):
-        ratio = f"validation nMSE is {validation.nmse_mean / train.nmse_mean:.1f} times that of training"
-        yield Finding(USABLE, ratio if trust.causes else f"{ratio}: give more, or more varied, recordings")
-    if trust.described and not trust.causes and trust.nominal_score.nmse_mean > _GOOD_NMSE:
-        error = trust.nominal_score.nmse_mean
+    elif trust.mean(validation) > max(_OVERFIT * trust.mean(train), _GOOD_NMSE / 2):
+        ratio = f"validation nMSE is {trust.mean(validation) / trust.mean(train):.1f} times that of training"
+        yield Finding(USABLE, ratio if trust.faulty else f"{ratio}: give more, or more varied, recordings")
+    if trust.described and not trust.faulty and (error := trust.mean(trust.nominal_score)) > _GOOD_NMSE:
         text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
         yield Finding(USABLE, text)
-    if folds is not None and float(folds.nmse.mean()) > _GOOD_NMSE:
-        worst = int(folds.nmse.mean(1).argmax())
-        error = float(folds.nmse[worst].mean())
+    if folds is not None and trust.mean(folds) > _GOOD_NMSE:
+        errors = folds.nmse[:, ~trust.drowned].mean(1)
+        worst, error = int(errors.argmax()), float(errors.max())
         yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
 
 
 def _misfits(trust: Trust) -> Iterator[Finding]:
-    judged, where = trust.judged, trust.where
-    if judged.nmse_mean > _GOOD_NMSE:
-        level = BAD if judged.nmse_mean > _USABLE_NMSE else USABLE
-        yield Finding(level, f"mean nMSE is {judged.nmse_mean:.3g} on {where}")
+    judged, where, drowned = trust.judged, trust.where, trust.drowned.tolist()
+    if (mean := trust.mean(judged)) > _GOOD_NMSE:
+        others = " of the other joints" * any(drowned)
+        yield Finding(BAD if mean > _USABLE_NMSE else USABLE, f"mean nMSE{others} is {mean:.3g} on {where}")
     for j, error in enumerate(judged.nmse.tolist()):
-        if error > _GOOD_JOINT:
+        if drowned[j]:
+            yield _drowned(trust, j)
+        elif error > _GOOD_JOINT:
             level = BAD if error > _USABLE_JOINT else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
             text = left if math.isfinite(error) else "the torque is constant"
             yield Finding(level, f"{text} on {where}", j)
+
+
+def _drowned(trust: Trust, j: int) -> Finding:
+    """Finding on a joint whose torque is below its noise: it is judged by N·m beside its limit."""
+    unit, limit = "N" if trust.arm.prismatic[j] else "N·m", float(trust.arm.torque_limit[j])
+    usual, noise, share = float(trust.usual[j]), float(trust.judged.rmse[j]), float(trust.torque_deviation[j])
+    known = math.isfinite(limit)
+    level = BAD if (share * usual > _USABLE_LIMIT * limit if known else share > _USABLE_TORQUE) else USABLE
+    return Finding(
+        level,
+        f"what is left is noise of {noise:.2g} {unit}, beside a usual torque of {usual:.2g} {unit}"
+        + f" and a limit of {limit:.3g} {unit}" * known
+        + f"; torque in other motions is uncertain by {share * usual:.2g} {unit}: repetitions or a longer "
+        "recording make that less, a larger motion does not",
+        j,
+    )
 
 
 def _excitation(trust: Trust) -> Iterator[Finding]:
@@ -149,6 +187,8 @@ def _excitation(trust: Trust) -> Iterator[Finding]:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
     for j, share in enumerate(trust.torque_deviation.tolist()):
+        if trust.drowned[j]:
+            continue
         own = listed([name for name in trust.weak if joint_of(name) == j], _NAMED)
         if share > _GOOD_TORQUE:
             level = BAD if share > _USABLE_TORQUE else USABLE
@@ -163,15 +203,17 @@ def _excitation(trust: Trust) -> Iterator[Finding]:
 def _negative(trust: Trust) -> Iterator[Finding]:
     estimate = trust.estimate
     each = zip(estimate.names, estimate.parameters.tolist(), estimate.deviation.tolist())
-    for name, value, deviation in each:
-        if name.rstrip("0123456789") in _FRICTION and value < -_CLEAR * deviation:
+    signed = [one for one in each if one[0].rstrip("0123456789") in _FRICTION]
+    clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
+    for name, value, deviation in signed:
+        if value < -clear * deviation:
             what = "a rotor has no negative inertia" if name.startswith("Ia") else "friction drives no joint"
             yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", joint_of(name))
 
 
 def _advice(trust: Trust, j: int) -> str:
     """Advice on exciting a joint better; nothing where something else is to be mended first."""
-    if trust.causes:
+    if trust.faulty:
         return ""
     arm, unit = trust.arm, "m" if trust.arm.prismatic[j] else "rad"
     moved, fastest = (float(x[j]) for x in trust.estimate.reach)

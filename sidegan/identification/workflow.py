@@ -4,19 +4,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
+from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import estimate
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
-from sidegan.identification.score import Score, folds, score, shown
+from sidegan.identification.noise import is_noise
+from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.trust import trust
-from sidegan.identification.verdict import BAD, USABLE, Finding, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.agreement import agreement_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
 
@@ -61,10 +62,13 @@ def identify_arm(
     use = preferred(settings.method, unseen)
     judged = trust(model, estimates[settings.method], held_out or None, turns.get(use))
     judged = replace(judged, train=trained[use], validation=tests[use] if held_out else None)
+    sets = [one for one in (training, validation) if one]
+    used = model, estimates[use].parameters, estimates[use].covariance
+    judged = replace(judged, noise=torch.stack([is_noise(*used, one) for one in sets]).all(0))
     found = IdentifiedArm(
         model, training, validation, kind, estimates, tests, trained, judged, use, unseen, unseen_kind
     )
-    causes, gravity = _causes(found)
+    causes, gravity = causes_of(found)
     return replace(found, trust=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
@@ -91,28 +95,3 @@ def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -
         return {name: folds(name, model, halves, **methods[name]).pooled.nmse for name in names}
     except (InfeasibleError, ShapeError):
         return {}
-
-
-def _causes(found: IdentifiedArm) -> tuple[list[Finding], bool]:
-    """Findings against the description, the torques or the links; whether gravity is another one."""
-    model, arm, links = found.model, found.model.arm, found.links
-    agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
-    causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
-    torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
-    if not causes:
-        masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
-        causes += implausible_mass(*masses)
-    if gravity is not None:
-        error, now = _error_under(found, agreement.load.gravity), found.trust.judged.nmse_mean
-        gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
-        causes.insert(0, Finding(BAD, gravity))
-    causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
-    return causes, gravity is not None
-
-
-def _error_under(found: IdentifiedArm, gravity: Tensor) -> float:
-    """Mean nMSE of the chosen method if gravity in the arm's world [m/s²], (3,), were another."""
-    model = TorqueModel(RigidBody(replace(found.model.arm, gravity=gravity)), found.model.terms)
-    samples, held_out = measurements_of(found.training), measurements_of(found.validation)
-    parameters = estimate(found.chosen.method, model, samples).parameters
-    return score(model, parameters, held_out or samples).nmse_mean

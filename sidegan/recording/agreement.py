@@ -2,12 +2,13 @@
 
 from typing import NamedTuple
 
+import scipy  # its parts are imported when they are used
 import torch
 from torch import Tensor
 
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.gravity import Load, load_of, other_columns
+from sidegan.recording.gravity import Load, load_of, orthonormal, other_columns
 from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
 from sidegan.robot.mounting import direction, in_base, mount_of, straightened
@@ -17,6 +18,8 @@ _CLEAR = 0.4  # correlation with the model that says something
 _SURE = 0.9  # correlation from which on a scale is one
 _OTHER = 2.0  # times what the description needs, or a part of it: another unit, not another mass
 _STILL = 0.1  # [rad or m] that a joint moves through at least where its sign is told
+_DRIVEN = 0.02  # of the power, that friction dissipates at least of a torque that is not reversed
+_BETTER = 0.3  # of what a joint's own described torque leaves, that another's leaves where they are exchanged
 _STRANGE = 4  # times as many joints as agree: the description is hardly that of the arm
 _MOST = 0.99  # of the samples have less than the usual torque
 _TINY = 1e-12
@@ -26,6 +29,7 @@ class Agreement(NamedTuple):
     """Agreement of the measured torque with the arm's description."""
 
     load: Load  # the gravity and the scales that explain the torques
+    order: Tensor  # the joint whose described torque each joint's is, (J,): itself, unless some are exchanged
     turned: bool  # whether that is another gravity than the description's
     moved: Tensor  # range of each joint [rad or m], (J,)
     # share of the power that friction dissipates, (J,); negative where the torque would drive the arm's
@@ -91,18 +95,31 @@ class Agreement(NamedTuple):
             f"{direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
         )
 
+    def reversed(self, arm: Arm, driven: bool = False) -> str | None:
+        """Which joints' torque looks reversed, a sentence; only where it does not overcome friction if so."""
+        against = (self.sign < -_CLEAR) & (self.moved >= _STILL)
+        names = arm.named(against & (self.friction < (_DRIVEN if driven else _CLEAR)))
+        if not names:
+            return None
+        return (
+            f"the torque of {names} runs against the description: is its sign wrong? "
+            f"(recording.reverse=[{names.replace(', ', ',')}])"
+        )
+
+    def exchanged(self, arm: Arm) -> str | None:
+        """Which joints have each other's torques, a sentence; None where each has its own."""
+        moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
+        if not moved:
+            return None
+        each = [f"that of {arm.joint_names[j]} is what {arm.joint_names[self.order[j]]} needs" for j in moved]
+        return f"torques look exchanged: {', '.join(each)}; are the columns in this order? (recording.torque)"
+
     def warnings(self, arm: Arm) -> list[str]:
-        """All of that, and joints whose torque looks reversed or whose sign is not told."""
-        still = self.moved < _STILL
-        against, silent = (self.sign < -_CLEAR) & ~still, (self.sign.abs() < _CLEAR) | still
-        reversed_ = arm.named(against & (self.friction < _CLEAR))
-        gravity = self.gravity(arm)
-        warnings = [*([gravity] if gravity else []), *self.doubts(arm)]
-        if reversed_:
-            warnings.append(
-                f"the torque of {reversed_} runs against the description: is its sign wrong? "
-                f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
-            )
+        """All of that, and joints whose sign is not told."""
+        silent = (self.sign.abs() < _CLEAR) | (self.moved < _STILL)
+        said = self.exchanged(arm)
+        first = [said] if said else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]
+        warnings = [one for one in first if one]
         if silent.any():
             warnings.append(
                 f"the motion does not tell whether the sign of the torque of {arm.named(silent)} is right"
@@ -118,12 +135,27 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     usual, needed = (x.abs().quantile(_MOST, 0) for x in (torque, model))
     return Agreement(
         load=load,
+        order=_order(model, v, a, torque),
         turned=not torch.equal(load.gravity, body.arm.gravity),
         moved=q.amax(0) - q.amin(0),
         friction=_dissipated(model, v, a, torque),
         usual=usual,
         needed=needed,
     )
+
+
+def _order(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
+    """The joint whose described torque (S, J), with its friction and rotor, each measured one is, (J,)."""
+    own = torch.arange(model.shape[1])
+    basis = orthonormal(other_columns(v, a).transpose(0, 1))  # (J, S, 4) of the described
+    described, measured = model.T[..., None], torque.expand(len(own), *torque.shape)  # (J, S, 1 or J)
+    described, measured = (x - basis @ (basis.mT @ x) for x in (described, measured))
+    size = described.norm(dim=1) * measured.norm(dim=1)  # (J, J): described, measured
+    left = 1 - ((described.mT @ measured)[:, 0] / size.clamp_min(_TINY)).square().clamp_max(1 - _TINY)
+    found = torch.from_numpy(scipy.optimize.linear_sum_assignment(left.log().T.numpy())[1])
+    other = found != own
+    clear = left[found, own] < torch.minimum(_BETTER * left[own, own], torch.tensor(_BETTER))
+    return found if bool(clear[other].all()) else own
 
 
 def _dissipated(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:

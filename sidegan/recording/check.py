@@ -1,11 +1,14 @@
 """Check of a recording before anything is fitted to it: is it plausible, and what can it tell?"""
 
 import logging
+import math
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
+
+from torch import Tensor
 
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
@@ -14,8 +17,10 @@ from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import recording_name
+from sidegan.recording.noise import noise_of
+from sidegan.recording.rates import RATES, contradiction
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.segments import Grid, grid_for, preprocess
+from sidegan.recording.segments import Grid, grid_for, preprocess, torque_of
 from sidegan.recording.sent import Repeated, averaged, load_sent
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.standing import load_for
@@ -38,8 +43,11 @@ class CheckedRecording:
     segments: list[Segment]  # preprocessed stretches
     agreement: Agreement  # of the torques with the arm's description
     warnings: list[str]  # what a person should look at
+    remarks: dict[str, str]  # of these, on signals that contradict others and are not used, by their names
+    late: str | None  # what is said of a delay that is left in
     delay: Delay  # of the torques
     corrected: bool  # whether it was taken off
+    noise: Tensor  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
     repeated: Repeated | None = None  # trajectories that were sent and found, where they are known
     role: Role = "training"  # what it is for
 
@@ -87,7 +95,7 @@ class CheckedRecording:
             "kept": self.kept,
             "moving": self.moving,
             "sign": self.agreement.sign.tolist(),
-            "delay": self.delay._asdict(),
+            "delay": {key: x if math.isfinite(x) else None for key, x in self.delay._asdict().items()},
             "repetitions": None if repeated is None else repeated.counts,
             "noise": None if repeated is None or repeated.noise is None else repeated.noise.tolist(),
             "warnings": self.warnings,
@@ -186,7 +194,13 @@ def check_recording(
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
     body, given = RigidBody(arm), settings.delay or 0.0
-    segments = kept(given)
+    segments, remarks = kept(given), dict[str, str]()
+    for rate in [name for name in RATES if name in statistics.signals]:
+        if wrong := contradiction(recording.name, arm, rate, segments):
+            parts = [replace(part, **{rate: None}) for part in parts]
+            used = {name: x for name, x in statistics.signals.items() if name != rate}
+            segments, statistics = kept(given), replace(statistics, signals=used)
+            remarks[rate] = wrong
     left = known or measured(body, segments, lambda more: kept(given + more))
     delay = Delay(given, given=True) if given else left
     corrected = settings.delay is None and delay.believed
@@ -195,10 +209,12 @@ def check_recording(
     warnings = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
-    warnings += plausibility.velocity_warnings(statistics, arm, segments)
-    if left.noticed and not corrected:
-        warnings.append(left.statement(corrected))
-    agreement = agreement_of(body, segments)
+    warnings += remarks.values()
+    late = left.statement(corrected) if left.noticed and not corrected else None
+    warnings += [late] if late else []
+    # a delay that is left in turns signs and gravity round
+    agreement = agreement_of(body, kept(given + left.seconds) if late and left.believed else segments)
+    torques = [(x.time.numpy(), torque_of(x, gains, settings.reverse)) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
         joint_names=arm.joint_names,
@@ -207,7 +223,10 @@ def check_recording(
         segments=segments,
         agreement=agreement,
         warnings=warnings + agreement.warnings(arm),
+        remarks=remarks,
+        late=late,
         delay=delay,
         corrected=corrected,
+        noise=noise_of(torques, grid),
         repeated=repeated,
     )

@@ -15,14 +15,17 @@ _ROUNDS = 4  # of Gauss-Newton
 _SETTLED = 1e-5  # [s]
 _STEP = 0.1  # [s] that a single fit goes at most
 _NEAR = 0.02  # [s] up to which a single fit is right, and a delay is no reason to warn
-_LONGEST = 0.25  # [s]
+LONGEST = 1.0  # [s] that is looked for
+_LEAST_KEPT = 0.5  # of a recording that the longest one leaves
 _FITS = 8  # with what was found taken off
+_BETTER = 0.5  # of what is left without a delay, that a long one leaves at most
 _ROUNDING = 1e-12  # relative eigenvalue that is no information
 # samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
 _CORRELATED = 5.0
 _CLEAR = 3.0  # deviations off zero at which a delay is believed
 _WORTH = 2e-3  # [s]: a delay that is worth taking off; friction that sticks passes for a smaller one
 _ALIKE = 3e-3  # [s] between delays of one arm: friction that sticks passes for some of it
+_AWAY = 0.3  # of a joint's usual speed, above which its friction is that of one direction
 
 
 class Delay(NamedTuple):
@@ -35,21 +38,34 @@ class Delay(NamedTuple):
     @property
     def noticed(self) -> bool:
         """Whether a person should look at it."""
-        return self.believed and abs(self.seconds) > _NEAR
+        return self.lost or (self.believed and abs(self.seconds) > _NEAR)
 
     @property
     def believed(self) -> bool:
         """Whether there is one beyond doubt; one as long as the search goes is where that was stopped."""
-        return _CLEAR * self.deviation < abs(self.seconds) < _LONGEST
+        return _CLEAR * self.deviation < abs(self.seconds) and not self.lost
+
+    @property
+    def lost(self) -> bool:
+        """Whether the search was stopped before it found one."""
+        return not self.given and abs(self.seconds) >= LONGEST
 
     def statement(self, taken_off: bool) -> str:
         """A sentence on it, and on what became of it."""
         size, when = abs(self.seconds) * 1e3, "earlier" if self.seconds < 0 else "later"
         if self.given:
             return f"torques are taken to be {size:g} ms {when} than the motion, as is set"
+        if self.lost:
+            return (
+                f"torques look more than {LONGEST:g} s {when} than the motion, as far as is looked: "
+                "left as it is; are they of this motion, and of one clock? recording.delay=… [s] sets it"
+            )
         worth = self.believed and abs(self.seconds) > _WORTH
         left = "left as it is" + "; recording.delay=null takes it off" * worth
-        said = f"torques are {size:.2g} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
+        if math.isinf(self.deviation):
+            return "whether torques are later than the motion cannot be told: left as it is"
+        rounded = f"{size:.0f}" if size >= 100 else f"{size:.2g}"
+        said = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
         return f"{said}: {'taken off' if taken_off else left}"
 
 
@@ -64,29 +80,74 @@ def pooled(delays: Sequence[Delay]) -> Delay | None:
 
 
 def measured(body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]]) -> Delay:
-    """Delay of the torques, however long; ``less`` gives segments that have a delay [s] taken off."""
-    taken, found = 0.0, delay_of(body, segments)
+    """Delay of the torques, however long; ``less`` gives segments that have a delay [s] taken off.
+
+    Near the reversals of a joint, friction that leads or lags its velocity passes for a delay, so that it is
+    measured away from them. Only where torques would be earlier than the motion then and later with these,
+    it is that of all samples: friction lags, and taking that off explains more of it.
+    """
+    away = _refined(body, segments, less, _AWAY)
+    if away.seconds > -_WORTH:
+        return away
+    whole = _refined(body, segments, less, 0.0)
+    return whole if whole.seconds > 0 else away
+
+
+def _refined(
+    body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]], above: float
+) -> Delay:
+    """Delay from samples in which a joint is faster than a share of its usual speed."""
+    taken = coarse = _coarse(body, segments)
+    found = delay_of(body, less(taken) if taken else segments, above)
     for _ in range(_FITS):
         if abs(found.seconds) <= _NEAR:
             break
-        taken = max(-_LONGEST, min(_LONGEST, taken + found.seconds))
-        found = delay_of(body, less(taken))
-    return Delay(taken + found.seconds, found.deviation)
+        taken = max(-LONGEST, min(LONGEST, taken + found.seconds))
+        found = delay_of(body, less(taken), above)
+    whole = taken + found.seconds
+    if not coarse and _STEP < abs(whole) < LONGEST:  # where hardly less is left than without it
+        return Delay(0.0, math.inf)
+    return Delay(max(-LONGEST, min(LONGEST, whole)), found.deviation)
 
 
-def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:
+def _coarse(body: RigidBody, segments: list[Segment]) -> float:
+    """The long delay [s], a multiple of the time between samples, that leaves least; 0 where none is long."""
+    step = float(segments[0].time[1] - segments[0].time[0])
+    furthest = min(round(LONGEST / step), int(max(len(x.time) for x in segments) * (1 - _LEAST_KEPT) / 2))
+    inner = [x for x in segments if len(x.time) > 2 * furthest]
+    every = max(1, sum(len(x.time) - 2 * furthest for x in inner) // _SAMPLES)
+    states, torques = [], []
+    for x in inner:
+        rows = torch.arange(furthest, len(x.time) - furthest, every)
+        states.append(Segment(*(one[rows] for one in x)))
+        torques.append(x.torque[rows[:, None] + torch.arange(-furthest, furthest + 1)])
+    columns = torch.cat([_columns(body, *x[1:4], x.sign) for x in states])
+    torque = torch.cat(torques)  # (S, D, J)
+    weights = 1 / torque[:, furthest].std(0).clamp_min(1e-300)
+    basis = (columns * weights[:, None]).flatten(0, 1)
+    inverse, scale = _inverse(basis)
+    right = (torque * weights).transpose(1, 2).flatten(0, 1)
+    moment = (basis / scale).T @ right
+    left = 1 - (moment * (inverse @ moment)).sum(0) / right.square().sum(0)
+    best = int(left.argmin())
+    late = (best - furthest) * step
+    return late if abs(late) > _NEAR and left[best] < _BETTER * left[furthest] else 0.0
+
+
+def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> Delay:
     """Delay of the torques, a short one, with which an arm of these kinematics explains them best.
 
     A torque that is late by d is Y θ − d τ̇. That is fitted with rigid bodies, friction, offsets and rotors,
-    so that the description's inertias do not matter; each joint counts by its residual.
+    so that the description's inertias do not matter; each joint counts by its residual, where it is faster
+    than a share of its usual speed.
     """
     whole = [torch.cat(x) for x in zip(*map(_rates, segments))]
     every = max(1, len(whole[0]) // _SAMPLES)
     q, dq, ddq, torque, sign, rate, bend = (x[::every] for x in whole)
-    each = torch.eye(body.joints, dtype=torch.float64)
-    others = torch.stack([dq, sign, torch.ones_like(dq), ddq], -1)
-    terms = torch.einsum("sjk,ji->sjik", others, each).flatten(2)
-    known = torch.cat([body.base_regressor(q, dq, ddq), terms], 2)
+    known = _columns(body, q, dq, ddq, sign)
+    if above:
+        fast = (dq.abs() >= above * dq.square().mean(0).sqrt()).double()
+        known, torque, rate, bend = known * fast[..., None], torque * fast, rate * fast, bend * fast
     late, deviation = 0.0, float("inf")
     for _ in range(_ROUNDS):
         # where the torque would be if it came earlier by what was found so far
@@ -98,18 +159,31 @@ def delay_of(body: RigidBody, segments: list[Segment]) -> Delay:
     return Delay(late, deviation)
 
 
+def _columns(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor) -> Tensor:
+    """Columns of rigid bodies, friction, offsets and rotors, (S, J, P), at states (S, J)."""
+    each = torch.eye(body.joints, dtype=torch.float64)
+    others = torch.stack([dq, sign, torch.ones_like(dq), ddq], -1)
+    terms = torch.einsum("sjk,ji->sjik", others, each).flatten(2)
+    return torch.cat([body.base_regressor(q, dq, ddq), terms], 2)
+
+
 def _step(columns: Tensor, torque: Tensor) -> tuple[float, float]:
     """The last parameter of weighted least squares on columns (S, J, P), and its deviation."""
     weights = 1 / torque.std(0).clamp_min(1e-300)
     for _ in range(2):
         rows = (columns * weights[:, None]).flatten(0, 1)
-        scale = rows.norm(dim=0).clamp_min(1e-300)
-        values, vectors = torch.linalg.eigh((rows / scale).T @ (rows / scale))
-        kept = values > _ROUNDING * values[-1]
-        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T
+        inverse, scale = _inverse(rows)
         found = inverse @ ((rows / scale).T @ (torque * weights).flatten()) / scale
         weights = 1 / (torque - columns @ found).square().mean(0).sqrt().clamp_min(1e-12 / weights)
     return float(found[-1]), float((_CORRELATED * inverse[-1, -1]).sqrt() / scale[-1])
+
+
+def _inverse(rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Inverse information (P, P) of rows (N, P) over the lengths of their columns, and these, (P,)."""
+    scale = rows.norm(dim=0).clamp_min(1e-300)
+    values, vectors = torch.linalg.eigh((rows / scale).T @ (rows / scale))
+    kept = values > _ROUNDING * values[-1]
+    return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T, scale
 
 
 def _rates(segment: Segment) -> list[Tensor]:

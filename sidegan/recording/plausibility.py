@@ -1,21 +1,11 @@
 """Doubts about a raw recording: clock, ranges, saturation, signals that do not change."""
 
-import math
-
-import torch
-from torch import Tensor
-
 from sidegan.base.names import counted
-from sidegan.errors import RecordingError
-from sidegan.recording.recording import SIGN_WIDTH, Segment
-from sidegan.recording.refused import DEGREES
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
-_NEAR = 0.3  # of the logarithm of a ratio
-_WRONG_SLOPE = 0.1  # of a velocity over the derivative of its position
 _NOTHING = 1e-12
 _LITTLE = 0.1  # of its range, that a joint moves through at least where much can be told
 _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
@@ -65,36 +55,3 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
             "though it moves: take these rows out of the file"
         )
     return warnings
-
-
-def velocity_warnings(statistics: Statistics, arm: Arm, segments: list[Segment]) -> list[str]:
-    """Oddities of recorded velocities, beside the derivatives of the positions.
-
-    Raises:
-        RecordingError: when the velocities are those of another unit of angles.
-    """
-    if "velocity" not in statistics.signals:
-        return []
-    rate, velocity = (torch.cat(x) for x in zip(*map(_rates, segments)))
-    moving = rate.square().mean(0).sqrt() > 10 * SIGN_WIDTH
-    slopes = (rate * velocity).sum(0) / rate.square().sum(0).clamp_min(_NOTHING)
-    warnings = []
-    for name, slope in [(arm.joint_names[j], float(slopes[j])) for j in moving.nonzero()[:, 0].tolist()]:
-        ratio = math.log(max(abs(slope), _NOTHING))
-        if abs(abs(ratio) - math.log(DEGREES)) < _NEAR:
-            raise RecordingError(
-                f"{statistics.name}: the velocity of {name} is {slope:.3g} times the derivative of its "
-                "position: one of them is in degrees and the other in radians"
-            )
-        if abs(slope - 1) > _WRONG_SLOPE:
-            warnings.append(
-                f"the velocity of {name} is {slope:.2f} times the derivative of its position"
-                + ("; is its sign wrong?" if slope < -0.5 else "")
-            )
-    return warnings
-
-
-def _rates(segment: Segment) -> tuple[Tensor, Tensor]:
-    """Central difference of a segment's positions, and its velocity there."""
-    step = float(segment.time[1] - segment.time[0])
-    return (segment.position[2:] - segment.position[:-2]) / (2 * step), segment.velocity[1:-1]

@@ -102,12 +102,12 @@ def preprocess(
     for run in runs(recording.time.numpy(), grid.step, grid.gap):
         kept, *states, moving = _joined(
             _thinned(run, signals, factor, grid, span, sign_width, settings.still, delay)
-            for span in _spans(run.points, grid)
+            for span in _spans(run.points, grid, delay)
         )
         states = [run.time[0] + kept * grid.step, *states]
         segments += [
             Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in states))
-            for part in _stretches(moving & _inside(kept, run.points, grid))
+            for part in _stretches(moving & _inside(kept, run.points, grid, delay))
         ]
     if not segments:
         raise RecordingError(
@@ -121,9 +121,9 @@ def _joined(pieces: Iterable[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
     return [np.concatenate(x) for x in zip(*pieces)]
 
 
-def _spans(points: int, grid: Grid) -> Iterator[tuple[int, int, int, int]]:
+def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, int, int]]:
     """First and last points of pieces of a run, and of what the filters have to see of it around them."""
-    margin = round(max(_FORGOTTEN / grid.cutoff, 2 * _PAUSE) / grid.step)
+    margin = round((max(_FORGOTTEN / grid.cutoff, 2 * _PAUSE) + abs(delay)) / grid.step)
     size = max(_AT_ONCE, 4 * margin)
     for begin in range(0, points, size):
         end = min(points, begin + size)
@@ -155,6 +155,12 @@ def _thinned(
     states = smooth["position"], velocity, acceleration, smooth["torque"], sign
     kept = np.arange(-(-begin // grid.stride) * grid.stride, end, grid.stride)
     return kept, *(one[kept - first] for one in (*states, _moving(velocity, grid, still)))
+
+
+def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Numbers:
+    """Torque [N·m or N] of samples, (S, J), as recorded or from the current."""
+    signals, factor = _signals(recording, gains, reverse)
+    return signals["torque"] * factor
 
 
 def _signals(
@@ -189,9 +195,9 @@ def _moving(velocity: Numbers, grid: Grid, still: float) -> NDArray[np.bool_]:
     return np.asarray(maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1), dtype=bool)
 
 
-def _inside(kept: NDArray[np.int64], points: int, grid: Grid) -> NDArray[np.bool_]:
-    """Which points of a run are none of those at either end that the filter cannot see around."""
-    edge = round(2 / (grid.cutoff * grid.step))
+def _inside(kept: NDArray[np.int64], points: int, grid: Grid, delay: float) -> NDArray[np.bool_]:
+    """Which points of a run the filter can see around, and have a torque without the delay."""
+    edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)
     return (kept >= edge) & (kept < points - edge)
 
 

@@ -44,7 +44,7 @@ class RecordingSettings:
     gap: Seconds | None
     still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
     # time by which torques are later than states [s], which is taken off; null: measured
-    delay: Annotated[float, Field(ge=-0.5, le=0.5)] | None
+    delay: Annotated[float, Field(ge=-2, le=2)] | None
     # what was sent to the arm: a table of excite, or the folder of its run; null: not known
     sent: str | None
 

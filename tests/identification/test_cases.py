@@ -107,6 +107,62 @@ def test_reversed_torques_are_no_reversed_gravity(arm):
     assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
 
 
+def late(made):
+    """Torques of 200 ms before."""
+    return made.torque.roll(20, 0)
+
+
+def offset(made):
+    return made.torque + torch.tensor([0, 0, 9.0, 0, 0, 0, 0])
+
+
+def heavier(arm):
+    """The arm with 2 kg in its hand."""
+    links = arm.inertial_parameters.clone()
+    links[-1, [0, 3]] += torch.tensor([2.0, 0.2], dtype=torch.float64)
+    return replace(arm, inertial_parameters=links)
+
+
+CAUSES = [
+    (late, "^torques are 200 ± .* later than the motion: left as it is; recording.delay=null takes"),
+    (scaled(1, -1, 1, 1, 1, 1, 1), r"^the torque of joint_2 runs against .*recording.reverse=\[joint_2\]"),
+    (
+        lambda made: made.torque[:, [0, 2, 1, 3, 4, 5, 6]],
+        "^torques look exchanged: that of joint_2 is what joint_3",
+    ),
+    (scaled(1, 1, 1, 1.1, 1, 1, 1), "^the torque of joint_4 is 1.1. times what the other joints"),
+    (offset, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), CAUSES)
+def test_a_fault_of_the_recordings_is_the_first_reason_and_silences_advice(arm, change, words):
+    trust = judged(arm, change).trust
+    assert re.search(words, trust.reasons[0]) and trust.causes
+    assert trust.verdict == GOOD or not any("excite it" in reason for reason in trust.reasons)
+
+
+def test_one_recording_with_another_load_is_named(arm):
+    training, validation = (
+        recordings(arm, lambda made: made.torque)[0],
+        recordings(arm, lambda made: made.torque, heavier(arm))[1],
+    )
+    validation = replace(validation, statistics=replace(validation.statistics, name="carrying"))
+    trust = identified(arm, [training], [validation], strength=1.0).trust
+    assert re.search(r"^carrying was recorded with another load .*: \+2 ± .* kg on ", trust.reasons[0])
+
+
+def test_torques_of_motors_are_told_from_those_behind_gears(arm):
+    """MuJoCo's rotors are in the drives' torques, which the model of joint torques lacks."""
+    rotors = torch.tensor([3.0, 3, 2, 2, 0.5, 0.5, 0.2], dtype=torch.float64)
+    trust = judged(
+        arm, lambda made: made.torque + rotors * torch.gradient(made.velocity, spacing=0.01, dim=0)[0]
+    ).trust
+    assert re.search(
+        "^rotors explain what is left: with model=motor_current the mean nMSE is 0.00", trust.reasons[0]
+    )
+
+
 @pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.02, False)])
 def test_a_joint_that_hardly_moves_tells_no_sign(arm, size, told):
     made = moved(arm, np.arange(1500) / 100, 0.0, 0.0, torch.Generator().manual_seed(0), period=6.0)

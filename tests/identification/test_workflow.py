@@ -9,6 +9,7 @@ import torch
 from sidegan.errors import RecordingError
 from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import CONSISTENT
+from sidegan.identification.verdict import BAD
 from sidegan.identification.workflow import identify_arm, preferred
 from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
@@ -99,4 +100,6 @@ def test_halves_that_tell_too_little_decide_nothing(planar, recordings):
     short = replace(recordings[0], segments=[segment._replace(torque=torque)])
     result = identified(planar, [short])
     assert result.use == CONSISTENT and result.unseen == {}
-    assert "tell too little to predict each other" in advice(result)
+    assert result.trust.verdict == BAD and advice(result).startswith("Use none")
+    better = replace(identified(planar, recordings[:1]), unseen={})
+    assert "tell too little to predict each other" in advice(better)

@@ -8,8 +8,11 @@ import torch
 
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import check_recording, split
 from sidegan.recording.delay import Delay, delay_of, pooled
+from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.recording.conftest import moved, of_file, part_of, recorded
 
@@ -31,6 +34,37 @@ def test_torques_in_another_unit_can_be_insisted_on(planar, recording):
     limits = re.findall(r"(\w+): (\d+)", str(error.value).partition("robot.limits.effort={")[2])
     strong = load_robot("planar2", Setup(limits=Limits(effort={name: float(x) for name, x in limits})))
     assert check_recording(wrong, strong, of_file()).kept
+
+
+WRONG = {  # of a velocity, and what is said of it
+    "half": (lambda v: 0.5 * v, r"velocity is 0\.50 \(shoulder\), 0\.50 \(elbow\) times"),
+    "reversed": (lambda v: v * torch.tensor([1, -1]), r"velocity is -1\.00 \(elbow\) times"),
+    "exchanged": (
+        lambda v: v.flip(1),
+        r"\(shoulder: it is that of elbow\), .*\(elbow: it is that of shoulder\)",
+    ),
+    "a fifth too fast": (lambda v: v * torch.tensor([1.0, 1.2]), r"velocity is 1\.20 \(elbow\) times"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_a_velocity_that_is_wrong_is_not_used(planar, recording, kind):
+    change, words = WRONG[kind]
+    checked = check_recording(replace(recording, velocity=change(recording.velocity)), planar, of_file())
+    alone = check_recording(replace(recording, velocity=None), planar, of_file())
+    assert re.search(words, checked.remarks["velocity"])
+    assert checked.derived == alone.derived == ["velocity", "acceleration"]
+    for one, other in zip(checked.segments, alone.segments):
+        torch.testing.assert_close(one.velocity, other.velocity, rtol=0, atol=0)
+    half = replace(recording, acceleration=torch.gradient(recording.velocity, spacing=0.02, dim=0)[0])
+    assert [*check_recording(half, planar, of_file()).remarks] == ["acceleration"]
+
+
+def test_a_velocity_is_kept_where_noise_is_all_that_is_wrong(planar, recording):
+    noise = torch.randn(2, *recording.position.shape, generator=torch.Generator().manual_seed(0)).double()
+    noisy = replace(recording, position=recording.position + 0.02 * noise[0])
+    loud = replace(recording, velocity=recording.velocity + 0.5 * noise[1])
+    assert [check_recording(one, planar, of_file()).remarks for one in (noisy, loud)] == [{}, {}]
 
 
 def test_a_torque_that_stays_the_same_while_its_joint_moves_is_told(planar, recording):
@@ -71,7 +105,7 @@ def late(arm, delay, noise=0.02, seconds=30):
     return replace(first, torque=second.torque)
 
 
-@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.08])
+@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.08, 0.5, 0.85])
 def test_a_delay_is_found_within_its_deviation(planar, delay):
     wrong = replace(planar, inertial_parameters=1.7 * planar.inertial_parameters)
     checked = check_recording(late(planar, delay), wrong, of_file())
@@ -79,6 +113,27 @@ def test_a_delay_is_found_within_its_deviation(planar, delay):
     assert found.seconds == pytest.approx(delay, abs=4 * found.deviation)
     assert found.deviation < 1e-3 and found.believed == (delay != 0)
     assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: left" in said) == (abs(delay) > 0.02)
+
+
+def test_friction_that_leads_the_velocity_is_no_delay(planar):
+    """MuJoCo's dry friction turns round before the velocity does."""
+    plant = Plant(planar, replace(IDEAL, coulomb=[3.0], viscous=[0.5], rotor_inertia=[0.02]))
+    family = Trajectory(joints=2, harmonics=4, period=8.0)
+    c = 0.5 * torch.randn(2, 2, 4, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    found = plant.execute(family.roll_out(c, family.times(plant.settings.rate)), seed=0, noise=0.02)
+    made = Recording("made", planar.joint_names, found.time, *found[1:3], torque=found.torque)
+    checked = check_recording(made, planar, of_file(delay=None))
+    assert abs(checked.delay.seconds) < 5e-4  # [s]
+    near = delay_of(RigidBody(planar), check_recording(made, planar, of_file()).segments)
+    assert near.believed and near.seconds < -2e-3
+
+
+def test_a_delay_that_is_not_found_is_said(planar):
+    lost = check_recording(late(planar, 1.3, seconds=15), planar, of_file(delay=None))
+    assert not lost.corrected and "more than 1 s later" in lost.late
+    other = check_recording(late(planar, 5.0, seconds=15), planar, of_file(delay=None))
+    assert not other.corrected and "cannot be told: left as it is" in other.statements[-1]
+    json.dumps(other.as_json(), allow_nan=False)
 
 
 def test_a_measured_delay_is_taken_off(planar):
@@ -107,6 +162,6 @@ def test_recordings_of_one_arm_have_one_delay():
     assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)
     for other in ([], [Delay(0.03, 1e-4)], [Delay(0.0, float("inf"))]):
         assert pooled([Delay(0.004, 1e-4), *other]) is None
-    # at a quarter of a second the search was stopped: the torques are not late by just that
-    believed = [Delay(seconds, 1e-4).believed for seconds in (0.249, 4e-4, 0.25, -0.25, 2e-4)]
+    # at a second the search was stopped: the torques are not late by just that
+    believed = [Delay(seconds, 1e-4).believed for seconds in (0.999, 4e-4, 1.0, -1.0, 2e-4)]
     assert believed == [True, True, False, False, False]

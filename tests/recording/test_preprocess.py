@@ -49,7 +49,7 @@ def test_rest_is_left_out(planar):
     assert whole.time[-1] - whole.time[0] > 29
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.013])
+@pytest.mark.parametrize("delay", [0.0, 0.013, 0.5])
 def test_pieces_are_filtered_as_the_whole(planar, monkeypatch, delay):
     time = np.arange(3600) * 0.01
     rests = np.where(time < 12, time, np.where(time < 15, 12.0, time - 3))
@@ -57,7 +57,7 @@ def test_pieces_are_filtered_as_the_whole(planar, monkeypatch, delay):
     recording = Recording("stops", planar.joint_names, torch.from_numpy(time), q, torque=q)
     whole, grid = preprocess(recording, of_file(), delay=delay), segments.grid_for
     monkeypatch.setattr(segments, "_AT_ONCE", 1)
-    spans = segments._spans(3600, grid(statistics_of(recording, of_file()), of_file()))
+    spans = segments._spans(3600, grid(statistics_of(recording, of_file()), of_file()), delay)
     pieces = preprocess(recording, of_file(), delay=delay)
     assert len(whole) == len(pieces) == 2 and len([*spans]) > 2
     for one, other in zip(whole, pieces):

@@ -181,7 +181,7 @@ def test_recordings(recording, words, change, options):
 
 WARNED = [
     ("recording.reverse=[elbow]", of_elbow("torque", torch.neg)),
-    ("is its sign wrong?", of_elbow("velocity", torch.neg)),
+    ("exchanged, scaled or reversed?", of_elbow("velocity", torch.neg)),
     ("the arm hardly moves", scaled("position", 0.1)),
     ("elbow never moved", lambda r: replace(of_elbow("position", torch.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),

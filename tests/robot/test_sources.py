@@ -134,7 +134,10 @@ class TestMjcf:
         notes = "; ".join(arm.notes)
         assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
         assert "floor of world" in notes
-        assert "rotor inertias (armature) are not part" in notes
+        assert "rotor inertias (armature) are not part" in notes and "gravcomp" not in notes
+        mjcf.write_text(MJCF.replace('<body name="b"', '<body name="b" gravcomp="1"'))
+        (said,) = (note for note in load_robot(mjcf, Setup(limits=SPEEDS)).notes if "gravcomp" in note)
+        assert "gravity of b is compensated" in said
 
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
     @pytest.mark.parametrize("more", ["", '<motor joint="two" forcerange="-7 5"/>', '<motor joint="two"/>'])

@@ -6,11 +6,14 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
+from sidegan.base.names import listed
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.score import shown
+from sidegan.identification.verdict import BAD, Trust, joint_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot.consistency import about_the_centre
 
+_NAMED = 6  # joints or parameters that are named at most
 _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
 _INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
 _UNITS = {
@@ -47,6 +50,8 @@ def _use(identified: IdentifiedArm) -> str:
         return "Use none of these models: their links are what makes up for a gravity that is another one."
     if not trust.judged.nmse_mean < 1:
         return "Use none of these models: none predicts better than the mean torque does."
+    if trust.verdict == BAD:
+        return f"Use none of these models: {_needed(trust)}."
     if use == CONSISTENT == method:
         return "Use the consistent model: the URDF, the MJCF and the Python class hold it."
     errors = {name: float(error.mean()) for name, error in identified.unseen.items()}
@@ -68,9 +73,24 @@ def _use(identified: IdentifiedArm) -> str:
     )
 
 
+def _needed(trust: Trust) -> str:
+    """What would have to be known for a model to be worth something."""
+    if trust.faulty:
+        return "they mean nothing before what is named first is mended"
+    joints = sorted({one.joint for one in trust.findings if one.level == BAD and one.joint is not None})
+    if not joints:
+        return (
+            "what acts on the joints beside the model has to be known; what is left over says what it is like"
+        )
+    names = listed([trust.joint(j) for j in joints], _NAMED)
+    weak = listed([name for name in trust.weak if joint_of(name) in joints], _NAMED)
+    motion = f"a motion that tells {weak}, or " if weak else ""
+    return f"of {names} more has to be known: {motion}what acts there beside the model"
+
+
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """Motions to record next, a sentence each; the command designs them."""
-    if identified.trust.other_gravity:
+    if identified.trust.faulty:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
     if not identified.trust.weak:
         return []

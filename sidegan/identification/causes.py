@@ -1,0 +1,169 @@
+"""Causes of a model's misfit: what the recordings' checks found, and what one fault in them would explain."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from sidegan.identification.accuracy import covariance_of, torque_errors
+from sidegan.identification.estimate import estimate
+from sidegan.identification.fit import reweighted
+from sidegan.identification.gather import Gathered, gather
+from sidegan.identification.identified import IdentifiedArm, measurements_of
+from sidegan.identification.model import TorqueModel
+from sidegan.identification.payload import LOAD, Loaded
+from sidegan.identification.score import score, shown
+from sidegan.identification.sums import Sums, scaled_inverse
+from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, implausible_links, implausible_mass
+from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.agreement import Agreement, agreement_of
+
+_LEAST = 1e-6  # information on each parameter beside the samples'
+_ROUNDING = 1e-10
+_EXPLAINED = 0.5  # of an error is left at most where a fault in the recordings is believed
+_SURE = 5.0  # deviations of a mass or an offset that is one
+_CLEAR = 3.0  # of a scale that the description says too
+_ALIKE = 0.98  # correlation with the description there
+_SCALE = 0.03  # by which a joint's torque is off at least
+_NOTABLE = 0.02  # of the arm's mass that a load has at least
+_OFFSET = 0.2  # of a joint's usual torque, that an offset is told from
+
+
+def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
+    """Findings against the recordings, the description or the links; whether gravity is another one.
+
+    What would make others follow is told alone.
+    """
+    model, arm, links = found.model, found.model.arm, found.links
+    remarks = {signal: text for one in found.recordings[::-1] for signal, text in one.remarks.items()}
+    told = [Finding(GOOD, text) for text in remarks.values()]
+    if late := [one.late for one in found.recordings if one.late]:
+        return [Finding(USABLE, late[0]), *told], False
+    agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
+    if exchanged := agreement.exchanged(arm):
+        return [Finding(BAD, exchanged), *told], False
+    causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
+    if gravity is None and (against := agreement.reversed(arm, driven=True)):
+        causes.insert(0, Finding(USABLE, against))
+    if not causes and gravity is None:
+        faults = [*_odd_scale(found, agreement)] or ([] if found.trust.verdict == GOOD else [*_faults(found)])
+        causes += [Finding(USABLE, text) for text in faults]
+    torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
+    if not causes:
+        masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
+        causes += implausible_mass(*masses)
+    if gravity is not None:
+        error, now = _error_under(found, agreement.load.gravity), found.trust.judged.nmse_mean
+        gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
+        causes.insert(0, Finding(BAD, gravity))
+    causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
+    return [*causes, *told, *_offsets(found)], gravity is not None
+
+
+def _error_under(found: IdentifiedArm, gravity: Tensor) -> float:
+    """Mean nMSE of the chosen method if gravity in the arm's world [m/s²], (3,), were another."""
+    return _error_of(
+        found, TorqueModel(RigidBody(replace(found.model.arm, gravity=gravity)), found.model.terms)
+    )
+
+
+def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
+    """Mean nMSE of the chosen method with another model, over the joints that noise does not drown."""
+    samples, held_out = measurements_of(found.training), measurements_of(found.validation)
+    parameters = estimate(found.chosen.method, model, samples).parameters
+    return found.trust.mean(score(model, parameters, held_out or samples))
+
+
+def _faults(found: IdentifiedArm) -> Iterator[str]:
+    """Faults of the recordings, or of what is asked for, each of which would explain most of the misfit."""
+    terms, now = found.model.terms, found.trust.mean(found.trust.judged)
+    if not terms.rotor_inertia:
+        error = _error_of(found, TorqueModel(found.model.body, replace(terms, rotor_inertia=True)))
+        if error < _EXPLAINED * now:
+            yield (
+                f"rotors explain what is left: with model=motor_current the mean nMSE is {shown(error)}, "
+                f"it is {shown(now)}; are these torques those of the motors?"
+            )
+            return
+    yield from _changed_load(found)
+
+
+def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> Iterator[str]:
+    """The joint whose torque is at another scale than the others', by the parameters that they share.
+
+    That of two joints which share parameters one is too large may be that the other is too small: the
+    description says which. Alone it may be wrong about masses.
+    """
+    chosen, arm, sums = found.chosen, found.model.arm, found.chosen.sums
+    squares = chosen.weights.square()
+    moments = squares[:, None] * sums.moment
+    turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
+    free = squares * sums.energy - (turned * moments).sum(1)  # of each scale, beside all parameters, (J,)
+    shared = (turned * (moments.sum(0) - moments)).sum(1)
+    times, deviation = free / shared, (chosen.inflation / free).sqrt() * (free / shared).square()
+    off, same = (times - 1).abs(), (times - agreement.load.scale).abs()
+    odd = (off > (_CLEAR * deviation).clamp_min(_SCALE)) & (same < _SCALE) & (agreement.sign > _ALIKE)
+    if odd.any():
+        j = int(torch.where(odd, off, 0.0).argmax())
+        yield (
+            f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
+            "the description make it: another gain or unit? (robot.gains, or divide the column by that)"
+        )
+
+
+def _changed_load(found: IdentifiedArm) -> Iterator[str]:
+    """The recording that another load than the others' explains."""
+    if len(found.recordings) < 2:
+        return
+    samples = [measurements_of([one]) for one in found.recordings]
+    without, with_load = ([gather(Loaded(found.model, x), one) for one in samples] for x in (False, True))
+    each = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
+    if len(each) == 2:
+        each = each[1:]  # which of both it is cannot be told
+    mass, deviation, share, k = min(each, key=lambda one: one[2])
+    least = max(_SURE * deviation, _NOTABLE * float(found.model.arm.inertial_parameters[:, 0].sum()))
+    if share < _EXPLAINED and abs(mass) > least:
+        yield (
+            f"{found.recordings[k].name} was recorded with another load than the others: {mass:+.2g} ± "
+            f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explain it; identify from recordings "
+            "with one load (+experiment=payload tells what differs)"
+        )
+
+
+def _load(
+    count: int, without: list[Gathered], with_load: list[Gathered], k: int
+) -> tuple[float, float, float, int]:
+    """Mass in recording k beside the others and its deviation [kg]; the share of errors that it leaves; k."""
+    parts = [*without[:k], with_load[k], *without[k + 1 :]]
+    sums = parts[0].sums
+    for part in parts[1:]:
+        sums = sums.plus(part.sums)
+    plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
+    fit, before = reweighted(sums, _LEAST), reweighted(plain, _LEAST)
+    whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].samples, parts[k].reach)
+    deviation = float(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD].sqrt())
+    empty = torch.cat([before.parameters, torch.zeros(LOAD, dtype=torch.float64)])
+    left, now = (with_load[k].sums.squares(x) for x in (empty, fit.parameters))
+    return float(fit.parameters[-LOAD]), deviation, float((now / left).log().mean().exp()), k
+
+
+def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
+    """Offsets that are no small part of a joint's torque: the model holds them, a sensor should not."""
+    chosen, arm = found.chosen, found.model.arm
+    places = [
+        chosen.names.index(f"fo{j + 1}") if f"fo{j + 1}" in chosen.names else None for j in range(arm.joints)
+    ]
+    for j, k in enumerate(places):
+        if k is None:
+            continue
+        value, deviation, usual = (
+            float(x) for x in (chosen.parameters[k], chosen.deviation[k], found.trust.usual[j])
+        )
+        if abs(value) > max(_OFFSET * usual, _SURE * deviation):
+            unit = "N" if arm.prismatic[j] else "N·m"
+            text = f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}"
+            beside = (
+                f"beside a usual torque of {usual:.2g} {unit}: the model holds it, but was the sensor tared?"
+            )
+            yield Finding(GOOD, f"{text}, {beside}", j)

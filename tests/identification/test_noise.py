@@ -1,0 +1,91 @@
+"""Noise is told from what a model lacks: by its size above the cut-off, its spectrum, and its order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.signal import butter, sosfilt
+
+from sidegan.identification import estimate
+from sidegan.identification.identified import measurements_of
+from sidegan.identification.noise import is_noise
+from sidegan.identification.verdict import USABLE
+from sidegan.recording.check import check_recording
+from tests.identification.recordings import model_of, white
+from tests.identification.test_workflow import identified
+from tests.recording.conftest import moved, of_file
+
+RATE = 200.0
+NOISE = 3.0  # [N·m]: half as much as the elbow's own torque
+VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.zeros(2)
+
+
+def recorded(arm, seed, extra=None, seconds=30, noise=NOISE):
+    """A recording with white noise on the elbow's torque, and more on it."""
+    time = np.arange(seconds * RATE) / RATE
+    made = moved(arm, time, VISCOUS, COULOMB, torch.Generator().manual_seed(seed), noise=0.005)
+    more = noise * white((len(time),), seed)
+    torque = made.torque.clone()
+    torque[:, 1] += more if extra is None else more + extra(made)
+    return check_recording(replace(made, torque=torque), arm, of_file())
+
+
+def told(planar, training, other):
+    """Whether what is left of the elbow's torque is called noise, in both recordings."""
+    model = model_of(planar)
+    found = estimate("weighted", model, measurements_of([training]))
+    each = [is_noise(model, found.parameters, found.covariance, [one]) for one in (training, other)]
+    return [bool(one[1]) for one in each]
+
+
+def filtered(made):
+    """Noise as large below the cut-off and less above it: what a driver's filter leaves, or anything else."""
+    draw = 3 * NOISE * white((len(made.time),), 9).numpy()
+    return torch.from_numpy(sosfilt(butter(2, 2.0, fs=RATE, output="sos"), draw))
+
+
+MISFITS = {
+    "cogging": lambda made: 1.5 * torch.sin(60 * made.position[:, 1]),
+    "friction that bends": lambda made: 10 * made.velocity[:, 1].abs().sqrt() * made.velocity[:, 1].sign(),
+    "filtered noise": filtered,
+    "a spring": lambda made: torch.sin(2 * made.position[:, 1]),
+}
+
+
+@pytest.mark.parametrize("seed", range(0, 10, 2))
+def test_white_noise_is_noise(planar, seed):
+    assert told(planar, recorded(planar, seed), recorded(planar, seed + 1)) == [True, True]
+
+
+@pytest.mark.parametrize("misfit", MISFITS)
+def test_what_a_model_lacks_is_no_noise(planar, misfit):
+    one, other = (recorded(planar, seed, MISFITS[misfit]) for seed in (0, 1))
+    assert told(planar, one, other) != [True, True]
+
+
+def test_another_load_is_no_noise(planar):
+    heavier = planar.inertial_parameters.clone()
+    heavier[1, :2] += torch.tensor([1.0, 1.0])  # [kg, kg·m]
+    carrying = recorded(replace(planar, inertial_parameters=heavier), 1)
+    assert told(planar, recorded(planar, 0), carrying) == [True, False]
+
+
+def test_a_short_recording_tells_nothing(planar):
+    assert not told(planar, recorded(planar, 0, seconds=4), recorded(planar, 1))[0]
+
+
+def test_noise_without_a_stretch_above_the_filter_is_not_known(planar):
+    one = recorded(planar, 0)
+    assert told(planar, replace(one, noise=torch.full((2,), torch.nan)), one) == [False, True]
+
+
+def test_a_joint_that_noise_drowns_is_judged_in_torque_and_the_others_by_themselves(planar):
+    one, other = (recorded(planar, seed, noise=40.0) for seed in (0, 1))
+    result = identified(planar, [one], [other]).trust
+    assert result.drowned.tolist() == [False, True] and result.judged.nmse_mean > 0.1
+    assert result.verdict == USABLE and result.mean(result.judged) < 0.01
+    (said,) = [reason for reason in result.reasons if reason.startswith("joint 2")]
+    assert "what is left is noise of" in said and "a longer recording" in said and "excite it" not in said
+    strict = replace(result, noise=None)
+    assert strict.verdict == "not trustworthy" and "excite it" in " ".join(strict.reasons)
