@@ -14,6 +14,7 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.named import by_name
+from sidegan.robot.orders import length_of
 from sidegan.robot.setup import PLAIN, Setup
 
 _MODELS = Path(__file__).parent / "models"
@@ -72,7 +73,7 @@ def load_robot(
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
-    shapes = pin_model.collision_shapes(model, description)
+    shapes = pin_model.collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # other trajectories are valid then
@@ -91,6 +92,7 @@ def load_robot(
         parents=description.parents,
         may_touch=description.may_touch,
         mount=description.mount,
+        planes=description.planes,
         **numbers,
     )
 
@@ -106,13 +108,13 @@ def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Tenso
 
 
 def _warn_of_missing(description: Description) -> None:
-    """Name links that lack a shape, and the files that are not there."""
+    """Name links that lack a shape, and the files that are not there or empty."""
     if not description.missing:
         return
     bare = ", ".join(description.missing)
     files = listed([file for files in description.missing.values() for file in files], 4)
     _log.warning(
-        "%s: mesh files are missing; collisions of these links may go unnoticed: %s (not found: %s; "
+        "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s (not found: %s; "
         "packages are looked for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
         description.path,
         bare,

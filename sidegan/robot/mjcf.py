@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.mjcf_shapes import turn_of, write_collision
+from sidegan.robot.mjcf_shapes import plane_of, turn_of, write_shape
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import Source, words
 
@@ -28,8 +28,8 @@ def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file.
 
     Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
-    of actuators. Equality constraints between joints become mimic joints. Shapes that take part in collisions
-    are kept, but for planes and height fields; pictures show these, too.
+    of actuators. Equality constraints between joints become mimic joints. Shapes are kept, but for height
+    fields; planes that stand still are told apart.
 
     Raises:
         RobotError: when MuJoCo refuses it.
@@ -42,7 +42,7 @@ def read_mjcf(path: Path) -> Source:
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     x, y, z = (float(one) for one in model.opt.gravity)
-    return Source(text, ET.fromstring(text), tuple(writer.notes()), (x, y, z))
+    return Source(text, ET.fromstring(text), tuple(writer.notes()), tuple(writer.planes), (x, y, z))
 
 
 class _Writer:
@@ -52,13 +52,18 @@ class _Writer:
         self.model = model
         self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
         self.dropped: list[str] = []
+        self.planes: list[tuple[float, float, float, float]] = []
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
         self._efforts = _efforts(model)
         for body in range(model.nbody):
             link = ET.SubElement(self.root, "link", name=self.name("body", body))
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
-                if not write_collision(link, model, geom):
+                if plane := plane_of(model, data, geom):
+                    self.planes.append(plane)
+                elif not write_shape(link, model, geom):
                     self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
             if body:
                 self._joints(body)

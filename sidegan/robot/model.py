@@ -12,11 +12,13 @@ import pinocchio as pin
 import torch
 from torch import Tensor
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 from sidegan.robot.fitting import Points
 from sidegan.robot.hollow import hollow_links
 from sidegan.robot.meshes import cache_folder
+from sidegan.robot.orders import of_another_order
 from sidegan.robot.shapes import Shape, shapes_of
 
 _log = logging.getLogger(__name__)
@@ -50,10 +52,15 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
-    """Capsules around the collision shapes that a description gives the links, and what is inside of them."""
+def collision_shapes(model: pin.Model, description: Description, length: float) -> list[Shape]:
+    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
+
+    Raises:
+        RobotError: when Pinocchio refuses them, or they are none of an arm of this length [m].
+    """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
+    _refuse_other_orders(model, geometry, description, length)
     shapes = shapes_of(geometry, model)
     if not any(shape.digest for shape in shapes):
         return shapes
@@ -65,6 +72,24 @@ def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
     hollow = Memory(cache_folder(), verbose=0).cache(hollow_links, ignore=list(scene))
     further = hollow(known=known, **scene)
     return shapes_of(geometry, model, further) if further else shapes
+
+
+def _refuse_other_orders(
+    model: pin.Model, geometry: pin.GeometryModel, description: Description, length: float
+) -> None:
+    """Refuse shapes that are a thousand times too large or too small for an arm of this length [m]."""
+    wrong: dict[str, str] = {}
+    for one in geometry.geometryObjects:
+        one.geometry.computeLocalAABB()
+        size, mesh = 2 * float(one.geometry.aabb_radius), bool(one.meshPath)
+        if why := of_another_order(size, length, bool(one.parentJoint), mesh):
+            wrong.setdefault(model.frames[one.parentFrame].name, why)
+    if wrong:
+        raise RobotError(
+            f"{description.path}: collision shapes of another order than the arm, which is {length:.2g} m long: "
+            f"{listed([f'{link} {why}' for link, why in wrong.items()], 4)} Metres per unit of a mesh are its "
+            'scale in the description, such as scale="0.001 0.001 0.001"'
+        )
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:

@@ -20,6 +20,7 @@ class Source:
     text: bytes  # of the URDF
     root: ET.Element
     notes: tuple[str, ...] = ()  # what could not be carried over
+    planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals and offsets [m], as gravity
     gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
 
 

@@ -14,7 +14,7 @@ from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, write_urdf
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.mjcf_shapes import write_collision
+from sidegan.robot.mjcf_shapes import write_shape
 from sidegan.validity.capsules import capsule_axes, place_points
 
 from .urdf import one_joint, outside
@@ -121,7 +121,7 @@ class TestMjcf:
         body = '<worldbody><geom type="mesh" mesh="dented"/></worldbody>'
         model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
         link = ET.Element("link")
-        assert write_collision(link, model, 0)
+        assert write_shape(link, model, 0)
         file = link.find("collision/geometry/mesh").get("filename")
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
