@@ -192,8 +192,8 @@ def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
     if floor_is_known(arm):
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
     return (
-        f"floor at z = {floor.offset:g} m, a guess, since no visual and no mesh shows how low {arm.name} stands: "
-        f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {floor.offset:g}}}}}]' says where it is; "
+        f"floor at z = {floor.offset:g} m, a guess at what {arm.name} stands on, since no visual and no mesh "
+        f"shows it: 'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {floor.offset:g}}}}}]' says where it is; "
         + _DROPPED
     )
 

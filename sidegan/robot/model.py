@@ -19,7 +19,7 @@ from sidegan.robot.fitting import Points
 from sidegan.robot.hollow import hollow_links
 from sidegan.robot.meshes import cache_folder
 from sidegan.robot.orders import of_another_order
-from sidegan.robot.shapes import Shape, shapes_of
+from sidegan.robot.shapes import Shape, is_mesh, shapes_of
 
 _log = logging.getLogger(__name__)
 
@@ -81,8 +81,8 @@ def _refuse_other_orders(
     wrong: dict[str, str] = {}
     for one in geometry.geometryObjects:
         one.geometry.computeLocalAABB()
-        size, mesh = 2 * float(one.geometry.aabb_radius), bool(one.meshPath)
-        if why := of_another_order(size, length, bool(one.parentJoint), mesh):
+        size = 2 * float(one.geometry.aabb_radius)
+        if why := of_another_order(size, length, bool(one.parentJoint), is_mesh(one)):
             wrong.setdefault(model.frames[one.parentFrame].name, why)
     if wrong:
         raise RobotError(

@@ -38,7 +38,7 @@ def shapes_of(geometry: pin.GeometryModel, model: pin.Model, hollow: Sequence[st
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
         owner = model.frames[one.parentFrame].name
-        groups.setdefault((owner, "" if _is_mesh(one) else one.name), []).append(one)
+        groups.setdefault((owner, "" if is_mesh(one) else one.name), []).append(one)
     count = Counter(owner for owner, _ in groups)
     shapes = []
     for (owner, primitive), group in groups.items():
@@ -118,7 +118,7 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
     return Part(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
-def _is_mesh(one: pin.GeometryObject) -> bool:
+def is_mesh(one: pin.GeometryObject) -> bool:
     """Whether a shape is one of triangles."""
     return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
 

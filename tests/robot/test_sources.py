@@ -133,7 +133,7 @@ class TestMjcf:
         assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, np.pi, 0.5])
         notes = "; ".join(arm.notes)
         assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
-        assert "floor of world" in notes
+        assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
         assert "rotor inertias (armature) are not part" in notes
 
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
