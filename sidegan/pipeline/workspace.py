@@ -191,11 +191,10 @@ def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
         return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
     if floor_is_known(arm):
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
-    return (
-        f"floor at z = {floor.offset:g} m, a guess at what {arm.name} stands on, since no visual and no mesh "
-        f"shows it: 'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {floor.offset:g}}}}}]' says where it is; "
-        + _DROPPED
-    )
+    guess = f"a guess at what {arm.name} stands on, since no visual and no mesh shows it"
+    at = floor.offset
+    says = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' says where it is"
+    return f"floor at z = {floor.offset:g} m, {guess}: {says}; {_DROPPED}"
 
 
 def _digest(file: str) -> str:

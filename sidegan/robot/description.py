@@ -72,6 +72,7 @@ def read_description(
         may_touch += ((*pair, "robot.may_touch"),)
     absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at, meshes=planning))
     missing = {name: files for name, files in absent.items() if files}
+    missing |= source.missing if planning else {}
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
         hang(root, tree.root, mount)

@@ -87,7 +87,7 @@ def load_robot(
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
         urdf=path,
-        setup=setup,
+        setup=replace(setup, limits=setup.limits.of_joints(names)),
         notes=tuple(description.notes),
         parents=description.parents,
         may_touch=description.may_touch,

@@ -64,7 +64,7 @@ def foot(arm: Arm) -> tuple[float, bool]:
 
 
 def _foot_of(arm: Arm, link: ET.Element, frame: "pin.Frame") -> tuple[float, bool] | None:
-    """Lowest point of a link that stands still [m], and whether it is known; None of a link without shapes."""
+    """Lowest point of a link that stands still [m], and whether it is known; None where it has no shape."""
     solid = link.findall("collision")
     meshes = [one for one in solid if one.find("geometry/mesh") is not None]
     spans = [span for shapes in (link.findall("visual"), meshes) if (span := _span(arm, shapes, frame))]

@@ -44,11 +44,19 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)
     for file in candidates:
         try:
-            if file.is_file() and not _is_pointer(file):
+            if is_there(file):
                 return file.resolve()
         except (OSError, ValueError):  # a name that is none, a forbidden folder
             continue
     return None
+
+
+def is_there(file: Path) -> bool:
+    """Whether a file is there, and none that stands for one which was not downloaded."""
+    if not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        return opened.read(len(_POINTER)) != _POINTER
 
 
 def metres_per_unit(file: Path) -> float:
@@ -70,7 +78,12 @@ def metres_per_unit(file: Path) -> float:
             size = 1.0
         if not 0 < size < float("inf"):
             raise ValueError
-    except (ET.ParseError, OSError, StopIteration, zipfile.BadZipFile):  # whoever reads its shape says what is wrong
+    except (
+        ET.ParseError,
+        OSError,
+        StopIteration,
+        zipfile.BadZipFile,
+    ):  # for readers of its shape
         return 1.0
     except (KeyError, ValueError):
         raise RobotError(f"mesh file {file} is in units of {stated!r}, expected a length") from None
@@ -127,11 +140,6 @@ def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Pat
     if not (file.is_file() and file.read_bytes() == content):
         write_bytes(file, content)
     return file.resolve()
-
-
-def _is_pointer(file: Path) -> bool:
-    with file.open("rb") as opened:
-        return opened.read(len(_POINTER)) == _POINTER
 
 
 def _opened(file: Path) -> Iterator[ET.Element]:

@@ -19,6 +19,8 @@ _SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",  # around it
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
+Plane = tuple[float, float, float, float]
+Plane = tuple[float, float, float, float]
 _HIDDEN = 3  # the first group of geoms that MuJoCo's viewers do not show
 
 
@@ -37,7 +39,7 @@ def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
     return True
 
 
-def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> tuple[float, float, float, float] | None:
+def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane | None:
     """Unit normal of a plane that stands still, and its offset along that [m]; None of other geoms."""
     plane = int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
     if not plane or model.body_weldid[model.geom_bodyid[geom]]:

@@ -85,10 +85,10 @@ def _refuse_other_orders(
         if why := of_another_order(size, length, bool(one.parentJoint), is_mesh(one)):
             wrong.setdefault(model.frames[one.parentFrame].name, why)
     if wrong:
+        shapes = listed([f"{link} {why}" for link, why in wrong.items()], 4)
         raise RobotError(
-            f"{description.path}: collision shapes of another order than the arm, which is {length:.2g} m long: "
-            f"{listed([f'{link} {why}' for link, why in wrong.items()], 4)} Metres per unit of a mesh are its "
-            'scale in the description, such as scale="0.001 0.001 0.001"'
+            f"{description.path}: shapes of another order than the arm of {length:.2g} m: {shapes} "
+            'The scale of a mesh is metres per unit of its file, such as scale="0.001 0.001 0.001"'
         )
 
 

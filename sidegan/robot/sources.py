@@ -28,7 +28,7 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
-    return Source(text, root)
+    return Source(xml.bound(text), root)
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
