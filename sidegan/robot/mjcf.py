@@ -93,6 +93,9 @@ class _Writer:
             if body:
                 self._joints(body)
         self._mimics()
+        for pair in model.exclude_signature.tolist():  # two bodies in one number
+            one, other = (self.name("body", body) for body in divmod(pair, 1 << 16))
+            ET.SubElement(self.root, "disable_collisions", link1=one, link2=other, reason="contact exclude")
 
     def name(self, kind: str, index: int) -> str:
         """Name of something; its number where it has none."""

@@ -48,24 +48,32 @@ def _use(identified: IdentifiedArm) -> str:
     if not trust.judged.nmse_mean < 1:
         return "Use none of these models: none predicts better than the mean torque does."
     if use == CONSISTENT == method:
-        return "Use the consistent model: the URDF, the MJCF and the Python class hold it."
+        return f"Use the consistent model. {_held(identified)}"
     errors = {name: float(error.mean()) for name, error in identified.unseen.items()}
     if not errors:
         return (
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
-            "recordings tell too little to predict each other. URDF, MJCF and Python class hold it."
+            f"recordings tell too little to predict each other. {_held(identified)}"
         )
     compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
     compared += f", {identified.unseen_kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
-            f"({compared}). The URDF, the MJCF and the Python class hold it."
+            f"({compared}). {_held(identified)}"
         )
     return (
         f"Use the {method} model, which the Python class holds: no bodies that can exist predict as well "
         f"({compared}). The URDF and the MJCF hold the consistent one, since simulators refuse others."
     )
+
+
+def _held(identified: IdentifiedArm) -> str:
+    """Which files hold the consistent model, and what some of them have no place for."""
+    terms = {"offset": "offsets (the Python class alone)", "rotor_inertia": "rotors (no URDF)"}
+    lacking = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
+    but = f", but for {lacking}" if lacking else ""
+    return f"The URDF, the MJCF and the Python class hold it{but}."
 
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
