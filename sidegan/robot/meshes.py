@@ -21,6 +21,7 @@ _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is looked for in
 _POINTER = b"version https://git-lfs"  # how a file begins that stands for one which was not downloaded
 _SMALL = 100_000  # bytes; a larger file has triangles
+_TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # in Collada
 _METRES = {  # of the units that 3MF and AMF know
     "micron": 1e-6,
     "millimeter": 1e-3,
@@ -96,6 +97,8 @@ def has_surface(file: Path) -> bool:
 
     if not 0 < file.stat().st_size < _SMALL:
         return True
+    if file.suffix.lower() == ".dae":
+        return any(name in file.read_bytes() for name in _TRIANGLES)
     try:
         return len(trimesh.load_scene(file).to_mesh().faces) > 0
     except Exception:  # whatever is wrong with it, whoever needs its shape says so

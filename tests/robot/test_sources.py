@@ -48,6 +48,17 @@ MJCF = """<mujoco model="toy">
 </mujoco>"""
 
 
+MOTORS = [  # beside one whose force is limited
+    "",
+    '<motor joint="two" forcerange="-7 5"/>',
+    '<motor joint="two"/>',
+    '<motor joint="two" ctrlrange="-3 4" gear="-5"/>',
+    '<motor joint="two" ctrlrange="-3 4" gear="5" forcerange="-2 6"/>',
+    '<general jointinparent="two" ctrlrange="-3 4" gainprm="5"/>',
+    '<motor joint="two" ctrlrange="-3 4" gear="0"/>',
+]
+
+
 @pytest.fixture
 def mjcf(tmp_path, tmp_path_factory, monkeypatch):
     monkeypatch.setenv("SIDEGAN_CACHE", str(tmp_path_factory.getbasetemp() / "shapes"))  # that tests share
@@ -137,7 +148,7 @@ class TestMjcf:
         assert "rotor inertias (armature) are not part" in notes
 
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
-    @pytest.mark.parametrize("more", ["", '<motor joint="two" forcerange="-7 5"/>', '<motor joint="two"/>'])
+    @pytest.mark.parametrize("more", MOTORS)
     def test_limits_of_torque_are_what_mujocos_actuators_give(self, mjcf, own, more):
         """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""
         motors = f'<motor joint="two" gear="-2" forcerange="-20 25"/>{more}</actuator>'
