@@ -38,7 +38,9 @@ def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
         )
     more = f", beside joints that are not here: {listed(others)}" if others else ""
     note = f"limits of {' and '.join(sorted(found))} are those of {given.file}{more}"
-    every = {kind: found.get(kind, {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)}
+    every: dict[str, Any] = {
+        kind: found.get(kind, {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
+    }
     return Limits(**every), [note]
 
 

@@ -77,8 +77,8 @@ def limits_of(
             raise RobotError(f"{lacking}; state what the arm can do, for example {lines}")
         notes.append(f"limits that the description lacks are taken for {lines}")
     for kind, names in own.items():
-        others = f"'robot.limits.{kind}={{{names[0]}: …}}' states others"
-        notes.append(f"limits of {kind} are the description's of {listed(names)}; {others}")
+        other = f"'robot.limits.{kind}={{{names[0]}: …}}' states others"
+        notes.append(f"limits of {kind} are the description's of {listed(names)}; {other}")
     if planning and not any(math.isfinite(one.effort) for one in found.values()):
         _log.warning(
             "%s states no torque limits: torques are not checked; 'robot.limits.effort={%s: …}' states them",

@@ -1,7 +1,7 @@
 """From a name or a path to an arm."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +15,7 @@ from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.named import by_name
 from sidegan.robot.orders import length_of
-from sidegan.robot.setup import PLAIN, Setup
+from sidegan.robot.setup import PLAIN, Setup, allowed
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -73,13 +73,14 @@ def load_robot(
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
-    shapes = pin_model.collision_shapes(model, description, length_of(numbers))
+    shapes, refused = pin_model.collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # other trajectories are valid then
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
+    _warn_of_refused(description, refused)
     return Arm(
         name=description.name,
         digest=digest_of(numbers, capsules, stamped),
@@ -120,6 +121,19 @@ def _warn_of_missing(description: Description) -> None:
         bare,
         files,
     )
+
+
+def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
+    """Name links that shapes keep from being as near each other as they are by design."""
+    if refused:
+        pairs = listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4)
+        _log.warning(
+            "%s: shapes stand badly for links that are near each other by design, and refuse so many of the "
+            "free configurations: %s; where these cannot touch, %s leaves them unchecked",
+            description.path,
+            pairs,
+            allowed(refused, [pair[:2] for pair in description.may_touch if pair[2] == "robot.may_touch"]),
+        )
 
 
 def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:

@@ -20,7 +20,6 @@ _SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
 Plane = tuple[float, float, float, float]
-Plane = tuple[float, float, float, float]
 _HIDDEN = 3  # the first group of geoms that MuJoCo's viewers do not show
 
 

@@ -52,7 +52,7 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
     if around and len(around[0].parts) >= _SHALLOW:
         packages.look_in([str(around[0])], priority=1)
     try:
-        return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")  # type: ignore[no-any-return]
+        return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")
     except Exception as error:  # xacro evaluates expressions: anything can go wrong in there
         words = " ".join(str(error).split()) or type(error).__name__
         if unset := _UNSET.search(words):
