@@ -13,6 +13,7 @@ SOURCE = Path(sidegan.__file__).parent
 DOORS = {
     "pinocchio": {"robot"},
     "coal": {"robot"},
+    "coacd": {"robot"},
     "hppfcl": {"robot"},
     "pygmo": {"seeds"},
     "pytorch_lightning": {"gan"},

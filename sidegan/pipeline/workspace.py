@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 
 from sidegan import validity
+from sidegan.base.names import counted
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.pipeline.store import file_digest
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.fitting import hull_volume
 from sidegan.robot.locking import from_rpy
-from sidegan.robot.meshes import read_mesh
+from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from sidegan.validity.floor import floor_under, with_points
+from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 
 Point = tuple[Number, Number, Number]
 
@@ -27,6 +28,7 @@ log = logging.getLogger(__name__)
 
 _CONVEX = 0.9  # share of its hull's volume that a mesh fills at least, or a warning says so
 _UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
+_DROPPED = "workspace=free drops it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
 # [m] kept from regions and between links where nobody says how much: the first that arm and home have
 _USUALLY = ((0.02, 0.02), (0.02, 0.01), (0.02, 0.005), (0.02, 0.0), (0.01, 0.0), (0.005, 0.0))
@@ -53,13 +55,14 @@ class Mesh:
     file: str
     position: Point = (0.0, 0.0, 0.0)  # [m]
     rpy: Point = (0.0, 0.0, 0.0)  # [rad]
-    scale: Positive = 1.0  # metres per unit of the file
+    scale: Positive | None = None  # metres per unit of the file; null: as the file states it, or 1
 
     @property
     def shape(self) -> Convex:
         """The region."""
-        vertices, volume = read_mesh(Path(self.file).expanduser())
-        body = Convex.around(self.scale * vertices)
+        file = Path(self.file).expanduser()
+        vertices, volume = read_mesh(file)
+        body = Convex.around((self.scale or metres_per_unit(file)) * vertices)
         filled = volume / hull_volume(vertices)
         if filled < _CONVEX:
             log.warning(
@@ -115,17 +118,22 @@ class Workspace:
 
     def given(self, arm: Arm) -> list[Region]:
         """The regions of an arm, as they are configured."""
-        stated = self.regions or []
-        if self.desk is None or self._states_floor:
-            return stated
+        return [*(Region(plane=plane) for plane in self._found(arm)), *(self.regions or [])]
+
+    def _found(self, arm: Arm) -> list[Plane]:
+        """Planes that nobody configured: the description's own, and the floor that the arm stands on."""
+        if self.desk is None:
+            return []
+        own = [plane for plane in planes_of(arm)[0] if not (self._states_floor and _is_floor(plane))]
+        if self._states_floor or any(map(_is_floor, own)):
+            return own
         floor = Plane((0.0, 0.0, 1.0), self.desk) if is_built_in(arm) else floor_under(arm)
-        return stated if floor is None else [Region(plane=floor), *stated]
+        return own if floor is None else [floor, *own]
 
     @property
     def _states_floor(self) -> bool:
         """Whether a plane that faces up is among the regions: it takes the place of the floor."""
-        planes = [region.plane for region in self.regions or [] if region.plane is not None]
-        return any(plane.unit[2] > _UPWARDS for plane in planes)
+        return any(region.plane is not None and _is_floor(region.plane) for region in self.regions or [])
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
         """Regions that an arm keeps out of; a ConfigError for a file that is none."""
@@ -156,14 +164,37 @@ class Workspace:
 
     def notes(self, arm: Arm) -> str:
         """Notes on what was decided for the user; empty where nothing was."""
-        if self.desk is None or self._states_floor or is_built_in(arm):
+        if self.desk is None or is_built_in(arm):
             return ""
-        floor = floor_under(arm)
-        if floor is not None:
-            return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; workspace=free drops it"
-        if stands(arm):
-            return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
+        own, behind = planes_of(arm)
+        notes = [] if self._states_floor else [_told_floor(arm, [one for one in own if _is_floor(one)])]
+        if walls := [one for one in own if not _is_floor(one)]:
+            notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description that no floor is")
+        if behind:
+            notes.append(f"planes that {arm.name} is behind nearly everywhere are left out: {behind}")
+        return "; ".join(notes)
+
+
+def _is_floor(plane: Plane) -> bool:
+    """Whether a plane faces up."""
+    return plane.unit[2] > _UPWARDS
+
+
+def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
+    """What the floor of an arm is, of whose description these planes face up, and what says another."""
+    if own:
+        return f"floor at z = {max(one.offset for one in own):g} m, as the description has it; {_DROPPED}"
+    floor = floor_under(arm)
+    if floor is None and stands(arm):
+        return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
+    if floor is None:
         return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
+    if floor_is_known(arm):
+        return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
+    guess = f"a guess at what {arm.name} stands on, since no visual and no mesh shows it"
+    at = floor.offset
+    says = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' says where it is"
+    return f"floor at z = {floor.offset:g} m, {guess}: {says}; {_DROPPED}"
 
 
 def _digest(file: str) -> str:

@@ -13,6 +13,7 @@ from sidegan.robot.setup import PLAIN, Mount, Setup
 HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
 LOCKED = "locked "  # how a note on joints that stand still begins
 
+FilePlane = tuple[float, float, float, float]  # unit normal, and the height along it [m]
 _FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
 
 
@@ -81,6 +82,7 @@ class Arm:
     # links and the nearest ones with a shape towards the base; None: all that one joint lies between
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so
+    planes: tuple[FilePlane, ...] = ()  # of the description, such as its floor, in the world
 
     @property
     def joints(self) -> int:

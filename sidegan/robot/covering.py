@@ -51,18 +51,18 @@ class _Cut(NamedTuple):
     planes: tuple[Plane, ...]
 
 
-def cover_of(digest: str, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
+def cover_of(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[Part]:
     """Parts of the meshes with this digest, which are read where the cache does not have them."""
     from joblib import Memory
 
     return Memory(cache_folder(), verbose=0).cache(_made, ignore=["meshes"])(digest, hollow, meshes)
 
 
-def _made(digest: str, hollow: bool, meshes: Callable[[], list[Points]]) -> list[Part]:
+def _made(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[Part]:
     return cover(meshes(), _PIECES, hollow)
 
 
-def cover(meshes: Sequence[Points], most: int, hollow: bool = False) -> list[Part]:
+def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     """Parts of a link's meshes with capsules and hulls that each point of a triangle is within one of.
 
     Several meshes are parts of their own, where there are at most so many: who drew them cut where it bends.
@@ -70,13 +70,18 @@ def cover(meshes: Sequence[Points], most: int, hollow: bool = False) -> list[Par
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
         most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
-        hollow: whether these are cut further, where that leaves out what only hulls hold.
+        hollow: 1 where these are cut further, if that leaves out what only hulls hold, 2 where they are
+            divided among the parts of a convex decomposition.
     """
     _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
     groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
     parts = cut(groups, len(groups) + most - 1, _WORTH, _CAPSULES)
-    if hollow:
+    if hollow == 1:
         parts = cut(parts, max(_HOLLOW, len(parts)), _LITTLE, 0.0)
+    elif hollow:
+        from sidegan.robot.decomposition import decomposed
+
+        parts = [part for group in groups for part in decomposed(group)]
     outer = [corners(part.reshape(-1, 3)) for part in parts]
     return [Part(fit(one), *thinned(one, _FINER if hollow else _FINE)) for one in outer]
 

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from sidegan.robot import xml
+from sidegan.robot.arm import FilePlane
 from sidegan.robot.chain import choose
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
-from sidegan.robot.mounting import GRAVITY, hang, mount_of
+from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
@@ -35,6 +36,7 @@ class Description:
     parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
     may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
+    planes: tuple[FilePlane, ...]  # in that world
     gravity: float  # [m/s²], which acts down
 
 
@@ -70,6 +72,7 @@ def read_description(
         may_touch += ((*pair, "robot.may_touch"),)
     absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at, meshes=planning))
     missing = {name: files for name, files in absent.items() if files}
+    missing |= source.missing if planning else {}
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
         hang(root, tree.root, mount)
@@ -86,6 +89,7 @@ def read_description(
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
+        planes=turned(source.planes, mount),
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
 

@@ -1,4 +1,4 @@
-"""Links that are cut into many parts: those whose few hulls often touch another link where no meshes do."""
+"""Links whose hulls often touch another link's where no meshes do: hollow ones, which are cut further."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -17,34 +17,37 @@ _SHARE = 0.01  # of the configurations that two links' hulls may refuse though t
 _OUT = 1.5  # corners are moved outwards by so many radii of what hulls are rounded with
 
 
-def hollow_links(
+def refused_pairs(
     known: object,
     model: pin.Model,
     geometry: pin.GeometryModel,
     description: Description,
     shapes: Sequence[Shape],
-) -> list[str]:
-    """Links whose hulls, of few parts each, refuse too many random configurations, the same on every call.
+) -> dict[tuple[str, str], float]:
+    """Links whose hulls refuse too many random configurations, the same on every call.
 
-    For a cache, ``known`` tells scenes apart.
+    Of each pair the share of free configurations that are refused. For a cache, ``known`` tells scenes apart.
     """
     hulls, owners = _hulls(shapes)
     _pair(hulls, owners, description)
     if not hulls.collisionPairs:
-        return []
+        return {}
+    geometry.removeAllCollisionPairs()
     _pair(geometry, [model.frames[one.parentFrame].name for one in geometry.geometryObjects], description)
     state, found, meshes = model.createData(), hulls.createData(), geometry.createData()
     for request in meshes.collisionRequests:
         request.enable_contact = True  # else coal 3.0 misses some contacts of cylinders
     links = [(owners[pair.first], owners[pair.second]) for pair in hulls.collisionPairs]
-    configurations, alone = _sampled(model, description, len(links)), Counter[tuple[str, str]]()
+    configurations, alone, free = _sampled(model, description, len(links)), Counter[tuple[str, str]](), 0
     for q in configurations:
+        touching = set[tuple[str, str]]()
         if pin.computeCollisions(model, state, hulls, found, q, False):
             touching = {pair for pair, one in zip(links, found.collisionResults) if one.isCollision()}
-            if not pin.computeCollisions(model, state, geometry, meshes, q, True):
-                alone.update(touching)
-    often = [pair for pair, times in alone.items() if times > _SHARE * len(configurations)]
-    return sorted({name for pair in often for name in pair})
+        if not (touching and pin.computeCollisions(model, state, geometry, meshes, q, True)):
+            alone.update(touching)
+            free += 1
+    often = {pair: times / free for pair, times in alone.items() if times > _SHARE * len(configurations)}
+    return dict(sorted(often.items()))
 
 
 def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:

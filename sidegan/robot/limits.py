@@ -8,6 +8,9 @@ from typing import Any, TypeVar
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
+from sidegan.robot.arm import HIGHER
+from sidegan.robot.drivers import higher, tighten
+from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
 from sidegan.robot.tree import Joint, Tree, meant
 
@@ -43,8 +46,10 @@ def limits_of(
     Raises:
         RobotError: names all limits that are missing or impossible, with the settings that state them.
     """
+    given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
-    described, found, wider, notes = _Described(tree, home), {}, [], []
+    notes = [*read, *tighten(tree, moving, stated["position"])]
+    described, found, wider, own = _Described(tree, home), {}, [], dict[str, list[str]]()
     for joint in moving:
         said = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
         lower, upper = said.get("position") or described.position(joint)
@@ -53,9 +58,12 @@ def limits_of(
             upper,
             velocity=said.get("velocity") or described.velocity(joint),
             effort=said.get("effort") or described.effort(joint),
-            acceleration=said.get("acceleration", math.inf),
-            jerk=said.get("jerk", math.inf),
+            acceleration=said.get("acceleration") or higher(tree, joint, "acceleration") or math.inf,
+            jerk=said.get("jerk") or higher(tree, joint, "jerk") or math.inf,
         )
+        for kind in HIGHER:
+            if kind not in said and math.isfinite(getattr(found[joint.name], kind)):
+                own.setdefault(kind, []).append(joint.name)
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
@@ -68,6 +76,15 @@ def limits_of(
             lacking = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
             raise RobotError(f"{lacking}; state what the arm can do, for example {lines}")
         notes.append(f"limits that the description lacks are taken for {lines}")
+    for kind, names in own.items():
+        other = f"'robot.limits.{kind}={{{names[0]}: …}}' states others"
+        notes.append(f"limits of {kind} are the description's of {listed(names)}; {other}")
+    if planning and not any(math.isfinite(one.effort) for one in found.values()):
+        _log.warning(
+            "%s states no torque limits: torques are not checked; 'robot.limits.effort={%s: …}' states them",
+            tree.where,
+            ": …, ".join(found),
+        )
     if wider:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
     return found, [*notes, *_assumed(found, moving, stated["position"])]
@@ -75,7 +92,7 @@ def limits_of(
 
 def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
     """Limits that the user states, by kind and joint."""
-    stated = {kind: values or {} for kind, values in vars(given).items()}
+    stated = {kind: values or {} for kind, values in vars(given).items() if kind != "file"}
     for kind, values in stated.items():
         for name in values:
             if name not in tree.joints:

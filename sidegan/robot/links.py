@@ -5,7 +5,7 @@ from pathlib import Path
 
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.meshes import find_mesh
+from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
 
 _SIZES = {  # of each shape: how many numbers each of its sizes has
     "sphere": {"radius": 1},
@@ -37,7 +37,9 @@ def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
 
 
 def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
-    """Mesh files of a link's collision shapes that are not there; such shapes are taken out of the XML.
+    """Mesh files of a link's collision shapes that are not there or have no surface, taken out of the XML.
+
+    Scales of the others are in metres per unit of the file, whatever unit it states.
 
     Without ``meshes``, all of them are taken out, and none is missing.
     """
@@ -54,13 +56,14 @@ def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> li
             collision.set("name", name)
             ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
         elif shape.tag == "mesh":
-            xml.vector(shape, "scale", where, "1 1 1")
-            file = find_mesh(xml.attribute(shape, "filename", where), path)
-            if file is None:
+            scale = xml.vector(shape, "scale", where, "1 1 1")
+            file = find_mesh(name := xml.attribute(shape, "filename", where), path)
+            if file is None or not has_surface(file):
                 link.remove(collision)
-                absent.append(shape.get("filename", ""))
+                absent.append(name if file is None else f"a surface in {name}")
             else:
                 shape.set("filename", str(file))
+                shape.set("scale", xml.words(metres_per_unit(file) * x for x in scale))
     return absent
 
 

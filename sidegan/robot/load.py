@@ -1,7 +1,7 @@
 """From a name or a path to an arm."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,7 +14,8 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.named import by_name
-from sidegan.robot.setup import PLAIN, Setup
+from sidegan.robot.orders import length_of
+from sidegan.robot.setup import PLAIN, Setup, allowed
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -72,13 +73,14 @@ def load_robot(
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
-    shapes = pin_model.collision_shapes(model, description)
+    shapes, refused = pin_model.collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # other trajectories are valid then
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
+    _warn_of_refused(description, refused)
     return Arm(
         name=description.name,
         digest=digest_of(numbers, capsules, stamped),
@@ -86,11 +88,12 @@ def load_robot(
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
         urdf=path,
-        setup=setup,
+        setup=replace(setup, limits=setup.limits.of_joints(names)),
         notes=tuple(description.notes),
         parents=description.parents,
         may_touch=description.may_touch,
         mount=description.mount,
+        planes=description.planes,
         **numbers,
     )
 
@@ -106,18 +109,31 @@ def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Tenso
 
 
 def _warn_of_missing(description: Description) -> None:
-    """Name links that lack a shape, and the files that are not there."""
+    """Name links that lack a shape, and the files that are not there or empty."""
     if not description.missing:
         return
     bare = ", ".join(description.missing)
     files = listed([file for files in description.missing.values() for file in files], 4)
     _log.warning(
-        "%s: mesh files are missing; collisions of these links may go unnoticed: %s (not found: %s; "
+        "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s (not found: %s; "
         "packages are looked for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
         description.path,
         bare,
         files,
     )
+
+
+def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
+    """Name links that shapes keep from being as near each other as they are by design."""
+    if refused:
+        pairs = listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4)
+        _log.warning(
+            "%s: shapes stand badly for links that are near each other by design, and refuse so many of the "
+            "free configurations: %s; where these cannot touch, %s leaves them unchecked",
+            description.path,
+            pairs,
+            allowed(refused, [pair[:2] for pair in description.may_touch if pair[2] == "robot.may_touch"]),
+        )
 
 
 def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:

@@ -2,6 +2,7 @@
 
 import logging
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -14,7 +15,8 @@ from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.description import read_description
 from sidegan.robot.locking import from_rpy
-from sidegan.robot.meshes import find_mesh
+from sidegan.robot.meshes import find_mesh, metres_per_unit
+from sidegan.robot.orders import length_of, of_another_order
 from sidegan.robot.sources import read_source
 
 if TYPE_CHECKING:  # slow to import
@@ -33,12 +35,57 @@ class Part(NamedTuple):
     faces: NDArray[np.int64]  # (F, 3)
 
 
-def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
+def visual_parts(arm: Arm) -> list[Part]:
     """The visual shapes of an arm; the collision shapes of links that have no visual ones.
 
     What cannot be read is left out: pictures are no reason to fail. None where the file is no longer there.
-    With ``base``, those of what stands still alone.
     """
+    parts, unread = [], dict[str, str]()
+    for link, frame in _links(arm):
+        for shape in link.findall("visual") or link.findall("collision"):
+            try:
+                parts.append(_part(arm, shape, frame))
+            except Exception as error:  # readers of meshes raise whatever they like
+                unread[frame.name] = str(error)
+    if unread:
+        why = next(iter(unread.values()))
+        _log.info("%s: shapes that are not shown are of %s: %s", arm.name, listed(list(unread)), why)
+    return [part for part in parts if len(part.faces)]
+
+
+def foot(arm: Arm) -> tuple[float, bool]:
+    """Lowest point of what stands still [m], and whether it is known.
+
+    A link is as low as its visual shapes or its collision meshes, whichever end higher. Sizes that stand in
+    for a link are no evidence of how low it is, and z = 0 is likelier where they reach below that.
+    """
+    lowest = [_foot_of(arm, link, frame) for link, frame in _links(arm) if not frame.parentJoint]
+    return min((found for found in lowest if found is not None), default=(0.0, False))
+
+
+def _foot_of(arm: Arm, link: ET.Element, frame: "pin.Frame") -> tuple[float, bool] | None:
+    """Lowest point of a link that stands still [m], and whether it is known; None where it has no shape."""
+    solid = link.findall("collision")
+    meshes = [one for one in solid if one.find("geometry/mesh") is not None]
+    spans = [span for shapes in (link.findall("visual"), meshes) if (span := _span(arm, shapes, frame))]
+    if spans:
+        return max(low for low, _ in spans), True
+    if span := _span(arm, [one for one in solid if one not in meshes], frame):
+        return (0.0 if span[0] < 0 < span[1] else span[0]), False
+    return (0.0, False) if solid or link.findall("visual") else None
+
+
+def _span(arm: Arm, shapes: list[ET.Element], frame: "pin.Frame") -> tuple[float, float] | None:
+    """Lowest and highest point [m] of some shapes; None where there are none, or one cannot be read."""
+    try:
+        heights = np.concatenate([_part(arm, shape, frame).vertices[:, 2] for shape in shapes])
+        return float(heights.min()), float(heights.max())
+    except Exception:  # readers of meshes raise whatever they like
+        return None
+
+
+def _links(arm: Arm) -> Iterator[tuple[ET.Element, "pin.Frame"]]:
+    """Links as the description has them, and their frames; none where the file is no longer there."""
     import pinocchio as pin  # takes a second to import
 
     from sidegan.robot.model import build
@@ -48,34 +95,27 @@ def visual_parts(arm: Arm, base: bool = False) -> list[Part]:
         model, root = build(description), read_source(arm.urdf, arm.setup.args).root
     except RobotError as error:
         _log.warning("%s is shown as its collision shapes alone: %s", arm.name, error)
-        return []
-    parts, unread = [], dict[str, str]()
+        return
     for link in root.findall("link"):
-        name = link.get("name", "")
-        index = model.getFrameId(name, pin.FrameType.BODY)
-        if index == model.nframes or (base and model.frames[index].parentJoint):
-            continue
-        for visual in link.findall("visual") or link.findall("collision"):
-            try:
-                part = _part(arm.urdf, visual, model.frames[index])
-            except Exception as error:  # readers of meshes raise whatever they like
-                unread[name] = str(error)
-                continue
-            if len(part.faces) and np.isfinite(part.vertices).all():
-                parts.append(part)
-    if unread:
-        why = next(iter(unread.values()))
-        _log.info("%s: shapes that are not shown are of %s: %s", arm.name, listed(list(unread)), why)
-    return parts
+        index = model.getFrameId(link.get("name", ""), pin.FrameType.BODY)
+        if index < model.nframes:
+            yield link, model.frames[index]
 
 
-def _part(urdf: Path, visual: ET.Element, link: "pin.Frame") -> Part:
-    """The surface of one shape in its joint's frame."""
+def _part(arm: Arm, visual: ET.Element, link: "pin.Frame") -> Part:
+    """The surface of one shape in its joint's frame.
+
+    Raises:
+        RobotError: when it is none of this arm.
+    """
     origin = visual.find("origin")
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))
     shape = xml.child(visual, "geometry", "a shape")[0]
-    surface = _mesh(shape, urdf) if shape.tag == "mesh" else _solid(shape)
+    surface = _mesh(shape, arm.urdf) if shape.tag == "mesh" else _solid(shape)
+    size, moves = float(np.linalg.norm(surface.extents)), bool(link.parentJoint)
+    if why := of_another_order(size, length_of(vars(arm)), moves, shape.tag == "mesh"):
+        raise RobotError(f"a shape is {why}")
     vertices = np.asarray(surface.vertices, float) @ turn.T + link.placement.act(shift)
     return Part(link.parentJoint - 1, vertices, np.asarray(surface.faces))
 
@@ -88,7 +128,8 @@ def _mesh(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
     if file is None:
         raise RobotError(f"there is no file {shape.get('filename')}")
     scale = xml.vector(shape, "scale", "a shape", "1 1 1")
-    return trimesh.load_scene(file, process=False).to_mesh().apply_scale(scale)
+    mesh = trimesh.load_scene(file, process=False).to_mesh()
+    return mesh.apply_scale(metres_per_unit(file) * np.array(scale))
 
 
 def _solid(shape: ET.Element) -> "trimesh.Trimesh":

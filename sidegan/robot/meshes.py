@@ -3,6 +3,8 @@
 import hashlib
 import os
 import tempfile
+import xml.etree.ElementTree as ET
+import zipfile
 from collections.abc import Iterator
 from glob import escape
 from pathlib import Path
@@ -11,12 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sidegan.base.storage import write_bytes
-from sidegan.errors import ConfigError
+from sidegan.errors import ConfigError, RobotError
 
 VARIABLE = "SIDEGAN_CACHE"  # environment variable that names the folder of the cache
 
 _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is looked for in
+_POINTER = b"version https://git-lfs"  # how a file begins that stands for one which was not downloaded
+_SMALL = 100_000  # bytes; a larger file has triangles
+_TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # in Collada
+_METRES = {  # of the units that 3MF and AMF know
+    "micron": 1e-6,
+    "millimeter": 1e-3,
+    "centimeter": 1e-2,
+    "inch": 0.0254,
+    "foot": 0.3048,
+    "feet": 0.3048,
+    "meter": 1.0,
+}
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
@@ -31,11 +45,64 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)
     for file in candidates:
         try:
-            if file.is_file():
+            if is_there(file):
                 return file.resolve()
         except (OSError, ValueError):  # a name that is none, a forbidden folder
             continue
     return None
+
+
+def is_there(file: Path) -> bool:
+    """Whether a file is there, and none that stands for one which was not downloaded."""
+    if not file.is_file():
+        return False
+    with file.open("rb") as opened:
+        return opened.read(len(_POINTER)) != _POINTER
+
+
+def metres_per_unit(file: Path) -> float:
+    """Metres per unit of a mesh file, as Collada, 3MF and AMF state it; 1 of other formats, which do not.
+
+    Raises:
+        RobotError: when what the file states is no length.
+    """
+    kind, stated = file.suffix.lower(), ""
+    try:
+        if kind == ".dae":
+            units = (one for one in _opened(file) if one.tag.rpartition("}")[2] == "unit")
+            stated = next(units, ET.Element("")).get("meter", "1")
+            size = float(stated)
+        elif kind in (".3mf", ".amf"):
+            stated = next(_opened(file)).get("unit", "millimeter").lower()
+            size = _METRES[stated]
+        else:
+            size = 1.0
+        if not 0 < size < float("inf"):
+            raise ValueError
+    except (
+        ET.ParseError,
+        OSError,
+        StopIteration,
+        zipfile.BadZipFile,
+    ):  # for readers of its shape
+        return 1.0
+    except (KeyError, ValueError):
+        raise RobotError(f"mesh file {file} is in units of {stated!r}, expected a length") from None
+    return size
+
+
+def has_surface(file: Path) -> bool:
+    """Whether a mesh file has triangles: false of one that is sound and has none."""
+    import trimesh
+
+    if not 0 < file.stat().st_size < _SMALL:
+        return True
+    if file.suffix.lower() == ".dae":
+        return any(name in file.read_bytes() for name in _TRIANGLES)
+    try:
+        return len(trimesh.load_scene(file).to_mesh().faces) > 0
+    except Exception:  # whatever is wrong with it, whoever needs its shape says so
+        return True
 
 
 def read_mesh(file: Path) -> tuple[NDArray[np.float64], float]:
@@ -76,6 +143,21 @@ def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Pat
     if not (file.is_file() and file.read_bytes() == content):
         write_bytes(file, content)
     return file.resolve()
+
+
+def _opened(file: Path) -> Iterator[ET.Element]:
+    """Elements of an XML file, in a ZIP archive or not, up to where its geometry begins, as they open."""
+    if zipfile.is_zipfile(file):
+        with zipfile.ZipFile(file) as archive:
+            name = next(one for one in archive.namelist() if one.lower().endswith((".model", ".amf")))
+            with archive.open(name) as opened:
+                yield from (element for _, element in ET.iterparse(opened, ("start",)))
+        return
+    with file.open("rb") as opened:
+        for _, element in ET.iterparse(opened, ("start",)):
+            if element.tag.rpartition("}")[2].startswith("library_"):
+                return
+            yield element
 
 
 def _relative(path: str, urdf: Path) -> Iterator[Path]:

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.mjcf_shapes import turn_of, write_collision
+from sidegan.robot.mjcf_lost import Lost, without_lost
+from sidegan.robot.mjcf_shapes import Plane, plane_of, turn_of, write_shape
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import Source, words
 
@@ -22,27 +23,51 @@ _KINDS = {
     int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
     int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
 }
+_ON_JOINTS = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
+_MOTORS = {  # gain, bias and dynamics of actuators whose force is bounded as their control is
+    (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE), int(dynamics))
+    for dynamics in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+}
 
 
 def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file.
 
     Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
-    of actuators. Equality constraints between joints become mimic joints. Shapes that take part in collisions
-    are kept, but for planes and height fields; pictures show these, too.
+    of actuators. Equality constraints between joints become mimic joints. Shapes are kept, but for height
+    fields; planes that stand still are told apart.
 
     Raises:
         RobotError: when MuJoCo refuses it.
     """
-    try:
-        with mujoco_logged(path, logging.WARNING):
-            model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    model, missing, hidden = _compiled(path)
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
-    x, y, z = (float(one) for one in model.opt.gravity)
-    return Source(text, ET.fromstring(text), tuple(writer.notes()), (x, y, z))
+    notes = writer.notes()
+    if hidden:
+        notes.append(f"not shown, since its mesh is not there: {listed(list(hidden))}")
+    return Source(
+        text=text,
+        root=ET.fromstring(text),
+        notes=tuple(notes),
+        missing=missing,
+        planes=tuple(writer.planes),
+        gravity=tuple(map(float, model.opt.gravity)),
+    )
+
+
+def _compiled(path: Path) -> tuple[mujoco.MjModel, Lost, Lost]:
+    """The model of a file, and meshes that are not there by their bodies: those that collide, and others."""
+    try:
+        with mujoco_logged(path, logging.WARNING):
+            try:
+                return mujoco.MjModel.from_xml_path(str(path)), {}, {}
+            except ValueError:
+                if found := without_lost(path):
+                    return found
+                raise
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
+        raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
 
 
 class _Writer:
@@ -52,17 +77,25 @@ class _Writer:
         self.model = model
         self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
         self.dropped: list[str] = []
+        self.planes: list[Plane] = []
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
         self._efforts = _efforts(model)
         for body in range(model.nbody):
             link = ET.SubElement(self.root, "link", name=self.name("body", body))
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
-                if not write_collision(link, model, geom):
+                if plane := plane_of(model, data, geom):
+                    self.planes.append(plane)
+                elif not write_shape(link, model, geom):
                     self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
             if body:
                 self._joints(body)
         self._mimics()
+        for pair in model.exclude_signature.tolist():  # two bodies in one number
+            one, other = (self.name("body", body) for body in divmod(pair, 1 << 16))
+            ET.SubElement(self.root, "disable_collisions", link1=one, link2=other, reason="contact exclude")
 
     def name(self, kind: str, index: int) -> str:
         """Name of something; its number where it has none."""
@@ -154,6 +187,20 @@ class _Writer:
                 ET.SubElement(joints[one], "mimic", joint=other, multiplier=factor, offset=offset)
 
 
+def _forces(model: mujoco.MjModel, actuator: int) -> Vector:
+    """Least and largest force of an actuator before its gear, (2,): by its own range, or by its control's.
+
+    The latter is known of motors alone, which give a fixed multiple of what they are told.
+    """
+    found = np.array([-np.inf, np.inf])
+    kinds = model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype
+    if model.actuator_ctrllimited[actuator] and tuple(int(kind[actuator]) for kind in kinds) in _MOTORS:
+        found = np.sort(model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator])
+    if model.actuator_forcelimited[actuator]:
+        found = np.clip(found, *model.actuator_forcerange[actuator])
+    return found
+
+
 def _efforts(model: mujoco.MjModel) -> dict[int, float]:
     """Largest torque or force [N·m or N] that each joint gets in both directions, where that is limited.
 
@@ -161,10 +208,9 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
     """
     ranges: dict[int, Vector] = {}
     for i in range(model.nu):
-        if int(model.actuator_trntype[i]) == int(mujoco.mjtTrn.mjTRN_JOINT):
-            limited, gear = model.actuator_forcelimited[i], model.actuator_gear[i, 0]
-            force = np.sort(model.actuator_forcerange[i] * gear) if limited else np.array([-np.inf, np.inf])
-            joint = int(model.actuator_trnid[i, 0])
+        if int(model.actuator_trntype[i]) in _ON_JOINTS:
+            joint, gear = int(model.actuator_trnid[i, 0]), model.actuator_gear[i, 0]
+            force = np.sort(_forces(model, i) * gear) if gear else np.zeros(2)
             ranges[joint] = ranges.get(joint, np.zeros(2)) + force
     for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():
         lower, upper = model.jnt_actfrcrange[joint]

@@ -1,4 +1,4 @@
-"""Geoms of a compiled MJCF as a URDF's collision shapes."""
+"""Geoms of a compiled MJCF as a URDF's shapes, and its planes."""
 
 import xml.etree.ElementTree as ET
 
@@ -19,15 +19,36 @@ _SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",  # around it
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
+Plane = tuple[float, float, float, float]
+_HIDDEN = 3  # the first group of geoms that MuJoCo's viewers do not show
 
 
-def write_collision(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
-    """Write a geom as a collision shape, if it collides; false where a URDF has no such shape."""
-    if not (model.geom_contype[geom] or model.geom_conaffinity[geom]):
-        return True
+def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
+    """Write a geom as a collision shape where it collides, as a visual one where it is for show.
+
+    False where a URDF has no such shape.
+    """
     kind = _SHAPES.get(int(model.geom_type[geom]))
     if kind is None:
         return False
+    collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+    shown = model.geom_group[geom] < _HIDDEN and kind == "mesh"
+    for tag in ["collision"] * collides + ["visual"] * (shown or not collides):
+        _write(ET.SubElement(link, tag), kind, model, geom)
+    return True
+
+
+def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane | None:
+    """Unit normal of a plane that stands still, and its offset along that [m]; None of other geoms."""
+    plane = int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    if not plane or model.body_weldid[model.geom_bodyid[geom]]:
+        return None
+    x, y, z = normal = data.geom_xmat[geom].reshape(3, 3)[:, 2].tolist()
+    return x, y, z, float(data.geom_xpos[geom] @ normal)
+
+
+def _write(element: ET.Element, kind: str, model: mujoco.MjModel, geom: int) -> None:
+    """Write the origin and the geometry of a shape of a kind that URDF has."""
     x, y, z = (float(size) for size in model.geom_size[geom])
     if kind == "mesh":  # as MuJoCo compiled it: scaled, and in its principal axes of inertia
         mesh = model.mesh(int(model.geom_dataid[geom]))
@@ -39,11 +60,9 @@ def write_collision(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
         sizes = {"size": words([2 * x, 2 * y, 2 * z])}
     else:
         sizes = {"radius": repr(x)} | ({} if kind == "sphere" else {"length": repr(2 * y)})
-    element = ET.SubElement(link, "collision")
     origin = ET.SubElement(element, "origin")
     write_placement(origin, turn_of(model.geom_quat[geom]), model.geom_pos[geom])
     ET.SubElement(ET.SubElement(element, "geometry"), kind, sizes)
-    return True
 
 
 def turn_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:

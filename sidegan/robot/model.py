@@ -12,12 +12,14 @@ import pinocchio as pin
 import torch
 from torch import Tensor
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 from sidegan.robot.fitting import Points
-from sidegan.robot.hollow import hollow_links
+from sidegan.robot.hollow import refused_pairs
 from sidegan.robot.meshes import cache_folder
-from sidegan.robot.shapes import Shape, shapes_of
+from sidegan.robot.orders import of_another_order
+from sidegan.robot.shapes import Shape, is_mesh, shapes_of
 
 _log = logging.getLogger(__name__)
 
@@ -50,21 +52,54 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def collision_shapes(model: pin.Model, description: Description) -> list[Shape]:
-    """Capsules around the collision shapes that a description gives the links, and what is inside of them."""
+def collision_shapes(
+    model: pin.Model, description: Description, length: float
+) -> tuple[list[Shape], dict[tuple[str, str], float]]:
+    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
+
+    Beside them pairs of links that they stand badly for: the share of free configurations that these refuse.
+
+    Raises:
+        RobotError: when Pinocchio refuses them, or they are none of an arm of this length [m].
+    """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
+    _refuse_other_orders(model, geometry, description, length)
     shapes = shapes_of(geometry, model)
     if not any(shape.digest for shape in shapes):
-        return shapes
+        return shapes, {}
     from joblib import Memory
 
-    scene = {"model": model, "geometry": geometry, "description": description, "shapes": shapes}
+    scene = {"model": model, "geometry": geometry, "description": description}
     limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
     known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
-    hollow = Memory(cache_folder(), verbose=0).cache(hollow_links, ignore=list(scene))
-    further = hollow(known=known, **scene)
-    return shapes_of(geometry, model, further) if further else shapes
+    refused = Memory(cache_folder(), verbose=0).cache(refused_pairs, ignore=[*scene, "shapes"])
+    hollow: dict[str, int] = {}
+    often = refused(known=(known, hollow), shapes=shapes, **scene)
+    for level in (1, 2):
+        if often:
+            hollow = hollow | {link: level for pair in often for link in pair}
+            shapes = shapes_of(geometry, model, hollow)
+            often = refused(known=(known, hollow), shapes=shapes, **scene)
+    return shapes, often
+
+
+def _refuse_other_orders(
+    model: pin.Model, geometry: pin.GeometryModel, description: Description, length: float
+) -> None:
+    """Refuse shapes that are a thousand times too large or too small for an arm of this length [m]."""
+    wrong: dict[str, str] = {}
+    for one in geometry.geometryObjects:
+        one.geometry.computeLocalAABB()
+        size = 2 * float(one.geometry.aabb_radius)
+        if why := of_another_order(size, length, bool(one.parentJoint), is_mesh(one)):
+            wrong.setdefault(model.frames[one.parentFrame].name, why)
+    if wrong:
+        shapes = listed([f"{link} {why}" for link, why in wrong.items()], 4)
+        raise RobotError(
+            f"{description.path}: shapes of another order than the arm of {length:.2g} m: {shapes} "
+            'The scale of a mesh is metres per unit of its file, such as scale="0.001 0.001 0.001"'
+        )
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:

@@ -4,10 +4,11 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from sidegan.robot.arm import Arm
+from sidegan.robot.arm import Arm, FilePlane
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.setup import Mount
 from sidegan.robot.xml import words
@@ -38,6 +39,15 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
     ET.SubElement(joint, "parent", link=_WORLD)
     ET.SubElement(joint, "child", link=base)
     ET.SubElement(joint, "origin", xyz="0 0 0", rpy=words(mount))
+
+
+def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
+    """Planes in the frame of a base as they are in a world in which it has this roll, pitch and yaw [rad]."""
+    turn, found = from_rpy(mount), list[FilePlane]()
+    for *normal, offset in planes:
+        x, y, z = (turn @ np.array(normal)).tolist()
+        found.append((x, y, z, offset))
+    return tuple(found)
 
 
 def stands(arm: Arm) -> bool:

@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from shlex import quote
+from typing import Any
 
 from sidegan.base.typed import Number, Positive, Text
 
@@ -12,13 +13,22 @@ Mount = tuple[Number, Number, Number]
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits by joint name that override the description's; null: as it has them."""
+    """Limits by joint name, or one number for all, before the description's; null: as it has them."""
 
-    position: dict[str, tuple[Number, Number]] | None = None  # lower and upper [rad or m]
-    velocity: dict[str, Positive] | None = None  # [rad/s or m/s]
-    acceleration: dict[str, Positive] | None = None  # [rad/s² or m/s²]
-    jerk: dict[str, Positive] | None = None  # [rad/s³ or m/s³]
-    effort: dict[str, Positive] | None = None  # [N·m or N]
+    position: dict[str, tuple[Number, Number]] | Positive | None = None  # lower and upper, or ± [rad or m]
+    velocity: dict[str, Positive] | Positive | None = None  # [rad/s or m/s]
+    acceleration: dict[str, Positive] | Positive | None = None  # [rad/s² or m/s²]
+    jerk: dict[str, Positive] | Positive | None = None  # [rad/s³ or m/s³]
+    effort: dict[str, Positive] | Positive | None = None  # [N·m or N]
+    file: str | None = None  # MoveIt's joint_limits.yaml, before which all of these go
+
+    def of_joints(self, names: Iterable[str]) -> "Limits":
+        """The same limits by the names of all joints."""
+        every, changed = list(names), dict[str, Any]()
+        for kind, value in vars(self).items():
+            if isinstance(value, int | float):
+                changed[kind] = dict.fromkeys(every, (-value, value) if kind == "position" else value)
+        return replace(self, **changed)
 
 
 @dataclass(frozen=True)
@@ -75,6 +85,8 @@ def _word(name: str, value: object) -> str:
     """A setting of the robot as a word on the command line."""
     if isinstance(value, Mapping):
         return override(name, value)
+    if isinstance(value, int | float):
+        return f"robot.{name}={_plain(value)}"
     if isinstance(value, list | tuple):
         return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
     return choice(name, str(value))
@@ -83,7 +95,7 @@ def _word(name: str, value: object) -> str:
 def _plain(value: object) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(_plain, value))}]"
-    return f"{value:.6g}" if isinstance(value, float) else _text(str(value))
+    return f"{value:.6g}" if isinstance(value, int | float) else _text(str(value))
 
 
 def _text(value: str) -> str:

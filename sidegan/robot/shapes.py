@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,7 +16,7 @@ from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
-VERSION = 5  # raise it when the shapes of the same description become others
+VERSION = 6  # raise it when the shapes of the same description become others
 
 _SIDES = 64  # of the prism around a cylinder, whose faces touch it
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
@@ -33,12 +33,17 @@ class Shape(NamedTuple):
     digest: str = ""  # of the meshes it was fitted to, and where they are
 
 
-def shapes_of(geometry: pin.GeometryModel, model: pin.Model, hollow: Sequence[str] = ()) -> list[Shape]:
-    """The collision shapes of a description, those made of meshes link by link; hollow ones in more parts."""
+def shapes_of(
+    geometry: pin.GeometryModel, model: pin.Model, hollow: Mapping[str, int] | None = None
+) -> list[Shape]:
+    """The collision shapes of a description, those made of meshes link by link.
+
+    Links that are hollow are made of more parts, the more the higher their number: 1 or 2.
+    """
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for one in geometry.geometryObjects:
         owner = model.frames[one.parentFrame].name
-        groups.setdefault((owner, "" if _is_mesh(one) else one.name), []).append(one)
+        groups.setdefault((owner, "" if is_mesh(one) else one.name), []).append(one)
     count = Counter(owner for owner, _ in groups)
     shapes = []
     for (owner, primitive), group in groups.items():
@@ -47,7 +52,7 @@ def shapes_of(geometry: pin.GeometryModel, model: pin.Model, hollow: Sequence[st
             exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
             shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
         else:
-            parts, digest = _fitted(group, owner in hollow)
+            parts, digest = _fitted(group, (hollow or {}).get(owner, 0))
             shapes += [Shape(link, owner, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
@@ -118,12 +123,12 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
     return Part(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
-def _is_mesh(one: pin.GeometryObject) -> bool:
+def is_mesh(one: pin.GeometryObject) -> bool:
     """Whether a shape is one of triangles."""
     return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
-def _fitted(group: list[pin.GeometryObject], hollow: bool) -> tuple[list[Part], str]:
+def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], str]:
     """Capsules and hulls around the meshes of a link, in the frame of the first, and the meshes' digest."""
     first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
     for one in group:

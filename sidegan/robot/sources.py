@@ -28,28 +28,31 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
-    return Source(text, root)
+    return Source(xml.bound(text), root)
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
     """The URDF of a xacro file; packages are looked for above it, beside its own one, and on the ROS paths.
 
+    Names of included files are relative to the file that includes them.
+
     Raises:
         RobotError: when xacrodoc is not installed or refuses the file, with what resolves it.
     """
     try:
-        from xacrodoc import XacroDoc, packages
+        import xacro
+        from xacrodoc import packages  # has xacro look for packages where there is no ROS
     except ImportError:
         raise RobotError(
             f"{path} needs xacrodoc: pip install 'sidegan[xacro]', or in ROS: xacro {path.name} > arm.urdf"
         ) from None
     packages.reset()
+    packages.walk_up_from(path)
     around = path.resolve().parents[2:3]
     if around and len(around[0].parts) >= _SHALLOW:
         packages.look_in([str(around[0])], priority=1)
     try:
-        document = XacroDoc.from_file(path, subargs=dict(args), resolve_packages=False)
-        return document.dom.toxml("utf-8")
+        return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")
     except Exception as error:  # xacro evaluates expressions: anything can go wrong in there
         words = " ".join(str(error).split()) or type(error).__name__
         if unset := _UNSET.search(words):

@@ -1,18 +1,22 @@
 """A URDF with other inertias and friction, and nothing else changed."""
 
+import io
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from sidegan.base.storage import replacing
 from sidegan.errors import RobotError
+from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
+from sidegan.robot.locking import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words
@@ -22,6 +26,9 @@ _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cos
 
 def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None = None) -> None:
     """Write the arm's URDF with these inertial parameters in place of its own, and nothing else changed.
+
+    Limits that readers of a URDF ask for, and the source does not have, are the arm's; capsules of an MJCF,
+    which URDF does not know, become cylinders with a ball at each end.
 
     Each joint's parameters go to the link that it moves; links that are fixed to that one lose their
     inertia, which is part of it already. The file appears whole, and only after it was read back to the
@@ -43,15 +50,21 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None =
     require_consistent(arm, parameters)
     carriers = _carriers(arm)
     inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
-    text = read_source(arm.urdf, arm.setup.args).text
-    root = ET.fromstring(text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    source = read_source(arm.urdf, arm.setup.args)
+    for prefix, uri in (pair for _, pair in ET.iterparse(io.BytesIO(source.text), ("start-ns",))):
+        ET.register_namespace(prefix, uri)
+    root = ET.fromstring(source.text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    for k, name in enumerate(arm.joint_names):
+        _complete(joints[name], arm, k)
+    if source.gravity is not None:  # an MJCF
+        _round(root)
     for link in root.findall("link"):
         name = link.get("name", "")
         if carriers[name] is not None:
             _put(link, "inertial", inertials.get(name))
     if drives is not None:
         pairs = zip(arm.joint_names, drives.viscous.tolist(), drives.coulomb.tolist())
-        joints = {joint.get("name"): joint for joint in root.findall("joint")}
         for name, *friction in pairs:
             damping, coulomb = (repr(max(x, 0.0)) for x in friction)  # no reader takes less than 0
             _put(joints[name], "dynamics", ET.Element("dynamics", damping=damping, friction=coulomb))
@@ -86,6 +99,35 @@ def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
         ET.indent(element, level=2)
         element.tail = tail
         owner.insert(index, element)
+
+
+def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
+    """Give a joint, the arm's k-th, the limits that it lacks."""
+    limit = joint.find("limit")
+    if limit is None:
+        limit = ET.SubElement(joint, "limit", effort="0")
+    ranged = joint.get("type") == "continuous" or {"lower", "upper"} & set(limit.attrib)
+    lacking = {} if ranged else {"lower": arm.position_lower, "upper": arm.position_upper}
+    if not float(limit.get("velocity", "0")):
+        lacking["velocity"] = arm.velocity_limit
+    for name, values in lacking.items():
+        limit.set(name, repr(float(values[k])))
+
+
+def _round(root: ET.Element) -> None:
+    """Make capsules cylinders with a ball at each end, which URDF has."""
+    for link in root.findall("link"):
+        for shape in [one for one in link if one.find("geometry/capsule") is not None]:
+            capsule = xml.child(xml.child(shape, "geometry", ""), "capsule", "")
+            radius, origin = capsule.get("radius", ""), xml.child(shape, "origin", "")
+            place = np.array(xml.vector(origin, "xyz", ""))
+            axis = from_rpy(xml.vector(origin, "rpy", ""))[:, 2]
+            for side in (-0.5, 0.5):
+                ball = ET.SubElement(link, shape.tag)
+                centre = place + side * xml.number(capsule, "length", "") * axis
+                ET.SubElement(ball, "origin", xyz=words(centre), rpy="0 0 0")
+                ET.SubElement(ET.SubElement(ball, "geometry"), "sphere", radius=radius)
+            capsule.tag = "cylinder"
 
 
 def _inertial(parameters: Tensor) -> ET.Element:

@@ -2,9 +2,10 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 import scipy  # its parts are imported when they are used
 import torch
 from torch import Tensor
@@ -14,8 +15,9 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
+from sidegan.robot.fitting import corners, hull_of
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.xml import words
+from sidegan.robot.xml import child, words
 
 _STEP = 1e-3  # [s] of a written model
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
@@ -25,8 +27,8 @@ _WORLD = "world"  # MuJoCo's own name for what does not move
 def write_mjcf(arm: Arm, parameters: Tensor, path: Path, drives: Drives) -> None:
     """Write an arm with these inertial parameters, friction and rotors as MJCF, for MuJoCo and Pinocchio.
 
-    Links are drawn as the capsules that enclose them, which collide with nothing. What a description has
-    fixed to a link is part of it.
+    Shapes are the convex pieces that stand for the links, which collide, but for pairs that may touch;
+    contacts are off as a whole. What a description has fixed to a link is a body in that one's.
 
     Args:
         arm: the arm: its chain, limits and gravity.
@@ -44,7 +46,7 @@ def write_mjcf(arm: Arm, parameters: Tensor, path: Path, drives: Drives) -> None
     root = chain(arm, parameters, drives, _STEP, (links, arm.joint_names))
     for joint, limits in zip(root.iter("joint"), _limits(arm)):
         joint.attrib |= limits
-    _draw(arm, [*root.iter("body")])
+    _draw(arm, root, dict(zip(arm.link_names, links)))
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     _check(arm, text)
@@ -107,17 +109,44 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
         yield limits | ({"actuatorfrcrange": words([-effort, effort])} if effort.isfinite() else {})
 
 
-def _draw(arm: Arm, bodies: Sequence[ET.Element]) -> None:
-    """Give the bodies of the links, (J), the shapes of these."""
-    each = zip(arm.capsules.link.tolist(), arm.capsules.a, arm.capsules.b, arm.capsules.radius)
-    ghost = {"contype": "0", "conaffinity": "0", "group": "1"}
-    for link, a, b, radius in each:
-        if link < 0:
-            continue
-        is_ball = torch.equal(a, b)
-        shape = {"type": "sphere" if is_ball else "capsule", "size": words([radius])}
-        place = {"pos": words(a)} if is_ball else {"fromto": words([*a, *b])}
-        ET.SubElement(bodies[link], "geom", shape | place | ghost)
+def _draw(arm: Arm, root: ET.Element, names: Mapping[str, str]) -> None:
+    """Give the bodies of the links, which have such names, and of what is fixed to them their shapes."""
+    world, assets, moving = child(root, "worldbody", ""), ET.Element("asset"), [*root.iter("body")]
+    bodies = {one.get("name"): one for one in moving}
+    for k, (link, owner) in enumerate(zip(arm.capsules.link.tolist(), arm.capsules.owners)):
+        name = names.get(owner, f"{owner} link" if owner == _WORLD else owner)
+        if name not in bodies:
+            bodies[name] = ET.SubElement(world if link < 0 else moving[link], "body", name=name)
+        ET.SubElement(bodies[name], "geom", {"group": "1"} | _shape(arm, k, assets))
+    before = dict(arm.parents or ()).get(arm.link_names[0])
+    if before is not None:  # neighbours are bodies one of which is in the other
+        bodies[names.get(before, before)].append(moving[0])
+        world.remove(moving[0])
+    if len(assets):
+        root.insert(1, assets)
+    contact = ET.Element("contact")
+    for pair in arm.may_touch:
+        one, other = (names.get(name, name) for name in pair[:2])
+        if {one, other} <= {*bodies}:
+            ET.SubElement(contact, "exclude", body1=one, body2=other)
+    if len(contact):
+        root.append(contact)
+
+
+def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
+    """Attributes of the geom of a capsule, or of the hull inside of it, which is written among the assets."""
+    capsules, pieces = arm.capsules, arm.capsules.pieces
+    a, b, radius = capsules.a[k], capsules.b[k], capsules.radius[k]
+    if pieces is not None and not pieces.exact[k]:
+        hull, r = pieces.corners[pieces.start[k] : pieces.start[k + 1]].numpy(), float(pieces.radius[k])
+        cube = np.array(np.meshgrid([-r, r], [-r, r], [-r, r])).reshape(3, 8).T
+        points = (hull[:, None] + cube).reshape(-1, 3)  # what is rounded is within
+        if hull_of(points) is not None:
+            ET.SubElement(assets, "mesh", name=f"piece {k}", vertex=words(corners(points).ravel()))
+            return {"type": "mesh", "mesh": f"piece {k}"}
+    if torch.equal(a, b):
+        return {"type": "sphere", "size": words([radius]), "pos": words(a)}
+    return {"type": "capsule", "size": words([radius]), "fromto": words([*a, *b])}
 
 
 def _check(arm: Arm, text: str) -> None:

@@ -1,8 +1,9 @@
 """XML read with care: no document types, and no number that is not one."""
 
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import SupportsFloat
 
@@ -10,6 +11,9 @@ from sidegan.errors import RobotError
 
 _LARGEST_FILE = 50_000_000  # bytes
 _DEEPEST = 50  # levels; of URDF's own elements there are five
+_TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
+_PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
+_DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
 _LARGEST = 1e18  # of any number in SI units: products of a few of them are still numbers
 
 
@@ -20,7 +24,10 @@ class Source:
     text: bytes  # of the URDF
     root: ET.Element
     notes: tuple[str, ...] = ()  # what could not be carried over
-    gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
+    missing: Mapping[str, list[str]] = field(default_factory=dict)  # lost meshes, by link
+    # Both in the first link's frame.
+    planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
+    gravity: tuple[float, ...] | None = None  # [m/s²], (3,), where it is stated
 
 
 def parse(text: bytes, path: Path) -> ET.Element:
@@ -32,7 +39,7 @@ def parse(text: bytes, path: Path) -> ET.Element:
     if len(text) > _LARGEST_FILE:
         raise RobotError(f"{path} is larger than {_LARGEST_FILE / 1e6:.0f} MB, which no description is")
     try:
-        root = ET.fromstring(text, parser=ET.XMLParser(target=_PlainTree()))
+        root = ET.fromstring(bound(text), parser=ET.XMLParser(target=_PlainTree()))
     except RobotError as error:
         raise RobotError(f"{path} {error}") from None
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
@@ -43,6 +50,14 @@ def parse(text: bytes, path: Path) -> ET.Element:
             "expected <robot> or <mujoco>"
         )
     return root
+
+
+def bound(text: bytes) -> bytes:
+    """A description whose prefixes all have a namespace: readers of URDF ask for none, those of XML do."""
+    declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
+    loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
+    names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
+    return _ROOT.sub(rb"\g<0>" + names, text, count=1) if loose else text
 
 
 def attribute(element: ET.Element, key: str, where: str) -> str:

@@ -7,7 +7,7 @@ from functools import lru_cache
 import torch
 
 from sidegan.robot import Arm, Capsules
-from sidegan.robot.looks import visual_parts
+from sidegan.robot.looks import foot
 from sidegan.robot.mounting import stands
 from sidegan.validity.capsules import capsule_axes
 from sidegan.validity.pairs import sampled
@@ -20,13 +20,25 @@ _ROUNDING = 1e-3  # of a step: an error that is none
 
 @lru_cache(maxsize=16)
 def floor_under(arm: Arm) -> Plane | None:
-    """The floor at the lowest point of an arm's base, or at z = 0 where the base has no shape.
+    """The floor that an arm stands on, by what its base looks like.
 
     None for an arm that is mounted so that it hangs, or reaches below that in nearly every configuration.
     """
-    height = _lowest(arm)
-    above = stands(arm) and _above(with_points(arm), height) >= _STANDS
-    return Plane((0.0, 0.0, 1.0), height) if above else None
+    floor = Plane((0.0, 0.0, 1.0), _lowest(arm)[0])
+    return floor if stands(arm) and _leaves(arm, floor) else None
+
+
+def floor_is_known(arm: Arm) -> bool:
+    """Whether shapes show where an arm stands, and its floor is no guess."""
+    return _lowest(arm)[1]
+
+
+@lru_cache(maxsize=16)
+def planes_of(arm: Arm) -> tuple[list[Plane], int]:
+    """Planes of an arm's description, and how many others it is behind in nearly every configuration."""
+    planes = [Plane((x, y, z), offset) for x, y, z, offset in arm.planes]
+    kept = [plane for plane in planes if _leaves(arm, plane)]
+    return kept, len(planes) - len(kept)
 
 
 @lru_cache(maxsize=16)
@@ -41,21 +53,19 @@ def with_points(arm: Arm) -> Arm:
     return replace(arm, capsules=points)
 
 
-def _lowest(arm: Arm) -> float:
-    """Lowest point of what stands still [m], to the millimetre below."""
-    heights = [float(part.vertices[:, 2].min()) for part in visual_parts(arm, base=True)]
-    if not heights:
-        still, capsules = arm.capsules.link < 0, arm.capsules
-        ends = torch.minimum(capsules.a, capsules.b)[still, 2] - capsules.radius[still]
-        heights = ends.tolist()
-    return math.floor(min(heights, default=0.0) * _STEPS + _ROUNDING) / _STEPS
+@lru_cache(maxsize=16)
+def _lowest(arm: Arm) -> tuple[float, bool]:
+    """Lowest point of what stands still [m], to the millimetre below, and whether that is known."""
+    height, known = foot(arm)
+    return math.floor(height * _STEPS + _ROUNDING) / _STEPS, known
 
 
-def _above(arm: Arm, height: float) -> float:
-    """Share of random configurations in which every link that can be is above a height [m]."""
-    a, b = capsule_axes(arm, sampled(arm).T)
+def _leaves(arm: Arm, plane: Plane) -> bool:
+    """Whether every link that can be is before a plane in some share of random configurations."""
+    arm = with_points(arm)
+    normal = torch.tensor(plane.unit, dtype=torch.float64)
+    a, b = (torch.einsum("k,k...->...", normal, x) for x in capsule_axes(arm, sampled(arm).T))
     moving = arm.capsules.link >= 0
-    low = torch.minimum(a[2], b[2])[moving] - arm.capsules.radius[moving, None]
-    clear = low > height
+    clear = torch.minimum(a, b)[moving] - arm.capsules.radius[moving, None] > plane.offset
     clear = clear[clear.any(1)]
-    return float(clear.all(0).double().mean()) if len(clear) else 0.0
+    return len(clear) > 0 and float(clear.all(0).double().mean()) >= _STANDS

@@ -13,6 +13,7 @@ from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
 from sidegan.robot.covering import cover
+from sidegan.robot.decomposition import shared_out
 from sidegan.robot.fitting import fit, from_segment, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
@@ -66,6 +67,40 @@ def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, count, 
         for (ends, radius), hull, rounding in made
     ]
     assert np.min(outside, axis=0).max() <= 1e-8
+
+
+@settings(max_examples=8)
+@given(seeds, st.integers(1, 40), st.integers(1, 6))
+def test_triangles_are_shared_out_whole_among_bodies_and_each_is_in_its_own(seed, count, bodies):
+    whole, random = triangles(seed, count), np.random.default_rng(seed)
+    planes = []
+    for centre in random.uniform(-0.3, 0.3, (bodies, 3)):
+        normals = random.normal(size=(20, 3))
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        planes.append(np.c_[normals, normals @ centre + random.uniform(0.05, 0.3)])
+    parts = shared_out(whole, planes)
+    area = [trimesh.triangles.area(part).sum() for part in parts]
+    assert sum(area) == pytest.approx(trimesh.triangles.area(whole).sum())
+    middles = np.concatenate([part.mean(1) for part in parts])
+    depth = [(middles @ body[:, :3].T - body[:, 3]).max(1) for body in planes]
+    held = np.repeat(np.arange(len(parts)), [*map(len, parts)])
+    if len(parts) == bodies:  # else some have none, and parts no longer have their numbers
+        own = np.choose(held, depth)
+        assert ((own <= 2e-7) | (own <= np.min(depth, axis=0) + 1e-12)).all()
+
+
+def test_a_ring_is_left_open_and_none_of_it_lost():
+    """A ring of 68 mm within: hulls of its convex parts keep what turns in it with a millimetre of air."""
+    ring = np.array(trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).triangles)
+    coarse, fine = cover([ring], 4, 1), cover([ring], 4, 2)
+    points = ring.mean(1)[::4]
+    outside = [from_hull(points, part.corners) - part.rounding for part in fine]
+    assert np.min(outside, axis=0).max() <= 1e-8 and 20 < len(fine) <= 48
+    turn = 2 * np.pi * np.arange(24) / 24
+    within = 0.0672 * np.stack([np.cos(turn), np.sin(turn), np.full(24, 0.03)], 1)
+    free = [min(from_hull(point[None], part.corners)[0] for part in fine) for point in within]
+    shut = [min(from_hull(point[None], part.corners)[0] for part in coarse) for point in within]
+    assert min(free) > 0 == min(shut)
 
 
 def test_a_capsule_is_close_to_the_smallest_around_a_rod_askew():
@@ -166,3 +201,23 @@ def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free(tmp_path, monkeypatch)
     constraints = Constraints(fine, torque=False)
     judge = Judge(fine.urdf, fine.joint_names, Facts(exempt=constraints.of_links.exempt))
     assert shape_accuracy(constraints, judge, 300) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("radius", "refused"), [(0.0668, False), (0.0677, True)])
+def test_what_turns_within_a_ring_is_free_or_shapes_that_refuse_it_are_told(
+    load, tmp_path, caplog, radius, refused
+):
+    trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).export(tmp_path / "ring.stl")
+    trimesh.creation.icosphere(2, radius).export(tmp_path / "ball.stl")
+    place = 'xyz="0 0 0" rpy="0 0 0"'
+    turning = [joint("a", "base", "ring"), link("ring", INERTIA + mesh("ring.stl"))]
+    turning += [joint("b", "ring", "axle", origin=place, axis="1 0 0"), link("axle")]
+    turning += [
+        joint("c", "axle", "ball", origin=place, axis="0 1 0"),
+        link("ball", INERTIA + mesh("ball.stl")),
+    ]
+    arm = load(robot(link("base", ""), *turning))
+    assert ("ring – ball (98%); where" in caplog.text) == refused == ("refuse so many" in caplog.text)
+    assert ("'robot.may_touch=[[ball, ring]]' leaves them unchecked" in caplog.text) == refused
+    if not refused:
+        assert shape_accuracy(Constraints(arm), Judge(arm.urdf, arm.joint_names, Facts()), 200) == (0, 0)

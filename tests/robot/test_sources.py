@@ -14,7 +14,7 @@ from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, write_urdf
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.mjcf_shapes import write_collision
+from sidegan.robot.mjcf_shapes import write_shape
 from sidegan.validity.capsules import capsule_axes, place_points
 
 from .urdf import one_joint, outside
@@ -46,6 +46,17 @@ MJCF = """<mujoco model="toy">
 <equality><joint joint1="right_finger" joint2="left_finger" polycoef="0.01 -1 0 0 0"/></equality>
 <actuator><position joint="one" kp="10" forcerange="-87 87"/></actuator>
 </mujoco>"""
+
+
+MOTORS = [  # beside one whose force is limited
+    "",
+    '<motor joint="two" forcerange="-7 5"/>',
+    '<motor joint="two"/>',
+    '<motor joint="two" ctrlrange="-3 4" gear="-5"/>',
+    '<motor joint="two" ctrlrange="-3 4" gear="5" forcerange="-2 6"/>',
+    '<general jointinparent="two" ctrlrange="-3 4" gainprm="5"/>',
+    '<motor joint="two" ctrlrange="-3 4" gear="0"/>',
+]
 
 
 @pytest.fixture
@@ -121,7 +132,7 @@ class TestMjcf:
         body = '<worldbody><geom type="mesh" mesh="dented"/></worldbody>'
         model = mujoco.MjModel.from_xml_string(f"<mujoco><asset>{mesh}</asset>{body}</mujoco>")
         link = ET.Element("link")
-        assert write_collision(link, model, 0)
+        assert write_shape(link, model, 0)
         file = link.find("collision/geometry/mesh").get("filename")
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
@@ -133,14 +144,15 @@ class TestMjcf:
         assert arm.position_upper.tolist() == pytest.approx([np.pi / 2, np.pi, 0.5])
         notes = "; ".join(arm.notes)
         assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
-        assert "floor of world" in notes
-        assert "rotor inertias (armature) are not part" in notes and "gravcomp" not in notes
+        assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
+        assert "rotor inertias (armature) are not part" in notes
+        assert "gravcomp" not in notes
         mjcf.write_text(MJCF.replace('<body name="b"', '<body name="b" gravcomp="1"'))
         (said,) = (note for note in load_robot(mjcf, Setup(limits=SPEEDS)).notes if "gravcomp" in note)
         assert "gravity of b is compensated" in said
 
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
-    @pytest.mark.parametrize("more", ["", '<motor joint="two" forcerange="-7 5"/>', '<motor joint="two"/>'])
+    @pytest.mark.parametrize("more", MOTORS)
     def test_limits_of_torque_are_what_mujocos_actuators_give(self, mjcf, own, more):
         """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""
         motors = f'<motor joint="two" gear="-2" forcerange="-20 25"/>{more}</actuator>'

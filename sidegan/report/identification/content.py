@@ -53,19 +53,19 @@ def _use(identified: IdentifiedArm) -> str:
     if trust.verdict == BAD:
         return f"Use none of these models: {_needed(trust)}."
     if use == CONSISTENT == method:
-        return "Use the consistent model: the URDF, the MJCF and the Python class hold it."
+        return f"Use the consistent model. {_held(identified)}"
     errors = {name: float(error.mean()) for name, error in identified.unseen.items()}
     if not errors:
         return (
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
-            "recordings tell too little to predict each other. URDF, MJCF and Python class hold it."
+            f"recordings tell too little to predict each other. {_held(identified)}"
         )
     compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
     compared += f", {identified.unseen_kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
-            f"({compared}). The URDF, the MJCF and the Python class hold it."
+            f"({compared}). {_held(identified)}"
         )
     return (
         f"Use the {method} model, which the Python class holds: no bodies that can exist predict as well "
@@ -86,6 +86,14 @@ def _needed(trust: Trust) -> str:
     weak = listed([name for name in trust.weak if joint_of(name) in joints], _NAMED)
     motion = f"a motion that tells {weak}, or " if weak else ""
     return f"of {names} more has to be known: {motion}what acts there beside the model"
+
+
+def _held(identified: IdentifiedArm) -> str:
+    """Which files hold the consistent model, and what some of them have no place for."""
+    terms = {"offset": "offsets (the Python class alone)", "rotor_inertia": "rotors (no URDF)"}
+    lacking = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
+    but = f", but for {lacking}" if lacking else ""
+    return f"The URDF, the MJCF and the Python class hold it{but}."
 
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:

@@ -46,12 +46,17 @@ class TorqueModel:
         self._sign_width = float(numbers["sign_width"])
 
     def torque(self, q: Vector, dq: Vector, ddq: Vector) -> Vector:
-        """Torque [N·m or N], (J,), at positions [rad or m], velocities and accelerations, (J,) each."""
-        rigid: Vector = self._pinocchio.rnea(self.model, self._data, q, dq, ddq)
-        return rigid + self.friction(dq)
+        """Torque [N·m or N], (…, J), at positions [rad or m], velocities and accelerations, (…, J) each."""
+        states = [np.asarray(x, dtype=float) for x in (q, dq, ddq)]
+        if any(x.shape != states[0].shape or x.shape[-1:] != (len(self.joints),) for x in states):
+            shapes = ", ".join(str(x.shape) for x in states)
+            raise ValueError(f"states are {shapes}, expected three times (…, {len(self.joints)})")
+        rows = zip(*(x.reshape(-1, len(self.joints)) for x in states))
+        rigid = [self._pinocchio.rnea(self.model, self._data, *row).copy() for row in rows]
+        return np.reshape(rigid, states[0].shape) + self.friction(states[1])
 
     def friction(self, dq: Vector) -> Vector:
-        """Friction and offset [N·m or N], (J,), at velocities [rad/s or m/s], (J,)."""
+        """Friction and offset [N·m or N], (…, J), at velocities [rad/s or m/s], (…, J)."""
         still = np.zeros(len(self.joints))
         viscous, coulomb, offset = (self._terms.get(name, still) for name in ("viscous", "coulomb", "offset"))
         return viscous * dq + coulomb * np.tanh(dq / self._sign_width) + offset
@@ -73,7 +78,7 @@ class TorqueModel:
         """
         columns = [[f"{letter}_{name}" for name in self.joints] for letter in ("q", "dq", "ddq")]
         states = [frame[names].to_numpy(float) for names in columns]
-        torques = np.reshape([self.torque(*state) for state in zip(*states)], states[0].shape)
+        torques = self.torque(*states)
         return type(frame)(torques, index=frame.index, columns=[f"tau_{name}" for name in self.joints])
 
 

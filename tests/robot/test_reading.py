@@ -1,0 +1,353 @@
+"""What descriptions of the field say in other ways than most: floors, units, limits, lost files."""
+
+import json
+import zipfile
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from sidegan.errors import RobotError
+from sidegan.pipeline.compose import composed
+from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, words, write_mjcf, write_urdf
+from sidegan.robot.meshes import metres_per_unit
+from sidegan.validity import Plane
+from sidegan.validity.constraints import Constraints
+from sidegan.validity.floor import floor_is_known, floor_under
+from tests.pipeline.test_workspace import workspace
+from tests.robot.test_cases import LIMIT, arm_of, inertial
+from tests.robot.urdf import collision, joint, link, mesh, more
+
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+
+
+def visual(shape, place='xyz="0 0 0"'):
+    return f"<visual><origin {place}/><geometry>{shape}</geometry></visual>"
+
+
+@pytest.fixture
+def block(tmp_path):
+    """A box of a mesh, from z = 0 to 0.1 m; and a file that stands for one that was not downloaded."""
+    box = trimesh.creation.box(bounds=[(-0.1, -0.1, 0), (0.1, 0.1, 0.1)])
+    box.export(tmp_path / "block.stl")
+    (tmp_path / "pointer.stl").write_text(POINTER)
+
+
+BOX = collision('<box size="0.2 0.2 0.1"/>', 'xyz="0 0 0.05"')
+BALL = collision('<sphere radius="0.12"/>', 'xyz="0 0 0.03"')
+LOST, POINTED = visual('<mesh filename="lost.dae"/>'), visual('<mesh filename="pointer.stl"/>')
+LOW, DRAWN = mesh("block.stl", 'xyz="0 0 -0.05"'), visual('<box size="0.2 0.2 0.1"/>', 'xyz="0 0 0.05"')
+FLOORS = {  # what the base is made of, where it stands [m], and whether that is known
+    "a visual that is lost, a box": (LOST + BOX, 0.0, False),
+    "a visual that is lost, a ball that reaches below": (LOST + BALL, 0.0, False),
+    "a visual that was not downloaded, a mesh": (POINTED + mesh("block.stl"), 0.0, True),
+    "a visual above a ball that reaches below": (DRAWN + BALL, 0.0, True),
+    "a visual above a mesh": (DRAWN + LOW, 0.0, True),
+    "a mesh alone": (LOW, -0.05, True),
+    "a box far below": (collision('<box size="0.2 0.2 0.1"/>', 'xyz="0 0 -0.2"'), -0.25, False),
+    "nothing": ("", 0.0, False),
+    "a visual in millimetres": (visual('<mesh filename="block.stl" scale="1e3 1e3 1e3"/>') + BOX, 0.0, False),
+}
+
+
+@pytest.mark.parametrize(("base", "height", "known"), FLOORS.values(), ids=FLOORS)
+def test_a_floor_is_where_shapes_show_it_and_else_a_guess_that_is_told(load, block, base, height, known):
+    pillar = link("pillar", visual('<box size="0.1 0.1 0.1"/>', 'xyz="3 0 0.5"'))
+    glued = more(arm_of(base=base), joint("glue", "base", "pillar", "fixed", "", limit=""), pillar)
+    for text in (arm_of(base=base), glued):
+        arm = load(text)
+        assert floor_under(arm).offset == pytest.approx(height) or (text is glued and not base)
+    arm = load(arm_of(base=base))
+    said = workspace(choice="desk").notes(arm)
+    assert floor_is_known(arm) == known == ("a guess at what" not in said)
+    assert known or f"plane: {{normal: [0, 0, 1], offset: {height:g}}}" in said
+
+
+MJCF = """<mujoco model="three"><compiler angle="radian" meshdir="meshes"/>{option}{asset}<worldbody>{world}
+<body name="foot"><geom type="sphere" size="0.12" pos="0 0 0.03"/>
+<geom type="cylinder" size="0.08 0.05" pos="0 0 0.05" contype="0" conaffinity="0"/>
+<body name="one" pos="0 0 0.2"><joint name="j1" range="-2.8 2.8"/>{inertial}{geom}
+<geom type="capsule" size="0.04 0.1" pos="0 0 0.15"/>
+<body name="two" pos="0 0 0.3"><joint name="j2" axis="0 1 0" range="-2.8 2.8" armature="0.1"/>
+<inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>
+<geom type="capsule" size="0.04 0.1" pos="0 0 0.15"/>
+<body name="three" pos="0 0 0.3"><joint name="j3" axis="0 1 0" range="-2.8 2.8"/>
+<inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>
+<geom type="capsule" size="0.04 0.1" pos="0 0 0.15"/></body></body></body></body></worldbody></mujoco>"""
+WEIGHS = '<inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>'
+FLAT = '<geom type="plane" size="1 1 1" pos="0 0 {}"/>'
+SPEED = Setup(limits=Limits(velocity=1.5))
+
+
+def mjcf(**parts):
+    return MJCF.format(**{"option": "", "asset": "", "world": "", "inertial": WEIGHS, "geom": ""} | parts)
+
+
+PLANES = {  # what stands in the world beside the arm, gravity, and the planes that are kept out of
+    "none": ("", "", [(0, 0, 1, 0.0)], "stands on"),
+    "a floor": (FLAT.format(-0.03), "", [(0, 0, 1, -0.03)], "z = -0.03 m, as the description has it"),
+    "a floor above the arm": (FLAT.format(3), "", [(0, 0, 1, 0.0)], "is behind nearly everywhere"),
+    "a floor and a wall": (
+        FLAT.format(0) + '<geom type="plane" size="1 1 1" pos="-0.7 0 0" zaxis="1 0 0"/>',
+        "",
+        [(0, 0, 1, 0.0), (1, 0, 0, -0.7)],
+        "1 plane of the description",
+    ),
+    "a wall that it hangs at": (FLAT.format(0), "-9.81 0 0", [(1, 0, 0, 0.0)], "no floor"),
+}
+
+
+@pytest.mark.parametrize(("world", "gravity", "planes", "said"), PLANES.values(), ids=PLANES)
+def test_planes_of_a_scene_are_its_floor_and_its_walls(load, world, gravity, planes, said):
+    option = f'<option gravity="{gravity}"/>' if gravity else ""
+    arm, desk = load(mjcf(world=world, option=option), SPEED, name="a.xml"), workspace(choice="desk")
+    found = desk.shapes(arm)
+    assert said in desk.notes(arm) and all(isinstance(one, Plane) for one in found)
+    if not gravity:
+        np.testing.assert_allclose([(*one.unit, one.offset) for one in found], planes, atol=1e-9)
+    else:  # what was up is level, and gravity has no part of it
+        (wall,) = found
+        assert abs(wall.unit[2]) < 1e-9 and abs(wall.offset) < 1e-9
+    own = workspace("{plane: {normal: [0, 0, 1], offset: -0.5}}", choice="desk").shapes(arm)
+    assert [one.offset for one in own if one.unit[2] > 0.7] == [-0.5]
+
+
+def box(kind, unit):
+    """A file of a box of 200, 100, 50 units, as Collada with an element of that unit, or as AMF or 3MF."""
+    made = trimesh.creation.box((200, 100, 50))
+    if kind == "dae":
+        return made.export(file_type="dae").decode().replace("<up_axis>", f"{unit}<up_axis>")
+    points = "".join(
+        "<vertex><coordinates><x>{}</x><y>{}</y><z>{}</z></coordinates></vertex>".format(*p)
+        for p in made.vertices
+    )
+    faces = "".join(
+        "<triangle><v1>{}</v1><v2>{}</v2><v3>{}</v3></triangle>".format(*face) for face in made.faces
+    )
+    inner = f"<mesh><vertices>{points}</vertices><volume>{faces}</volume></mesh>"
+    return f'<amf unit="{unit}"><object id="0">{inner}</object></amf>'
+
+
+MILLIMETRES = '<unit name="millimeter" meter="0.001"/>'
+UNITS = [
+    ("dae", MILLIMETRES, 1e-3),
+    ("dae", '<unit meter="0.0254" name="inch"/>', 0.0254),
+    ("dae", "", 1.0),
+    ("amf", "inch", 0.0254),
+]
+
+
+@pytest.mark.parametrize(("kind", "unit", "metres"), UNITS)
+def test_meshes_are_in_the_units_that_their_files_state(load, tmp_path, kind, unit, metres):
+    file = tmp_path / f"box.{kind}"
+    file.write_text(box(kind, unit))
+    scale = " ".join([str(0.001 / metres)] * 3)
+    arm = load(arm_of({1: inertial() + mesh(file.name, 'xyz="0 0 0.15"', scale)}))
+    rows, pieces = [k for k, owner in enumerate(arm.capsules.owners) if owner == "link1"], arm.capsules.pieces
+    corners = torch.cat([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
+    np.testing.assert_allclose(np.ptp(corners.numpy(), axis=0), [0.2, 0.1, 0.05], atol=1e-3)
+    if unit == MILLIMETRES:  # and those of obstacles, if nothing else is said of them
+        for said, factor in (("", 1.0), (", scale: 0.01", 10.0)):
+            (region,) = workspace(f"{{mesh: {{file: {file}{said}}}}}").shapes(arm)
+            np.testing.assert_allclose(np.ptp(region.points, axis=0), np.array([0.2, 0.1, 0.05]) * factor)
+
+
+def test_a_unit_that_is_none_is_refused_and_that_of_an_archive_found(load, tmp_path):
+    with zipfile.ZipFile(tmp_path / "box.3mf", "w") as archive:
+        archive.writestr("3D/3dmodel.model", '<model unit="centimeter"><resources/></model>')
+    assert metres_per_unit(tmp_path / "box.3mf") == 0.01
+    (tmp_path / "box.dae").write_text(box("dae", '<unit meter="-1"/>'))
+    with pytest.raises(RobotError, match=r"box\.dae is in units of '-1', expected a length"):
+        load(arm_of({1: inertial() + mesh("box.dae")}))
+
+
+ORDERS = {  # metres per unit that a description says of a mesh of 0.2 m, which is refused
+    "in millimetres": ("1000 1000 1000", "link1 2.3e+02 m large: is it in millimetres?"),
+    "in centimetres": ("100 100 100", "link1 23 m large: is it in millimetres?"),
+    "twice made metres": (
+        "0.001 0.001 0.001",
+        "link1 0.00023 m large: are its millimetres made metres twice?",
+    ),
+}
+
+
+@pytest.mark.parametrize(("scale", "said"), ORDERS.values(), ids=ORDERS)
+def test_shapes_of_another_order_than_the_arm_are_refused(load, tmp_path, scale, said):
+    trimesh.creation.box((0.2, 0.1, 0.05)).export(tmp_path / "box.stl")
+    with pytest.raises(RobotError) as refused:
+        load(arm_of({1: inertial() + mesh("box.stl", scale=scale)}))
+    assert said in str(refused.value)
+    hall = collision('<box size="200 200 0.1"/>', 'xyz="0 0 -0.1"')
+    assert load(arm_of(base=hall)).joints == 4  # what stands still may be a floor
+
+
+SAFETY = '<safety_controller k_velocity="30" {}/>'
+SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range is, and what is said of it
+    "": (-2.8, 2.8, ""),
+    'k_position="20" soft_lower_limit="-1" soft_upper_limit="1.5"': (
+        -1,
+        1.5,
+        "joint0 -1 to 1.5 rad (slowed down 0.1 rad before); 'robot.limits.position={joint0: [-2.8, 2.8]}'",
+    ),
+    'soft_lower_limit="-9" soft_upper_limit="1.5"': (-2.8, 1.5, "joint0 -2.8 to 1.5 rad;"),
+    'soft_lower_limit="0" soft_upper_limit="0"': (-2.8, 2.8, ""),
+    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, "leave no range are not used: joint0"),
+}
+
+
+@pytest.mark.parametrize("given", SOFT)
+def test_soft_limits_are_the_limits_where_they_are_tighter(load, given):
+    lower, upper, said = SOFT[given]
+    text = arm_of().replace(LIMIT, LIMIT + SAFETY.format(given), 1)
+    arm, wide = load(text), load(text, Setup(limits=Limits(position={"joint0": (-2.0, 2.0)})))
+    assert (arm.position_lower[0], arm.position_upper[0]) == (lower, upper)
+    assert said in "; ".join(arm.notes) and ("soft" in "; ".join(arm.notes)) == bool(said)
+    assert wide.position_upper[0] == 2 and not any("soft" in note for note in wide.notes)
+
+
+def test_accelerations_and_jerks_of_a_description_are_limits_with_or_without_a_namespace(load, tmp_path):
+    ours = LIMIT.replace("/>", ' drake:acceleration="1.5" jerk="70" deceleration="1.25"/>')
+    for head in ("<robot", '<robot xmlns:drake="http://drake.mit.edu"'):
+        arm = load(arm_of(limit=ours).replace("<robot", head, 1))
+        assert arm.acceleration_limit.tolist() == [1.25] * 4 and arm.jerk_limit.tolist() == [70] * 4
+        assert "acceleration are the description's of joint0, joint1, joint2, joint3" in "; ".join(arm.notes)
+        write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+        assert 'drake:acceleration="1.5"' in (tmp_path / "out.urdf").read_text()
+        assert torch.equal(load_robot(tmp_path / "out.urdf").acceleration_limit, arm.acceleration_limit)
+    stated = load(arm_of(limit=ours), Setup(limits=Limits(acceleration={"joint1": 9.0})))
+    assert stated.acceleration_limit.tolist() == [1.25, 9, 1.25, 1.25]
+
+
+def test_one_number_is_a_limit_of_all_joints(load):
+    given = Limits(2.0, 1.5, 3.0, 70.0, 9.0)
+    arm = load(arm_of(), Setup(limits=given))
+    found = arm.position_upper, arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit, arm.torque_limit
+    assert torch.stack(found).T.tolist() == [[2.0, 1.5, 3.0, 70.0, 9.0]] * 4
+    assert torch.equal(arm.position_lower, -arm.position_upper)
+    assert "robot.limits.velocity=1.5" in words(Setup(limits=given))
+    again = composed("+experiment=excite", "robot.name=a.urdf", *words(Setup(limits=given)))
+    assert again.robot.limits == given
+
+
+JOINTS = {
+    "joint0": {"has_velocity_limits": True, "max_velocity": 1.25, "has_jerk_limits": False, "max_jerk": 1},
+    "joint1": {"has_acceleration_limits": True, "max_acceleration": 2.5},
+    "joint2": {"has_position_limits": True, "min_position": -1.0, "max_position": 1.0},
+    "finger": {"has_velocity_limits": True, "max_velocity": 0.1},
+}
+FILES = {
+    "MoveIt's": {"default_velocity_scaling_factor": 0.1, "joint_limits": JOINTS},
+    "of a node": {"/**": {"ros__parameters": {"robot_description_planning": {"joint_limits": JOINTS}}}},
+}
+
+
+@pytest.mark.parametrize("what", FILES)
+def test_limits_are_read_from_a_joint_limits_yaml(load, tmp_path, what):
+    file = tmp_path / "joint_limits.yaml"
+    file.write_text(json.dumps(FILES[what]))
+    command = ["+experiment=excite", "robot.name=a.urdf", f"robot.limits={file}"]
+    limits = composed(*command).robot.limits
+    arm = load(arm_of(), Setup(limits=replace(limits, velocity={"joint3": 0.5})))
+    assert arm.velocity_limit.tolist() == [1.25, 2, 2, 0.5] and arm.jerk_limit is None
+    assert arm.acceleration_limit.tolist() == [np.inf, 2.5, np.inf, np.inf] and arm.position_upper[2] == 1
+    assert f"are those of {file}, beside joints that are not here: finger" in "; ".join(arm.notes)
+
+
+BAD = {
+    "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": "limits no joint of .* but finger",
+    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": "joint0: max_jerk is 'fast'",
+    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": "is 0, expected one above 0",
+    "limits: 3": "has no joint_limits, expected MoveIt's",
+    "a: [": "cannot be read: while parsing",
+}
+
+
+@pytest.mark.parametrize(("text", "said"), BAD.items())
+def test_a_joint_limits_yaml_that_is_none_is_refused(load, tmp_path, text, said):
+    (tmp_path / "limits.yaml").write_text(text)
+    with pytest.raises(RobotError, match=said):
+        load(arm_of(), Setup(limits=Limits(file=str(tmp_path / "limits.yaml"))))
+
+
+def test_an_arm_without_torque_limits_is_told_in_one_line(load, caplog):
+    load(arm_of(limit=LIMIT.replace('effort="50"', 'effort="0"')))
+    (line,) = [record.message for record in caplog.records if "torque" in record.message]
+    assert "states no torque limits" in line and "'robot.limits.effort={joint0: …, joint1: …" in line
+    caplog.clear()
+    assert load(arm_of()).joints == 4 and not caplog.records
+
+
+ASSET = (
+    '<asset><texture name="sky" type="2d" file="sky.png"/><material name="m" texture="sky"/>'
+    '<mesh name="look" file="look.obj"/><mesh file="hull.stl"/></asset>'
+)
+LOOK = '<geom type="mesh" mesh="look" material="m" contype="0" conaffinity="0"/>'
+HULL = '<geom type="mesh" mesh="hull"/>'
+
+
+@pytest.mark.parametrize("pointer", [False, True])
+def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog, pointer):
+    (tmp_path / "meshes").mkdir()
+    if pointer:
+        (tmp_path / "meshes" / "hull.stl").write_text(POINTER)
+    arm, whole = (
+        load(mjcf(asset=ASSET, geom=LOOK + HULL), SPEED, name="a.xml"),
+        load(mjcf(), SPEED, name="b.xml"),
+    )
+    assert "not shown, since its mesh is not there: one" in arm.notes
+    assert "collisions of these links may go unnoticed: one (not found: hull.stl" in caplog.text
+    assert arm.digest == whole.digest
+    with pytest.raises(RobotError, match=r"MuJoCo refuses it: .*\.obj"):  # its mass is the link's
+        load(mjcf(asset=ASSET, geom=HULL, inertial=""), SPEED, name="c.xml")
+
+
+def test_a_mesh_without_geometry_is_a_link_without_a_shape(load, tmp_path, caplog):
+    (tmp_path / "empty.dae").write_text(box("dae", "").partition("<library_geo")[0] + "</COLLADA>")
+    (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
+    arm = load(arm_of({1: inertial() + mesh("empty.dae"), 2: inertial() + mesh("empty.stl")}))
+    assert "link1" not in arm.capsules.owners and "link2" not in arm.capsules.owners
+    assert "unnoticed: link1, link2 (not found: a surface in empty.dae, a surface in empty.stl" in caplog.text
+
+
+def test_files_that_a_xacro_file_includes_are_relative_to_it(tmp_path, monkeypatch):
+    pytest.importorskip("xacrodoc")
+    head, folder = '<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">', tmp_path / "parts"
+    folder.mkdir()
+    inner = f'{head}<xacro:include filename="deeper.xacro"/></robot>'
+    (folder / "macro.xacro").write_text(inner)
+    (folder / "deeper.xacro").write_text(arm_of().replace('<robot name="rods">', head))
+    (tmp_path / "arm.urdf.xacro").write_text(f'{head}<xacro:include filename="./parts/macro.xacro"/></robot>')
+    monkeypatch.chdir(folder)
+    assert load_robot(tmp_path / "arm.urdf.xacro").joints == 4
+
+
+def test_an_exported_urdf_of_an_mjcf_says_all_that_its_readers_ask_for(load, tmp_path):
+    arm = load(mjcf(), SPEED, name="a.xml")
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+    again, text = load_robot(tmp_path / "out.urdf"), (tmp_path / "out.urdf").read_text()
+    assert "<capsule" not in text and again.velocity_limit.tolist() == [1.5] * 3
+    q = torch.rand(200, 3, generator=torch.Generator().manual_seed(0)).double() * 5.6 - 2.8
+    one, other = (Constraints(x).at_rest(q)["collision"].amin(1) for x in (arm, again))
+    assert (one < 0).any() and (one > 0).any()
+    torch.testing.assert_close(one.clamp_max(0.02), other.clamp_max(0.02), rtol=0, atol=2e-4)  # facets
+
+
+def test_shapes_of_an_exported_mjcf_collide_as_the_arms_do(load, tmp_path):
+    tool = more(
+        arm_of({1: inertial() + mesh("box.stl", 'xyz="0 0 0.15"')}),
+        joint("glue", "link3", "tool", "fixed", 'xyz="0 0 0.3"', limit=""),
+        link("tool", inertial() + collision('<box size="0.05 0.3 0.05"/>')),
+        '<disable_collisions link1="base" link2="link1" reason="by design"/>',
+    )
+    trimesh.creation.box((0.2, 0.1, 0.25)).export(tmp_path / "box.stl")
+    arm = load(tool)
+    write_mjcf(arm, possible_links(arm), tmp_path / "out.xml", Drives.none(4))
+    again = load_robot(tmp_path / "out.xml", SPEED)
+    before, after = (Constraints(x) for x in (arm, again))
+    assert before.of_links.links == after.of_links.links and len(after.of_links.named) == 1
+    q = torch.rand(400, 4, generator=torch.Generator().manual_seed(0)).double() * 5 - 2.5
+    one, other = (x.at_rest(q)["collision"].amin(1) for x in (before, after))
+    assert (one < 0).any() and (one > 0).any()
+    assert ((one < 0) <= (other < 0)).all() and ((one < 0) != (other < 0)).double().mean() < 0.03
