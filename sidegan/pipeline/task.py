@@ -24,7 +24,7 @@ from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
-from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
+from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
 from sidegan.validity.pairs import tell_displaced
 from sidegan.validity.placeholders import tell_placeholders
@@ -74,12 +74,12 @@ class Task:
 
     @cached_property
     def home(self) -> list[float] | None:
-        """Home position [rad or m], (J,): as configured, or where the arm can rest; None for zeros."""
+        """Home position [rad or m], (J,): as configured, as described, or found; None for zeros."""
         if self.cfg.trajectory.home is not None:
             return self.cfg.trajectory.home
         key = (self.arm.digest, repr(self.cfg.workspace))
         if key not in _homes:
-            _homes[key] = default_home(self._workspace)
+            _homes[key] = self.cfg.workspace.home_of(self.arm, self.arm.home)
         found = _homes[key]
         return None if found is None else list(found)
 
@@ -92,7 +92,7 @@ class Task:
     @cached_property
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
-        return self.cfg.workspace.around(self.arm, self.cfg.trajectory.home)
+        return self.cfg.workspace.around(self.arm, self.home or [0.0] * self.arm.joints)
 
     @cached_property
     def constraints(self) -> Constraints:

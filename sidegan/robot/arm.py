@@ -81,6 +81,7 @@ class Arm:
     # links and the nearest ones with a shape towards the base; None: all that one joint lies between
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so
+    home: tuple[float, ...] | None = None  # where the description says that it rests [rad or m], (J,)
 
     @property
     def joints(self) -> int:
