@@ -107,6 +107,8 @@ def constrained(
 ) -> Constraints:
     """A random arm among regions; an arm that never leaves one of them is no example."""
     try:
-        return Constraints(arm, regions, torque, clearance)
+        whole = Constraints(arm, regions, torque, clearance)
+        tight = dict.fromkeys(whole.owners[::2], clearance / 2)  # every other pair keeps half as much
+        return Constraints(arm, regions, torque, clearance, tight=tight) if clearance else whole
     except InfeasibleError:
         reject()

@@ -8,7 +8,7 @@ import torch
 from sidegan.errors import InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.validity import Box, Constraints, Plane
+from sidegan.validity import Box, Constraints, Plane, check
 from tests.chains import random_states
 
 from .critical import BALL, BENT, BOX, DESK, HULL, moderate
@@ -60,7 +60,14 @@ def test_links_with_less_room_keep_less_and_all_others_the_whole(arm: Arm, shape
     trajectory = Trajectory(7, 6, 16.0, BENT)
     c = 0.4 * moderate(arm, trajectory, 8, seed=1)
     assert_sound(clear, trajectory, c, exact=shape != "hulls")
-    assert "collision" in assert_bounded(clear, trajectory, c, half=0.05)
+    near = Constraints(one, clearance=FAR, tight=dict.fromkeys(plain.owners, 0.01))
+    assert "collision" in assert_bounded(near, trajectory, c, half=0.05)
+    c = moderate(arm, trajectory, 100, seed=2)
+    found = check(near, trajectory, c)
+    states = [trajectory.derivative(c, found.times["collision"], order).diagonal().T for order in range(3)]
+    own = near.margins(*states)["collision"].gather(1, found.elements["collision"][:, None])[:, 0]
+    looked = (own > 0) & (own < FAR)
+    assert looked.any() and (found.margins["collision"] <= own + 1e-6)[looked].all()
 
 
 def test_boxes_keep_the_clearance_and_a_little_more_at_their_edges(arm: Arm) -> None:

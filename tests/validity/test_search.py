@@ -138,6 +138,7 @@ def margins_within(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
         q = trajectory.derivative(c, times, 0)[0]
         asked = torch.cartesian_prod(torch.arange(len(q)), torch.nonzero(constraints.pieces.finer)[:, 0])
         inner, where = constraints.pieces.lower(q, asked), tuple(asked.T)
+        inner = inner + (constraints.apart - constraints.gaps)[where[1]]
         margins["collision"][where] = torch.maximum(margins["collision"][where], inner)
     return margins
 
