@@ -24,10 +24,11 @@ from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
+from sidegan.robot.setup import allowed
 from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
-from sidegan.validity.pairs import tell_displaced
-from sidegan.validity.placeholders import tell_placeholders
+from sidegan.validity.pairs import room_between, tell_displaced
+from sidegan.validity.placeholders import tell_placeholders, tell_weak
 
 log = logging.getLogger(__name__)
 
@@ -115,6 +116,9 @@ class Task:
         """Where the description tells suspiciously little or much."""
         arm, constraints = self.arm, self.constraints
         yield tell_placeholders(self.whole_arm)
+        if self.cfg.workspace.torque:
+            yield tell_weak(self.whole_arm)
+        yield self._touching()
         yield tell_displaced(arm)
         masses = tell_doubtful(arm)
         if masses and not arm.inertial_parameters.any():
@@ -126,6 +130,17 @@ class Task:
         yield masses
         if constraints.arm.capsules.points:
             yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
+
+    def _touching(self) -> str:
+        """Links that touch in most configurations; empty where there are none."""
+        touching = room_between(self.constraints.arm, 0.0).touching
+        said = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
+        if not said:
+            return ""
+        return (
+            f"links that touch in most configurations: {said}; correct their shapes, or, if nothing is "
+            f"wrong with their touching, {allowed(touching, self.arm.setup.may_touch)} leaves them unchecked"
+        )
 
     def _decisions(self) -> Iterator[str]:
         """Decisions made for the user, and what trajectories are checked for."""

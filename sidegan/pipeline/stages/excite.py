@@ -23,6 +23,7 @@ from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.rehearsal import rehearsed
 from sidegan.pipeline.stages.sending import Steps, next_steps, order_of
+from sidegan.pipeline.stages.worth import tell_worthless
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.sent import FOLDER
@@ -66,6 +67,8 @@ def _show(task: Task, tracker: Tracker) -> None:
         _view(task, family, run, (table, steps), tracker),
     ]
     publish(table, folder / SET, "; ".join(filter(None, caption)), tracker)
+    if doubt := tell_worthless(task, aim, chosen.coefficients, condition):
+        log.warning("%s", doubt)
     if cfg.controllers.rehearse:
         said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(task)}"
         publish(rehearsed(task, family, run.coefficients), folder / REHEARSAL, said, tracker)
