@@ -13,7 +13,7 @@ from hypothesis import reject
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.robot import Arm, Capsules
+from sidegan.robot import Arm, Capsules, Drives
 from sidegan.validity import Constraints
 from sidegan.validity.pairs import pairs_of
 from sidegan.validity.regions import Region
@@ -100,6 +100,13 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
         names=names,
         owners=names,
     )
+
+
+def driven(arm: Arm, seed: int = 0) -> Arm:
+    """An arm whose description states friction and rotors, of some joints none."""
+    random = np.random.default_rng(seed)
+    columns = torch.from_numpy(random.uniform(-1, [[4.0], [8.0], [0.5]], (3, arm.joints)).clip(0))
+    return replace(arm, drives=Drives(*columns))
 
 
 def constrained(

@@ -12,7 +12,7 @@ import pandas as pd
 import psutil
 from torch import Tensor
 
-from sidegan.base.names import folder_name, listed
+from sidegan.base.names import counted, folder_name, listed
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -153,9 +153,28 @@ class Task:
             why = "" if self.effort < 1 else ", since less would hardly hold the arm"
             share = f"{self.effort:.0%} of the velocity and torque limits{why}"
             yield f"effort: {share}; robot.effort=… says another"
+        yield self._friction()
         if cfg.workspace.clearance is None and not constraints.arm.capsules.points:
             yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance"
         yield f"checked: {constraints.described()}"
+
+    def _friction(self) -> str:
+        """What torque limits are checked with, where they are, of friction and rotors; empty otherwise."""
+        if not self.constraints.torque or not self.cfg.robot.friction:
+            return ""
+        if self.arm.drives is None:
+            free = (
+                f"the {1 - self.effort:.0%} of the torque limits that are kept free are"
+                if self.effort < 1
+                else ""
+            )
+            return f"the description states no friction{free and f': {free} for it'}"
+        each = vars(self.arm.drives).values()
+        viscous, dry, rotors = (int((x > 0).sum()) for x in each)
+        return (
+            f"torques count the description's damping of {viscous}, friction of {dry} and armature "
+            f"of {counted(rotors, 'joint')}; robot.friction=false leaves it out"
+        )
 
     def check(self, c: Tensor) -> Validity:
         """Whether short trajectories, (B, J, H, 2), are valid."""

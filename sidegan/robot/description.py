@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from sidegan.robot import xml
 from sidegan.robot.chain import choose
+from sidegan.robot.drives import Drives, described_drives
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
@@ -36,6 +37,7 @@ class Description:
     may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
     gravity: float  # [m/s²], which acts down
+    drives: Drives | None  # friction and rotors that are stated, unless these are not to count
 
 
 def read_description(
@@ -86,6 +88,7 @@ def read_description(
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
+        drives=described_drives(moving, where) if setup.friction else None,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
 

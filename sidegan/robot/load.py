@@ -72,6 +72,8 @@ def load_robot(
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
+    drives = description.drives
+    stated = {} if drives is None else vars(drives)
     shapes = pin_model.collision_shapes(model, description)
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
@@ -81,7 +83,7 @@ def load_robot(
     _warn_of_missing(description)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers, capsules, stamped),
+        digest=digest_of(numbers | stated, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -91,6 +93,7 @@ def load_robot(
         parents=description.parents,
         may_touch=description.may_touch,
         mount=description.mount,
+        drives=drives,
         **numbers,
     )
 

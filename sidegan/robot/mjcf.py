@@ -133,6 +133,13 @@ class _Writer:
         if element.get("type") == "floating":
             return
         ET.SubElement(element, "axis", xyz=words(model.jnt_axis[joint]))
+        dof = model.jnt_dofadr[joint]
+        stated = {
+            "damping": model.dof_damping[dof],
+            "friction": model.dof_frictionloss[dof],
+            "armature": model.dof_armature[dof],
+        }
+        ET.SubElement(element, "dynamics", {name: repr(float(np.ravel(x)[0])) for name, x in stated.items()})
         limit = ET.SubElement(element, "limit", velocity="0", effort=repr(self._efforts.get(joint, 0.0)))
         if model.jnt_limited[joint]:
             lower, upper = model.jnt_range[joint]

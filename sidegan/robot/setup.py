@@ -33,6 +33,7 @@ class Setup:
     mount: Mount | None = None
     limits: Limits = Limits()
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
+    friction: bool = True  # whether friction and rotors of the description count in torques
 
 
 PLAIN = Setup()
@@ -75,6 +76,8 @@ def _word(name: str, value: object) -> str:
     """A setting of the robot as a word on the command line."""
     if isinstance(value, Mapping):
         return override(name, value)
+    if isinstance(value, bool):
+        return f"robot.{name}={str(value).lower()}"
     if isinstance(value, list | tuple):
         return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
     return choice(name, str(value))

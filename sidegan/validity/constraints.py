@@ -135,7 +135,9 @@ class Constraints:
         for name, limit in self.higher.items():
             margins[name] = limit - states[HIGHER[name]].abs()
         if self.torque:
-            margins["torque"] = arm.torque_limit - self.body.torque(q, dq, ddq).abs()
+            drives = arm.known_drives  # whose dry friction may have either sign where a joint is slow
+            torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
+            margins["torque"] = arm.torque_limit - drives.coulomb - torque.abs()
         return margins | self._distances(q)
 
     def at_rest(self, q: Tensor) -> dict[str, Tensor]:
@@ -150,7 +152,9 @@ class Constraints:
             "position": (arm.position_upper - arm.position_lower) / 2,
             "velocity": arm.velocity_limit,
             **self.higher,
-            "torque": arm.torque_limit,
+            "torque": (arm.torque_limit - arm.known_drives.coulomb).clamp_min(
+                torch.finfo(torch.float64).tiny
+            ),
         }
         scales = {name: whole.get(name, x.new_tensor(distance)).to(x) for name, x in margins.items()}
         return {name: torch.where(x.isfinite(), margins[name] / x, 1.0) for name, x in scales.items()}

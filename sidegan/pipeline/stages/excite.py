@@ -160,14 +160,14 @@ def _view(
 def _energy(task: Task, family: Trajectory, run: Library) -> Tensor:
     """Mechanical work of the joints, whether they drive or brake [J], (N,)."""
     motion = family.roll_out(run.coefficients, family.times(task.cfg.controllers.rate))
-    power = (task.body.torque(*motion[1:]) * motion.velocity).abs().sum(2)
+    power = (task.body.drive_torque(*motion[1:]) * motion.velocity).abs().sum(2)
     return torch.trapezoid(power, motion.time, dim=1)
 
 
 def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     """Table of what each trajectory asks of the arm, as its files have it."""
     arm, times = task.whole_arm, family.times(task.cfg.controllers.rate)
-    torque = task.body.torque(*family.roll_out(run.coefficients, times)[1:])
+    torque = task.body.drive_torque(*family.roll_out(run.coefficients, times)[1:])
     q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
     nearest = task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
     known, slides = bool(arm.inertial_parameters.any()), arm.prismatic.tolist()
