@@ -146,9 +146,13 @@ class Task:
         """Decisions made for the user, and what trajectories are checked for."""
         arm, cfg, home, constraints = self.arm, self.cfg, self.home, self.constraints
         yield cfg.workspace.notes(arm)
-        if home is not None and cfg.trajectory.home is None:
-            place = ", ".join(f"{x:g}" for x in home)
-            yield f"zeros are no feasible home; home is {place}, or where trajectory.home=… says"
+        if cfg.trajectory.home is None and (home is not None or arm.home is not None):
+            place, own = ", ".join(f"{x:g}" for x in self.trajectory.home or ()), arm.home
+            if own is not None and list(own) == home:
+                why = "home is where the description has the arm rest:"
+            else:
+                why = f"{'zeros are' if own is None else 'its own is'} no feasible home; home is"
+            yield f"{why} {place}, or where trajectory.home=… says"
         if cfg.robot.effort is None:
             why = "" if self.effort < 1 else ", since less would hardly hold the arm"
             share = f"{self.effort:.0%} of the velocity and torque limits{why}"

@@ -166,7 +166,8 @@ class Workspace:
         """
         if described is not None:
             with suppress(InfeasibleError):
-                self.around(arm, described).refuse_home(described)
+                around = self.around(arm, described)
+                around.refuse_home(described)
                 return tuple(described)
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.points:

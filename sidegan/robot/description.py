@@ -14,6 +14,7 @@ from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of
+from sidegan.robot.postures import group_states, home_among
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
@@ -37,6 +38,7 @@ class Description:
     may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
     gravity: float  # [m/s²], which acts down
+    home: tuple[float, ...] | None  # where the joints that move rest by it [rad or m]
     drives: Drives | None  # friction and rotors that are stated, unless these are not to count
 
 
@@ -88,6 +90,7 @@ def read_description(
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
+        home=home_among(group_states(path, name) if source.postures is None else source.postures, [*moved]),
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )

@@ -94,6 +94,7 @@ def load_robot(
         may_touch=description.may_touch,
         mount=description.mount,
         drives=drives,
+        home=description.home,
         **numbers,
     )
 

@@ -42,7 +42,7 @@ def read_mjcf(path: Path) -> Source:
     writer = _Writer(model, path)
     text = ET.tostring(writer.root, encoding="utf-8")
     x, y, z = (float(one) for one in model.opt.gravity)
-    return Source(text, ET.fromstring(text), tuple(writer.notes()), (x, y, z))
+    return Source(text, ET.fromstring(text), tuple(writer.notes()), (x, y, z), writer.postures())
 
 
 class _Writer:
@@ -77,6 +77,17 @@ class _Writer:
         if model.dof_armature.any():
             notes.append("rotor inertias (armature) are not part of the rigid model")
         return notes
+
+    def postures(self) -> dict[str, dict[str, float]]:
+        """Positions of joints that turn or slide [rad or m] in each keyframe, by name."""
+        model = self.model
+        movable = [j for j in range(model.njnt) if _KINDS[int(model.jnt_type[j])] != "floating"]
+        return {
+            self.name("key", k): {
+                self.name("joint", j): float(model.key_qpos[k, model.jnt_qposadr[j]]) for j in movable
+            }
+            for k in range(model.nkey)
+        }
 
     def _inertia(self, link: ET.Element, body: int) -> None:
         model = self.model

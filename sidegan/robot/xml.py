@@ -1,7 +1,7 @@
 """XML read with care: no document types, and no number that is not one."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import SupportsFloat
@@ -21,6 +21,9 @@ class Source:
     root: ET.Element
     notes: tuple[str, ...] = ()  # what could not be carried over
     gravity: tuple[float, float, float] | None = None  # in the first link's frame [m/s²], where it is stated
+    postures: Mapping[str, Mapping[str, float]] | None = (
+        None  # positions of joints, by name, where it has any
+    )
 
 
 def parse(text: bytes, path: Path) -> ET.Element:
