@@ -23,7 +23,14 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
-from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
+from sidegan.robot import (
+    Arm,
+    doubtful_links,
+    load_robot,
+    tell_doubtful,
+    tell_placeholder_links,
+    with_effort,
+)
 from sidegan.robot.setup import allowed
 from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
@@ -36,6 +43,7 @@ LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "histor
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
 _homes: dict[tuple[str, str], tuple[float, ...] | None] = {}  # found before, by arm and workspace
+_SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
 
 
@@ -111,6 +119,8 @@ class Task:
                 log.warning("%s", text)
             for text in filter(None, self._decisions()):
                 log.info("%s", text)
+        elif placeholders := tell_placeholder_links(self.whole_arm):
+            log.warning("%s: they are no prior and no reference", placeholders)
 
     def _doubts(self) -> Iterator[str]:
         """Where the description tells suspiciously little or much."""
@@ -128,6 +138,11 @@ class Task:
             moved = listed(arm.joint_names[: last + 1])
             masses += f"; torques of {moved} may be far from what is checked and told"
         yield masses
+        if placeholders := tell_placeholder_links(arm):
+            yield (
+                f"{placeholders}: torques, their limits, energies and what a set leaves uncertain mean nothing "
+                "until a model is identified; goal.objective=condition needs no masses"
+            )
         if constraints.arm.capsules.points:
             yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
 
@@ -186,8 +201,9 @@ class Task:
 
     @property
     def problem(self) -> Problem:
-        """The optimisation of short trajectories with the usual samples."""
-        return Problem(self.constraints, self.trajectory)
+        """The optimisation of short trajectories with the usual samples, or as many as see all harmonics."""
+        samples = max(_SAMPLES, 2 * self.trajectory.harmonics + 1)
+        return Problem(self.constraints, self.trajectory, samples)
 
     @property
     def body(self) -> RigidBody:

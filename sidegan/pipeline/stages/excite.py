@@ -28,7 +28,7 @@ from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.sent import FOLDER
 from sidegan.report.export import publish
-from sidegan.robot import require_consistent
+from sidegan.robot import placeholder_links, require_consistent
 from sidegan.validity import check
 from sidegan.validity.home import refuse_degrees
 
@@ -170,7 +170,8 @@ def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     torque = task.body.drive_torque(*family.roll_out(run.coefficients, times)[1:])
     q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
     nearest = task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
-    known, slides = bool(arm.inertial_parameters.any()), arm.prismatic.tolist()
+    known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
+    slides = arm.prismatic.tolist()
     limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
     columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in run.fitness.tolist()]}
     for name, (order, per) in _RATES.items():
