@@ -102,10 +102,10 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
     )
 
 
-def driven(arm: Arm, seed: int = 0) -> Arm:
+def driven(arm: Arm, seed: int = 0, scale: float = 1.0) -> Arm:
     """An arm whose description states friction and rotors, of some joints none."""
     random = np.random.default_rng(seed)
-    columns = torch.from_numpy(random.uniform(-1, [[4.0], [8.0], [0.5]], (3, arm.joints)).clip(0))
+    columns = scale * torch.from_numpy(random.uniform(-1, [[4.0], [8.0], [0.5]], (3, arm.joints)).clip(0))
     return replace(arm, drives=Drives(*columns))
 
 

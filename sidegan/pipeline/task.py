@@ -35,14 +35,14 @@ from sidegan.robot.setup import allowed
 from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
 from sidegan.validity.pairs import room_between, tell_displaced
-from sidegan.validity.placeholders import tell_placeholders, tell_weak
+from sidegan.validity.placeholders import tell_friction, tell_placeholders, tell_weak
 
 log = logging.getLogger(__name__)
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
-_homes: dict[tuple[str, str], tuple[float, ...] | None] = {}  # found before, by arm and workspace
+_homes: dict[tuple[str, ...], tuple[float, ...] | None] = {}  # found before, by arm and workspace
 _SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
 
@@ -86,7 +86,7 @@ class Task:
         """Home position [rad or m], (J,): as configured, as described, or found; None for zeros."""
         if self.cfg.trajectory.home is not None:
             return self.cfg.trajectory.home
-        key = (self.arm.digest, repr(self.cfg.workspace))
+        key = (self.arm.digest, repr(self.arm.home), repr(self.cfg.workspace))
         if key not in _homes:
             _homes[key] = self.cfg.workspace.home_of(self.arm, self.arm.home)
         found = _homes[key]
@@ -128,6 +128,7 @@ class Task:
         yield tell_placeholders(self.whole_arm)
         if self.cfg.workspace.torque:
             yield tell_weak(self.whole_arm)
+            yield tell_friction(self.whole_arm)
         yield self._touching()
         yield tell_displaced(arm)
         masses = tell_doubtful(arm)
@@ -140,8 +141,8 @@ class Task:
         yield masses
         if placeholders := tell_placeholder_links(arm):
             yield (
-                f"{placeholders}: torques, their limits, energies and what a set leaves uncertain mean nothing "
-                "until a model is identified; goal.objective=condition needs no masses"
+                f"{placeholders}: torques, their limits, energies and what a set leaves uncertain mean "
+                "nothing until a model is identified; goal.objective=condition needs no masses"
             )
         if constraints.arm.capsules.points:
             yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"

@@ -100,7 +100,7 @@ def _masses(arm: Arm) -> tuple[Tensor, Tensor]:
 
 
 def placeholder_links(arm: Arm) -> list[str]:
-    """Links of one mass and one inertia, centred in their joints, where these are most: nobody measured that."""
+    """Links of one mass and one inertia, centred in their joints, if these are most: nobody measured that."""
     return [name for name, marked in zip(arm.link_names, _placeholders(arm).tolist()) if marked]
 
 

@@ -64,6 +64,18 @@ def tell_weak(arm: Arm) -> str:
     )
 
 
+def tell_friction(arm: Arm) -> str:
+    """Joints whose friction alone takes more than their torque limits where they are fastest."""
+    drives = arm.known_drives
+    beyond = drives.viscous * arm.velocity_limit + drives.coulomb > arm.torque_limit
+    if not beyond.any():
+        return ""
+    return (
+        f"at its velocity limit the friction of {arm.named(beyond)} takes more than its torque limit; if it "
+        "is a placeholder, robot.friction=false leaves it out"
+    )
+
+
 def enough_effort(arm: Arm) -> Tensor:
     """Torques [N·m or N], (J,), that an arm may have: twice what holding it takes at most, or more."""
     held = _held(arm).amax(0)

@@ -148,7 +148,9 @@ def margins_within(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
 def test_no_margin_falls_further_in_a_cell_than_its_bound(arm: Arm, joints, shape, half) -> None:
     one = shaped(arm if joints == 7 else random_chain(joints, 0)[0], shape, 0)
     one = replace(
-        driven(one), acceleration_limit=8.0 * one.velocity_limit, jerk_limit=60.0 * one.velocity_limit
+        driven(one, scale=100.0),
+        acceleration_limit=8.0 * one.velocity_limit,
+        jerk_limit=60.0 * one.velocity_limit,
     )
     constraints = Constraints(one, [Plane((0.2, -0.1, 1.0), -0.6), *REGIONS["round"]])
     trajectory = Trajectory(joints, 5, 3.0, ((one.position_lower + one.position_upper) / 2).tolist())
