@@ -163,7 +163,10 @@ def test_what_violates_a_constraint_however_small_is_told(planar, monkeypatch):
     monkeypatch.setattr(
         "sidegan.design.search.check", lambda _, trajectory, c: check(Constraints(still), trajectory, c)
     )
-    with pytest.raises(InfeasibleError, match=r"proven in 60 evaluations: velocity of .* at .* s: margin -.*'robot.limits.velocity={"):
+    with pytest.raises(
+        InfeasibleError,
+        match=r"proven in 60 evaluations: velocity of .* at .* s: margin -.*'robot.limits.velocity={",
+    ):
         searched(problem)
 
 

@@ -5,14 +5,19 @@ import re
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+import pandas as pd
+import pinocchio as pin
 import pytest
 import torch
 
 from sidegan.design import search as searching
 from sidegan.design.search import Condition, design_set, search
+from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages.worth import tell_worthless
 from sidegan.robot import inconsistent_links, placeholder_links, possible_links
 from sidegan.validity.remedies import remedy
+from tests.oracle import chain_model
 from tests.robot.arms import task_of
 from tests.robot.test_cases import LIMIT, arm_of, inertial, rod
 from tests.robot.urdf import ball
@@ -24,6 +29,7 @@ PIN, RING = inertial() + ball(0.06, "0.1 0 0.3"), inertial() + rod() + ball(0.05
 TOUCHING = arm_of({1: PIN, 3: RING})
 WEAK = arm_of(limit=LIMIT.replace('effort="50"', 'effort="8"'))
 STICKY = arm_of(limit=LIMIT + '<dynamics damping="20" friction="15"/>')
+FRICTION = arm_of(limit=LIMIT + '<dynamics damping="6" friction="5"/>')
 ALIKE = arm_of(dict.fromkeys(range(4), inertial(place="0 0 0") + rod()))
 STATE = '<group_state name="{}" group="arm">{}</group_state>'
 KEY = '<key name="{}" qpos="0.3 0.6 -1.2 0.2"/>'
@@ -126,6 +132,20 @@ def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypa
     monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5}))
     assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 1
     assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
+
+
+def test_torques_that_are_told_hold_friction_and_keep_the_limits(excited, tmp_path):
+    """By Pinocchio, damping times the velocity and friction by its sign."""
+    task = excited(FRICTION, "goal.count=2", "controllers.rate=500")
+    run_stages(task.cfg, tmp_path / "run", "excite")
+    model, told = chain_model(task.whole_arm), pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"]
+    data, shares = model.createData(), []
+    for k in (1, 2):
+        frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
+        q, dq, ddq = (frame.filter(regex=rf"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
+        rigid = np.stack([pin.rnea(model, data, *state) for state in zip(q, dq, ddq)])
+        shares.append((np.abs(rigid + 6 * dq + 5 * np.sign(dq)) / 50).max())
+    assert max(shares) <= 0.8 and [f"{x:.0%}" for x in shares] == [x.split(",")[0] for x in told]
 
 
 def postures(*names, value=0.3):
