@@ -13,7 +13,7 @@ from hypothesis import reject
 from torch import Tensor
 
 from sidegan.errors import InfeasibleError
-from sidegan.robot import Arm, Capsules
+from sidegan.robot import Arm, Capsules, Drives
 from sidegan.validity import Constraints
 from sidegan.validity.pairs import pairs_of
 from sidegan.validity.regions import Region
@@ -102,11 +102,20 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
     )
 
 
+def driven(arm: Arm, seed: int = 0, scale: float = 1.0) -> Arm:
+    """An arm whose description states friction and rotors, of some joints none."""
+    random = np.random.default_rng(seed)
+    columns = scale * torch.from_numpy(random.uniform(-1, [[4.0], [8.0], [0.5]], (3, arm.joints)).clip(0))
+    return replace(arm, drives=Drives(*columns))
+
+
 def constrained(
     arm: Arm, regions: Sequence[Region], torque: bool = True, clearance: float = 0.0
 ) -> Constraints:
     """A random arm among regions; an arm that never leaves one of them is no example."""
     try:
-        return Constraints(arm, regions, torque, clearance)
+        whole = Constraints(arm, regions, torque, clearance)
+        tight = dict.fromkeys(whole.owners[::2], clearance / 2)  # every other pair keeps half as much
+        return Constraints(arm, regions, torque, clearance, tight=tight) if clearance else whole
     except InfeasibleError:
         reject()

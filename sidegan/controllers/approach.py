@@ -81,14 +81,17 @@ def _for_torque(body: RigidBody, ends: Tensor, use: float) -> Tensor:
     Raises:
         InfeasibleError: when holding the arm leaves nothing to move it, whatever the duration.
     """
-    limit = body.arm.torque_limit
+    arm, drives = body.arm, body.arm.known_drives
+    friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the speed that may be used
+    limit = (arm.torque_limit - friction).clamp_min(torch.finfo(torch.float64).tiny)
 
     def share(times: Tensor) -> Tensor:
-        unit = _quintic(body.arm, ends, 1.0, times)
+        unit = _quintic(arm, ends, 1.0, times)
         still = torch.zeros_like(unit.position)
         held = body.torque(unit.position, still, still)
-        _refuse_heavy(body.arm, held.abs() / limit)
+        _refuse_heavy(arm, held.abs() / limit)
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
+        moving = moving + drives.rotor_inertia * unit.acceleration
         return moving.abs() / torch.minimum(use * limit, limit - held * moving.sign())
 
     count = max(_TIMES, math.ceil(float((ends[1] - ends[0]).abs().sum()) / _STEP))

@@ -25,6 +25,10 @@ from sidegan.validity.constraints import NAMES
 
 Array = np.ndarray
 
+_LEAST = (
+    1e-3  # share of a torque limit that counts where dry friction leaves nothing: an optimiser divides by it
+)
+
 
 class Objective:
     """Goal and penalty of single trajectories; not for several threads at once.
@@ -46,11 +50,13 @@ class Objective:
         matrix: Tensor | None = None,
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
-        arm, compiled = constraints.arm, Compiled(goal, body)
+        arm, drives, compiled = constraints.arm, constraints.arm.known_drives, Compiled(goal, body)
         joints, harmonics, _ = trajectory.shape
         lower, upper = array(arm.position_lower), array(arm.position_upper)
         middle, room = (upper + lower) / 2, (upper - lower) / 2
-        torque = array(arm.torque_limit) if constraints.torque else np.full(joints, np.inf)
+        most = arm.torque_limit - drives.coulomb
+        torque = array(torch.maximum(most, _LEAST * arm.torque_limit))
+        torque = torque if constraints.torque else np.full(joints, np.inf)
         parameters = array(arm.inertial_parameters.reshape(1, 1, -1))
         higher = array(constraints.higher_rows).reshape(-1, joints)
         if matrix is None:
@@ -71,7 +77,11 @@ class Objective:
             matrix=array(matrix),
             basis=basis(self.samples, 3),
             fine=basis(self.finer, 2 + len(higher)),
-            limits=Limits(0.0, 0.0, 0.0, 0.0, middle, room, array(arm.velocity_limit), torque, parameters),
+            limits=Limits(
+                *(0.0, 0.0, 0.0, 0.0),
+                *(middle, room, array(arm.velocity_limit), torque, parameters),
+                *(array(drives.viscous), array(drives.rotor_inertia)),
+            ),
             higher=higher,
             close=0.0,
             reach=0.0,

@@ -3,9 +3,11 @@
 Example, the best one that is proven within 50 ms: ``search(problem, Goal(), settings, deadline=0.05)``.
 """
 
+import logging
 import math
 import time
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -25,6 +27,7 @@ from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Validity, check
+from sidegan.validity.remedies import remedy
 
 _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: at first the search moves freely
 _ROUGH_SHARE = 0.7  # of the evaluations
@@ -38,7 +41,10 @@ _SHARES = (1.0, 0.99, 0.975, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3, 0.15, 0.05, 0.02)  
 _SLIGHTLY = 0.9  # such a share, where there is a proven trajectory already
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
 _PROOF = 4e-3  # [s] that is left for a proof before a deadline
+_AGAIN, _WHOLE = 3, 0.5  # searches for a trajectory, and the share of its size that must be left
 _SAMPLES = 80  # at which the information of a trajectory of a set is taken
+
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -47,6 +53,7 @@ class Found:
 
     coefficients: Tensor  # (J, H, 2) [rad/s]
     value: float  # of the goal
+    share: float = 1.0  # of the size that the search gave it, which is left
 
 
 class Descent:
@@ -155,10 +162,13 @@ def search(
     if best is None and failed is not None:
         shrunk, valid, verdict = proven(problem, failed, _SHARES[-1])
         if valid:
-            best = Found(shrunk[0], searching.value(shrunk[0]))
+            share = float(shrunk.norm() / failed.norm())
+            best = Found(shrunk[0], searching.value(shrunk[0]), share)
     if best is None:
-        faults = "; ".join(map(str, verdict.failures(0))) if verdict else "there was no time"
-        raise InfeasibleError(f"no trajectory was proven in {done} evaluations: {faults}")
+        faults = verdict.failures(0) if verdict else []
+        said = "; ".join(map(str, faults)) or "there was no time"
+        helps = [remedy(problem.constraints, (one.constraint, one.where)) for one in faults[:1]]
+        raise InfeasibleError("; ".join([f"no trajectory was proven in {done} evaluations: {said}", *helps]))
     return best
 
 
@@ -189,14 +199,26 @@ class Condition:
 
 
 def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Tensor:
-    """A set of so many proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
+    """A set of proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
+
+    What a search leaves is searched again where it had to become much smaller to be valid; if none is better,
+    and others are, it is left out, so that there are fewer.
 
     Raises:
         InfeasibleError: when no trajectory is proven.
     """
-    found = []
+    found: list[Found] = []
     for index in range(count):
-        c = search(problem, goal.next(), settings, seed + index).coefficients
-        goal.take(problem.trajectory, c)
-        found.append(c)
-    return torch.stack(found)
+        tried: list[Found] = []
+        for again in range(_AGAIN):
+            with suppress(InfeasibleError) if found or tried else nullcontext():
+                tried.append(search(problem, goal.next(), settings, seed + index + again * count))
+                if tried[-1].share >= _WHOLE:
+                    break
+        if tried:
+            found.append(max(tried, key=lambda one: one.share))
+            goal.take(problem.trajectory, found[-1].coefficients)
+    whole = [one for one in found if one.share >= _WHOLE] or found
+    if len(whole) < count:
+        _log.warning("%d of %d trajectories came to nothing and are left out", count - len(whole), count)
+    return torch.stack([one.coefficients for one in whole])

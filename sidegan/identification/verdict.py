@@ -14,7 +14,7 @@ from torch import Tensor
 from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.score import Score, shown
-from sidegan.robot import Arm
+from sidegan.robot import Arm, placeholder_links
 
 
 class Finding(NamedTuple):
@@ -89,8 +89,8 @@ class Trust:
 
     @property
     def described(self) -> bool:
-        """Whether the description's own links predict as well as the model."""
-        return self.mean(self.judged) >= self.mean(self.nominal_score)
+        """Whether the description's own links, if no placeholders, predict as well as the model."""
+        return not placeholder_links(self.arm) and self.mean(self.judged) >= self.mean(self.nominal_score)
 
     @property
     def faulty(self) -> bool:

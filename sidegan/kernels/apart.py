@@ -106,8 +106,8 @@ def _pairs(
             if gap[n] < far * far:
                 a, b = load(one, A, n), load(one, B, n)
                 distance, a, b = near_segment(a, b, load(two, A, n), load(two, B, n))
-                short = reach - distance + shapes.core[i] + shapes.core[k]
-                least = min(least, distance - (shapes.core[i] + shapes.core[k]))
+                left = distance - (shapes.core[i] + shapes.core[k]) + shapes.closer[p]
+                short, least = reach - left, min(least, left)
                 if weight > 0 and short > 0:
                     total += weight * short * short
                     if distance > TOUCHING:  # where the axes cross there is no direction

@@ -89,10 +89,10 @@ def ordered(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
 
 @inline
 def near_pair(shapes: Shapes, ends: Array, p: int) -> tuple[float, Vector, Vector]:
-    """Distance [m] of a pair's capsules, and the nearest points of their axes."""
+    """Distance [m] of a pair's capsules that counts, and the nearest points of their axes."""
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     distance, one, two = near_segment(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
-    return distance - (shapes.radius[i] + shapes.radius[k]), one, two
+    return distance - (shapes.radius[i] + shapes.radius[k]) + shapes.closer[p], one, two
 
 
 @inline
@@ -114,7 +114,7 @@ def _transposed(m: Matrix) -> Matrix:
 
 @kernel
 def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -> float:
-    """Lower bound of the distance [m] of what is inside of a pair's capsules, see ``gjk.apart``.
+    """Lower bound of the distance [m] of what is inside of a pair's capsules that counts: ``gjk.apart``.
 
     The search begins with a known direction from the second to the first, in the first one's frame, unless
     that is zero.
@@ -128,7 +128,8 @@ def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -
     start = known
     if dot(known, known) == 0.0:
         start = to_child(own, direction(shapes, at.ends, p))
-    return apart(bodies.hulls, (i, k), turn, place, start, need, at.search)
+    closer = shapes.closer[p]
+    return apart(bodies.hulls, (i, k), turn, place, start, need - closer, at.search) + closer
 
 
 @kernel

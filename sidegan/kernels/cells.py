@@ -35,7 +35,9 @@ class Model(NamedTuple):
     lower: Array  # position limits, (J,)
     upper: Array  # position limits, (J,)
     speed: Array  # velocity limits, (J,)
-    torque: Array  # torque limits, (J,); infinite where nothing is limited
+    torque: Array  # torque limits less dry friction, (J,); infinite where nothing is limited
+    viscous: Array  # friction [N·m·s/rad or N·s/m], (J,)
+    rotor: Array  # inertia of rotors behind the gears [kg·m² or kg], (J,)
     higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
     pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
     piece_reach: Array  # how far it moves what is inside of them, (P, J)
@@ -104,7 +106,7 @@ def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
 
 @inline
 def torques(model: Model, work: Work) -> None:
-    """Inverse dynamics [N·m] by the recursive Newton-Euler algorithm."""
+    """Inverse dynamics [N·m] by the recursive Newton-Euler algorithm, with rotors and viscous friction."""
     chain, at, still = model.bodies.chain, work.at, (0.0, 0.0, 0.0)
     joints, g = len(model.home), chain.gravity
     motion = still, still, (-g[0], -g[1], -g[2])
@@ -118,7 +120,8 @@ def torques(model: Model, work: Work) -> None:
     f, n = still, still
     for i in range(joints - 1, -1, -1):
         f, n = add(f, row(work.wrench[0], i)), add(n, row(work.wrench[1], i))
-        work.torque[0, i] = dot(row(chain.axis, i), f if chain.prismatic[i] else n)
+        own = model.viscous[i] * work.state[1, i] + model.rotor[i] * work.state[2, i]
+        work.torque[0, i] = dot(row(chain.axis, i), f if chain.prismatic[i] else n) + own
         f, n = carried(matrix(at.own, i), row(at.shift, i), (f, n))
 
 
@@ -141,7 +144,8 @@ def torque_rates(model: Model, work: Work) -> None:
         j, r = joint(chain, i), matrix(at.own, i)
         f, n = add(f, row(work.wrench[0], i)), add(n, row(work.wrench[1], i))
         df, dn = add(df, row(work.wrench[2], i)), add(dn, row(work.wrench[3], i))
-        work.torque[1, i] = dot(j.axis, df if chain.prismatic[i] else dn)
+        own = model.viscous[i] * work.state[2, i] + model.rotor[i] * work.state[3, i]
+        work.torque[1, i] = dot(j.axis, df if chain.prismatic[i] else dn) + own
         shifts = row(at.shift, i), times(work.state[1, i], j.slide)
         spin = times((1.0 - j.slides) * work.state[1, i], j.axis)
         df, dn = carried_rate(spin, r, shifts, (f, n), (df, dn))
@@ -166,5 +170,7 @@ def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Ar
         own = motion[2, i], motion[3, i], motions.jerk[n, i], motions.drifts[0, n, i]
         f = add(f, (sums[0, i], sums[1, i], sums[2, i]))
         m = add(m, (sums[3, i], sums[4, i], sums[5, i]))
-        bent[0, i], bent[1, i] = (f[1], f[2]) if slides[i] else (m[1], m[2])
+        viscous, rotor = model.viscous[i], model.rotor[i]
+        bent[0, i] = (f[1] if slides[i] else m[1]) + viscous * own[1] + rotor * own[2]
+        bent[1, i] = (f[2] if slides[i] else m[2]) + viscous * own[2] + rotor * own[3]
         f, m = carried_bounds(slides[i], own, travel[i], (f, m))

@@ -31,6 +31,7 @@ class Shapes(NamedTuple):
     core: Array  # radius that optimisers keep apart [m], (C,)
     size: Array  # a little more than the radius of the ball around it [m], (C,)
     pairs: Array  # capsules that are kept apart, (P, 2) int
+    closer: Array  # how much nearer than their radii say these may come [m], (P,)
     guarded: Array  # region and capsule, (K, 2) int
     # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one
     # around a convex body [m]; last where the planes of a box or a body begin and end, (R, 8)

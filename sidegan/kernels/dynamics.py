@@ -67,8 +67,10 @@ class Limits(NamedTuple):
     middle: Array  # of the positions [rad or m], (J,)
     room: Array  # to both sides of it [rad or m], (J,)
     speed: Array  # largest [rad/s or m/s], (J,)
-    torque: Array  # largest [N·m or N], (J,); infinite where it does not matter
+    torque: Array  # largest less dry friction [N·m or N], (J,); infinite where it does not matter
     parameters: Array  # that torques follow from, (1, 1, 10 J)
+    viscous: Array  # friction [N·m·s/rad or N·s/m], (J,)
+    rotor: Array  # inertia of rotors behind the gears [kg·m² or kg], (J,)
 
 
 class Room(NamedTuple):
@@ -353,12 +355,17 @@ def beyond(x: float, limit: float, reserve: float) -> float:
 
 @kernel_in_any_order
 def keep(limits: Limits, work: Room, lanes: int) -> float:
-    """Cost of the torques of a block, whose slopes take their place."""
+    """Cost of the torques of a block, whose slopes take their place; friction and rotors add theirs."""
     total = 0.0
     for i in range(len(limits.torque)):
-        torque, most = work.torque[i], limits.torque[i]
+        torque, most, viscous, rotor = work.torque[i], limits.torque[i], limits.viscous[i], limits.rotor[i]
+        state, adjoint = work.state[i], work.adjoints[i + 1]
         for n in range(min(lanes, LANES)):
-            tau = beyond(torque[n], most, limits.torque_reserve)
-            torque[n] = 2.0 * limits.torque_weight / most * tau
+            own = viscous * state[DQ * LANES + n] + rotor * state[DDQ * LANES + n]
+            tau = beyond(torque[n] + own, most, limits.torque_reserve)
+            slope = 2.0 * limits.torque_weight / most * tau
+            torque[n] = slope
+            adjoint[SDQ * LANES + n] += viscous * slope
+            adjoint[SDDQ * LANES + n] += rotor * slope
             total += tau * tau
     return limits.torque_weight * total

@@ -114,4 +114,4 @@ def least_gap(
         towards = less(times(-1.0, normal), times(time, turned))
         least = min(least, time * rate - _height(bodies, at, k, towards, inside))
     radius = bodies.hulls.radius if inside else bodies.shapes.radius
-    return least - _height(bodies, at, i, normal, inside) - (radius[i] + radius[k])
+    return least - _height(bodies, at, i, normal, inside) - (radius[i] + radius[k]) + bodies.shapes.closer[p]

@@ -265,6 +265,10 @@ def _limits(plan: Plan, numbers: Array, work: Room) -> None:
         limited |= math.isfinite(limits.torque[j])
     if limited:
         dynamics.torques(plan.chain, work.states, limits.parameters, work.slope[:1], work.lanes)
+        for j in range(len(plan.home)):
+            for n in range(len(torque[j])):
+                own = limits.viscous[j] * work.states[DQ, 0, j, n]
+                torque[j, n] += own + limits.rotor[j] * work.states[DDQ, 0, j, n]
     if len(plan.higher) > 0:
         for j in range(len(plan.home)):
             clear(work.line[j])

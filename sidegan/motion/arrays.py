@@ -26,12 +26,22 @@ def chain_of(arm: Arm) -> Chain:
     return Chain(*map(array, tensors))
 
 
-def shapes_of(capsules: Capsules, pairs: Tensor, guarded: Tensor, regions: tuple[Tensor, ...]) -> Shapes:
-    """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4)."""
+def shapes_of(
+    capsules: Capsules,
+    pairs: Tensor,
+    guarded: Tensor,
+    regions: tuple[Tensor, ...],
+    closer: Tensor | None = None,
+) -> Shapes:
+    """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4).
+
+    Pairs (P, 2) may come so much closer, (P,) [m]; None: not at all.
+    """
     ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
     size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
     bodies = capsules.link + 1, ends, radius, capsules.core, size
-    return Shapes(*map(array, (*bodies, pairs, guarded, *regions)))
+    allowed = ends.new_zeros(len(pairs)) if closer is None else closer
+    return Shapes(*map(array, (*bodies, pairs, allowed, guarded, *regions)))
 
 
 def array(x: Tensor) -> Array:

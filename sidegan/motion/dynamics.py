@@ -76,6 +76,10 @@ class RigidBody:
         flat = [x.reshape(-1, self.joints) for x in self._checked(q, dq, ddq)]
         return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
 
+    def drive_torque(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+        """Torque of the drives [N·m], (…, J): ``torque``, and what is known of their friction and rotors."""
+        return self.torque(q, dq, ddq) + self.arm.known_drives.torque(dq, ddq)
+
     def sums(self, q: Tensor, dq: Tensor, ddq: Tensor, torque: Tensor) -> Tensor:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 

@@ -12,7 +12,7 @@ import pandas as pd
 import psutil
 from torch import Tensor
 
-from sidegan.base.names import folder_name, listed
+from sidegan.base.names import counted, folder_name, listed
 from sidegan.base.storage import read_json
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -23,18 +23,27 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
-from sidegan.robot import Arm, doubtful_links, load_robot, tell_doubtful, with_effort
-from sidegan.validity import Constraints, Validity, check, default_home, usual_effort
+from sidegan.robot import (
+    Arm,
+    doubtful_links,
+    load_robot,
+    tell_doubtful,
+    tell_placeholder_links,
+    with_effort,
+)
+from sidegan.robot.setup import allowed
+from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
-from sidegan.validity.pairs import tell_displaced
-from sidegan.validity.placeholders import tell_placeholders
+from sidegan.validity.pairs import room_between, tell_displaced
+from sidegan.validity.placeholders import tell_friction, tell_placeholders, tell_weak
 
 log = logging.getLogger(__name__)
 
 LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
-_homes: dict[tuple[str, str], tuple[float, ...] | None] = {}  # found before, by arm and workspace
+_homes: dict[tuple[str, ...], tuple[float, ...] | None] = {}  # found before, by arm and workspace
+_SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
 
 
@@ -74,12 +83,12 @@ class Task:
 
     @cached_property
     def home(self) -> list[float] | None:
-        """Home position [rad or m], (J,): as configured, or where the arm can rest; None for zeros."""
+        """Home position [rad or m], (J,): as configured, as described, or found; None for zeros."""
         if self.cfg.trajectory.home is not None:
             return self.cfg.trajectory.home
-        key = (self.arm.digest, repr(self.cfg.workspace))
+        key = (self.arm.digest, repr(self.arm.home), repr(self.cfg.workspace))
         if key not in _homes:
-            _homes[key] = default_home(self._workspace)
+            _homes[key] = self.cfg.workspace.home_of(self.arm, self.arm.home)
         found = _homes[key]
         return None if found is None else list(found)
 
@@ -92,7 +101,7 @@ class Task:
     @cached_property
     def _workspace(self) -> Constraints:
         """The arm in its workspace."""
-        return self.cfg.workspace.around(self.arm, self.cfg.trajectory.home)
+        return self.cfg.workspace.around(self.arm, self.home or [0.0] * self.arm.joints)
 
     @cached_property
     def constraints(self) -> Constraints:
@@ -110,11 +119,17 @@ class Task:
                 log.warning("%s", text)
             for text in filter(None, self._decisions()):
                 log.info("%s", text)
+        elif placeholders := tell_placeholder_links(self.whole_arm):
+            log.warning("%s: they are no prior and no reference", placeholders)
 
     def _doubts(self) -> Iterator[str]:
         """Where the description tells suspiciously little or much."""
         arm, constraints = self.arm, self.constraints
         yield tell_placeholders(self.whole_arm)
+        if self.cfg.workspace.torque:
+            yield tell_weak(self.whole_arm)
+            yield tell_friction(self.whole_arm)
+        yield self._touching()
         yield tell_displaced(arm)
         masses = tell_doubtful(arm)
         if masses and not arm.inertial_parameters.any():
@@ -124,23 +139,62 @@ class Task:
             moved = listed(arm.joint_names[: last + 1])
             masses += f"; torques of {moved} may be far from what is checked and told"
         yield masses
+        if placeholders := tell_placeholder_links(arm):
+            yield (
+                f"{placeholders}: torques, their limits, energies and what a set leaves uncertain mean "
+                "nothing until a model is identified; goal.objective=condition needs no masses"
+            )
         if constraints.arm.capsules.points:
             yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
+
+    def _touching(self) -> str:
+        """Links that touch in most configurations; empty where there are none."""
+        touching = room_between(self.constraints.arm, 0.0).touching
+        said = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
+        if not said:
+            return ""
+        return (
+            f"links that touch in most configurations: {said}; correct their shapes, or, if nothing is "
+            f"wrong with their touching, {allowed(touching, self.arm.setup.may_touch)} leaves them unchecked"
+        )
 
     def _decisions(self) -> Iterator[str]:
         """Decisions made for the user, and what trajectories are checked for."""
         arm, cfg, home, constraints = self.arm, self.cfg, self.home, self.constraints
         yield cfg.workspace.notes(arm)
-        if home is not None and cfg.trajectory.home is None:
-            place = ", ".join(f"{x:g}" for x in home)
-            yield f"zeros are no feasible home; home is {place}, or where trajectory.home=… says"
+        if cfg.trajectory.home is None and (home is not None or arm.home is not None):
+            place, own = ", ".join(f"{x:g}" for x in self.trajectory.home or ()), arm.home
+            if own is not None and list(own) == home:
+                why = "home is where the description has the arm rest:"
+            else:
+                why = f"{'zeros are' if own is None else 'its own is'} no feasible home; home is"
+            yield f"{why} {place}, or where trajectory.home=… says"
         if cfg.robot.effort is None:
             why = "" if self.effort < 1 else ", since less would hardly hold the arm"
             share = f"{self.effort:.0%} of the velocity and torque limits{why}"
             yield f"effort: {share}; robot.effort=… says another"
+        yield self._friction()
         if cfg.workspace.clearance is None and not constraints.arm.capsules.points:
             yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance"
         yield f"checked: {constraints.described()}"
+
+    def _friction(self) -> str:
+        """What torque limits are checked with, where they are, of friction and rotors; empty otherwise."""
+        if not self.constraints.torque or not self.cfg.robot.friction:
+            return ""
+        if self.arm.drives is None:
+            free = (
+                f"the {1 - self.effort:.0%} of the torque limits that are kept free are"
+                if self.effort < 1
+                else ""
+            )
+            return f"the description states no friction{free and f': {free} for it'}"
+        each = vars(self.arm.drives).values()
+        viscous, dry, rotors = (int((x > 0).sum()) for x in each)
+        return (
+            f"torques count the description's damping of {viscous}, friction of {dry} and armature "
+            f"of {counted(rotors, 'joint')}; robot.friction=false leaves it out"
+        )
 
     def check(self, c: Tensor) -> Validity:
         """Whether short trajectories, (B, J, H, 2), are valid."""
@@ -148,8 +202,9 @@ class Task:
 
     @property
     def problem(self) -> Problem:
-        """The optimisation of short trajectories with the usual samples."""
-        return Problem(self.constraints, self.trajectory)
+        """The optimisation of short trajectories with the usual samples, or as many as see all harmonics."""
+        samples = max(_SAMPLES, 2 * self.trajectory.harmonics + 1)
+        return Problem(self.constraints, self.trajectory, samples)
 
     @property
     def body(self) -> RigidBody:

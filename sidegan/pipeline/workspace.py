@@ -1,6 +1,7 @@
 """Surroundings of the arm, as configured: regions, and what the arm stands on."""
 
 import logging
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from sidegan import validity
 from sidegan.base.names import counted
@@ -21,6 +23,8 @@ from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
+from sidegan.validity.home import default_home
+from sidegan.validity.pairs import Links, room_between
 
 Point = tuple[Number, Number, Number]
 
@@ -30,8 +34,10 @@ _CONVEX = 0.9  # share of its hull's volume that a mesh fills at least, or a war
 _UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
 _DROPPED = "workspace=free drops it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
-# [m] kept from regions and between links where nobody says how much: the first that arm and home have
-_USUALLY = ((0.02, 0.02), (0.02, 0.01), (0.02, 0.005), (0.02, 0.0), (0.01, 0.0), (0.005, 0.0))
+_USUALLY = (0.02, 0.01, 0.005, 0.0)  # [m] kept clear where nobody says how much: the first that leaves room
+_KEPT = 2 / 3  # share of the distance that is there, that is kept at most: the rest is room to move
+_BESIDE = 1 / _KEPT - 1  # that room beside a distance that is kept, as a share of it
+_STEPS = 1e3  # per metre: what is kept is so many whole ones
 
 
 @dataclass(frozen=True)
@@ -140,7 +146,7 @@ class Workspace:
         return [region.shape for region in self.given(arm)]
 
     def around(self, arm: Arm, home: Sequence[float] | None = None) -> Constraints:
-        """An arm in this workspace; a clearance that nobody stated leaves room for its home [rad or m], (J,).
+        """An arm in this workspace; an unstated clearance leaves room to move, at home (J,) [rad or m] too.
 
         Raises:
             ConfigError: when a file cannot be read, or has shapes that are none.
@@ -149,13 +155,50 @@ class Workspace:
         shapes, arm = self.shapes(arm), with_points(arm)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
-        for clearance, apart in () if arm.capsules.points else _USUALLY:  # between points nothing is known
+        if arm.capsules.points:  # between points nothing is known
+            return Constraints(arm, shapes, self.torque)
+        tight = self._tight(arm, home)
+        for clearance in _USUALLY:
             with suppress(InfeasibleError):
-                found = Constraints(arm, shapes, self.torque, clearance, apart)
-                if home is not None:
-                    found.refuse_home(home)
-                return found
-        return Constraints(arm, shapes, self.torque)
+                found = Constraints(arm, shapes, self.torque, clearance, _USUALLY[0], tight)
+                if home is None or found.keeps_out(home, _BESIDE):
+                    return found
+        return Constraints(arm, shapes, self.torque, 0.0, _USUALLY[0], tight)
+
+    def home_of(self, arm: Arm, described: Sequence[float] | None = None) -> tuple[float, ...] | None:
+        """The described home [rad or m], (J,), or one that is found and leaves room to move; None for zeros.
+
+        Raises:
+            ConfigError: when a file cannot be read, or has shapes that are none.
+            InfeasibleError: when links cannot be kept apart, or out of a region, or there is no home.
+        """
+        if described is not None:
+            with suppress(InfeasibleError):
+                around = self.around(arm, described)
+                around.refuse_home(described)
+                return tuple(described)
+        around = self.around(arm)
+        if self.clearance is not None or around.arm.capsules.points:
+            return default_home(around)
+        return self._roomy_home(around)
+
+    def _roomy_home(self, around: Constraints) -> tuple[float, ...] | None:
+        """A home with as much room as there is anywhere, by the arm with its usual distances."""
+        for most in _USUALLY[:-1]:
+            with suppress(InfeasibleError):
+                clearance = min(most, around.clearance)
+                kept = Constraints(around.arm, around.regions, self.torque, clearance, most, around.tight)
+                return default_home(kept, _BESIDE)
+        return default_home(Constraints(around.arm, around.regions, self.torque))
+
+    @staticmethod
+    def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
+        """Distances [m] that links keep which have no room for the usual one."""
+        room = dict(room_between(arm, _USUALLY[0] / _KEPT).usual)
+        if home is not None and len(home) == arm.joints:
+            there = Constraints(arm).distances_at(torch.tensor(list(home), dtype=torch.float64))
+            room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
+        return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values by which artifacts for an arm are known."""

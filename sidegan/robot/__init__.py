@@ -5,10 +5,12 @@ from sidegan.robot.consistency import (
     about_the_centre,
     doubtful_links,
     inconsistent_links,
+    placeholder_links,
     possible_links,
     pseudo_inertia,
     require_consistent,
     tell_doubtful,
+    tell_placeholder_links,
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
@@ -29,10 +31,12 @@ __all__ = [
     "inconsistent_links",
     "is_built_in",
     "load_robot",
+    "placeholder_links",
     "possible_links",
     "pseudo_inertia",
     "require_consistent",
     "tell_doubtful",
+    "tell_placeholder_links",
     "with_effort",
     "words",
     "write_mjcf",

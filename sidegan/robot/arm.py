@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
 HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
@@ -83,11 +84,18 @@ class Arm:
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so
     planes: tuple[FilePlane, ...] = ()  # of the description, such as its floor, in the world
+    home: tuple[float, ...] | None = None  # where the description says that it rests [rad or m], (J,)
+    drives: Drives | None = None  # friction and rotors that it states, which torque limits are to hold
 
     @property
     def joints(self) -> int:
         """Number of joints J."""
         return len(self.joint_names)
+
+    @property
+    def known_drives(self) -> Drives:
+        """Friction and rotors that are known; none where the description states none."""
+        return self.drives or Drives.none(self.joints)
 
     @property
     def higher_limits(self) -> dict[str, Tensor]:

@@ -12,6 +12,11 @@ _ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the t
 # gyration along an axis of a plain link, of the nearest to one that is too thin, and of what is too thin.
 _FARTHEST, _PLAIN, _THIN, _TOO_THIN = 10.0, 1 / 6, 1 / 30, 1 / 300
 _DENSITY = 50.0  # [kg/m³] of a plain link in the cube of that distance: water, a quarter as thick as long
+_CENTRED, _ALIKE = (
+    1e-3,
+    1e-6,
+)  # share of that distance between a joint and a mass in it; of numbers that are equal
+_FEWEST = 3  # links that are alike by no chance
 _NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass
 
 
@@ -55,7 +60,7 @@ def doubtful_links(arm: Arm) -> dict[str, str]:
     They are not physically consistent, weigh next to nothing, or have their mass far from any link.
     """
     mass, place = _masses(arm)
-    each = zip(arm.link_names, mass.tolist(), place.tolist(), _known(arm))
+    each = zip(arm.link_names, mass.tolist(), place.tolist(), _located(arm))
     found = {name: f"{m:.3g} kg at {x:.3g} m from its joint" for name, m, x, known in each if not known}
     return found | dict(inconsistent_links(arm))
 
@@ -94,8 +99,37 @@ def _masses(arm: Arm) -> tuple[Tensor, Tensor]:
     return mass, arm.inertial_parameters[:, 1:4].norm(dim=1) / mass
 
 
+def placeholder_links(arm: Arm) -> list[str]:
+    """Links of one mass and one inertia, centred in their joints, if these are most: nobody measured that."""
+    return [name for name, marked in zip(arm.link_names, _placeholders(arm).tolist()) if marked]
+
+
+def tell_placeholder_links(arm: Arm) -> str:
+    """Which links of an arm are placeholders; empty where none are."""
+    alike = "equal masses, equal inertias, centres in the joints"
+    links = placeholder_links(arm)
+    return f"masses of {listed(links)} are placeholders ({alike})" if links else ""
+
+
+def _placeholders(arm: Arm) -> Tensor:
+    """Which links are placeholders, (J,) bool."""
+    links = arm.inertial_parameters
+    heavy = links[:, 0] > 0
+    centred = heavy & (links[:, 1:4].norm(dim=1) <= _CENTRED * _length(arm) * links[:, 0])
+    alike = torch.isclose(links[:, None], links[None], rtol=_ALIKE, atol=0.0)[..., [0, 4, 6, 9]].all(2)
+    alike = alike & centred & centred[:, None]
+    most = alike[alike.sum(1).argmax()]
+    enough = int(most.sum()) >= max(_FEWEST, int(heavy.sum()) // 2 + 1)
+    return most if enough else torch.zeros_like(heavy)
+
+
 def _known(arm: Arm) -> Tensor:
     """Whether a link's mass is known, and where it is, (J,) bool."""
+    return _located(arm) & ~_placeholders(arm)
+
+
+def _located(arm: Arm) -> Tensor:
+    """Whether a link's mass can be, and is where it can be, (J,) bool."""
     mass, place = _masses(arm)
     heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
     return heavy & (place < _FARTHEST * _length(arm)) & arm.inertial_parameters.isfinite().all(1)

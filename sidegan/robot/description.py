@@ -10,10 +10,12 @@ from typing import TypeVar
 from sidegan.robot import xml
 from sidegan.robot.arm import FilePlane
 from sidegan.robot.chain import choose
+from sidegan.robot.drives import Drives, described_drives
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
+from sidegan.robot.postures import group_states, home_among
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.standing import tell
@@ -38,6 +40,8 @@ class Description:
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
     planes: tuple[FilePlane, ...]  # in that world
     gravity: float  # [m/s²], which acts down
+    home: tuple[float, ...] | None  # where the joints that move rest by it [rad or m]
+    drives: Drives | None  # friction and rotors that are stated, unless these are not to count
 
 
 def read_description(
@@ -90,6 +94,8 @@ def read_description(
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
+        home=home_among(group_states(path, name) if source.postures is None else source.postures, [*moved]),
+        drives=described_drives(moving, where) if setup.friction else None,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
 

@@ -1,11 +1,19 @@
 """Friction and rotor of a joint, beside the links that it moves."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from sidegan.errors import ShapeError
+from sidegan.robot import xml
+
+if TYPE_CHECKING:
+    from sidegan.robot.tree import Joint
+
+_STATED = "damping", "friction", "armature"  # attributes of <dynamics>; the last stands for an MJCF's
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +29,29 @@ class Drives:
         if len(shapes) != 1 or self.viscous.ndim != 1:
             raise ShapeError(f"friction and rotors are {sorted(shapes)}, expected one number per joint each")
 
+    def smooth(self, dq: Tensor, ddq: Tensor) -> Tensor:
+        """What rotors and viscous friction take [N·m or N], at velocities and accelerations, (…, J) each."""
+        return self.viscous * dq + self.rotor_inertia * ddq
+
+    def torque(self, dq: Tensor, ddq: Tensor) -> Tensor:
+        """What rotors and all friction take [N·m or N], at velocities and accelerations, (…, J) each."""
+        return self.smooth(dq, ddq) + self.coulomb * dq.sign()
+
     @classmethod
     def none(cls, joints: int) -> "Drives":
         """No friction and no rotors."""
         return cls(*(torch.zeros(joints, dtype=torch.float64) for _ in range(3)))
+
+
+def described_drives(moving: Sequence["Joint"], where: str) -> Drives | None:
+    """Friction and rotors that a description states of the joints that move; None where it states none."""
+    rows = []
+    for joint in moving:
+        element = joint.element.find("dynamics")
+        values = [
+            0.0 if element is None else xml.number(element, key, f"{where}: joint {joint.name!r}", "0")
+            for key in _STATED
+        ]
+        rows.append([max(value, 0.0) for value in values])
+    columns = torch.tensor(rows, dtype=torch.float64).T
+    return Drives(*columns) if columns.any() else None

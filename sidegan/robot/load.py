@@ -73,6 +73,8 @@ def load_robot(
     chain = pin_model.kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
+    drives = description.drives
+    stated = {} if drives is None else vars(drives)
     shapes, refused = pin_model.collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
@@ -83,7 +85,7 @@ def load_robot(
     _warn_of_refused(description, refused)
     return Arm(
         name=description.name,
-        digest=digest_of(numbers, capsules, stamped),
+        digest=digest_of(numbers | stated, capsules, stamped),
         joint_names=names,
         link_names=tuple(description.moved[name] for name in names),
         capsules=capsules,
@@ -94,6 +96,8 @@ def load_robot(
         may_touch=description.may_touch,
         mount=description.mount,
         planes=description.planes,
+        drives=drives,
+        home=description.home,
         **numbers,
     )
 

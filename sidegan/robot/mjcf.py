@@ -53,6 +53,7 @@ def read_mjcf(path: Path) -> Source:
         missing=missing,
         planes=tuple(writer.planes),
         gravity=tuple(map(float, model.opt.gravity)),
+        postures=writer.postures(),
     )
 
 
@@ -114,6 +115,17 @@ class _Writer:
             notes.append(f"gravity of {names} is compensated (gravcomp): torques of actuators do not hold it")
         return notes
 
+    def postures(self) -> dict[str, dict[str, float]]:
+        """Positions of joints that turn or slide [rad or m] in each keyframe, by name."""
+        model = self.model
+        movable = [j for j in range(model.njnt) if _KINDS[int(model.jnt_type[j])] != "floating"]
+        return {
+            self.name("key", k): {
+                self.name("joint", j): float(model.key_qpos[k, model.jnt_qposadr[j]]) for j in movable
+            }
+            for k in range(model.nkey)
+        }
+
     def _inertia(self, link: ET.Element, body: int) -> None:
         model = self.model
         if not model.body_mass[body]:
@@ -169,6 +181,13 @@ class _Writer:
         if element.get("type") == "floating":
             return
         ET.SubElement(element, "axis", xyz=words(model.jnt_axis[joint]))
+        dof = model.jnt_dofadr[joint]
+        stated = {
+            "damping": model.dof_damping[dof],
+            "friction": model.dof_frictionloss[dof],
+            "armature": model.dof_armature[dof],
+        }
+        ET.SubElement(element, "dynamics", {name: repr(float(np.ravel(x)[0])) for name, x in stated.items()})
         limit = ET.SubElement(element, "limit", velocity="0", effort=repr(self._efforts.get(joint, 0.0)))
         if model.jnt_limited[joint]:
             lower, upper = model.jnt_range[joint]

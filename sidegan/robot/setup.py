@@ -43,6 +43,7 @@ class Setup:
     mount: Mount | None = None
     limits: Limits = Limits()
     may_touch: list[tuple[str, str]] | None = None  # links that are not kept apart
+    friction: bool = True  # whether friction and rotors of the description count in torques
 
 
 PLAIN = Setup()
@@ -85,6 +86,8 @@ def _word(name: str, value: object) -> str:
     """A setting of the robot as a word on the command line."""
     if isinstance(value, Mapping):
         return override(name, value)
+    if isinstance(value, bool):
+        return f"robot.{name}={str(value).lower()}"
     if isinstance(value, int | float):
         return f"robot.{name}={_plain(value)}"
     if isinstance(value, list | tuple):

@@ -1,6 +1,6 @@
 """Every constraint of an arm in its workspace, as signed margins of single states."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import torch
@@ -13,7 +13,7 @@ from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity.capsules import clearances, thicker
-from sidegan.validity.pairs import SAMPLES, Pairs, pairs_of, sampled, too_large, usual_gaps
+from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Plane, Region, tables
 
@@ -39,10 +39,13 @@ class Constraints:
             At the edges of boxes a little more is kept. Links that never have it from a plane (those above
             the foot of the arm) merely keep out of that, as ``kept_clear`` tells.
         apart: how far links stay from each other [m]; the clearance when None.
+        tight: how far some pairs of links do that have less room [m].
 
     Attributes:
         higher: limits of acceleration and jerk, (J,), where the robot states any.
         pairs: checked capsule pairs, (P, 2).
+        owners: the links that they are of.
+        gaps: how far they stay from each other [m], (P,).
         pieces: distances of what is inside of these capsules.
         of_links: which links are kept apart and which are not.
         guarded: region and capsule index of each keep-out check, (K, 2).
@@ -61,9 +64,11 @@ class Constraints:
         torque: bool = True,
         clearance: float = 0.0,
         apart: float | None = None,
+        tight: Mapping[Links, float] | None = None,
     ) -> None:
         self.arm, self.clearance = arm, clearance
         self.apart = clearance if apart is None else apart
+        self.tight = {links: gap for links, gap in (tight or {}).items() if gap < self.apart}
         self._thick = thicker(arm, self.apart)
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
@@ -78,6 +83,10 @@ class Constraints:
         self.higher = arm.higher_limits
         self.of_links = self._pairs()
         self.pairs = self.of_links.checked
+        owners = arm.capsules.owners
+        self.owners = [links_of(owners[i], owners[j]) for i, j in self.pairs.tolist()]
+        gaps = [self.tight.get(links, self.apart) for links in self.owners]
+        self.gaps = torch.tensor(gaps, dtype=torch.float64)
         self.never_out: tuple[str, ...] = ()
         self.guarded = self._find_guarded()
         self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
@@ -86,8 +95,7 @@ class Constraints:
         if self.torque:
             self.labels["torque"] = arm.joint_names
         if len(self.pairs):
-            names = arm.capsules.names
-            self.labels["collision"] = tuple(f"{names[i]} – {names[j]}" for i, j in self.pairs.tolist())
+            self.labels["collision"] = tuple(" – ".join(links) for links in self.owners)
         if len(self.guarded):
             self.labels["keep_out"] = self._guarded_names(self.guarded)
 
@@ -127,7 +135,9 @@ class Constraints:
         for name, limit in self.higher.items():
             margins[name] = limit - states[HIGHER[name]].abs()
         if self.torque:
-            margins["torque"] = arm.torque_limit - self.body.torque(q, dq, ddq).abs()
+            drives = arm.known_drives  # whose dry friction may have either sign where a joint is slow
+            torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
+            margins["torque"] = arm.torque_limit - drives.coulomb - torque.abs()
         return margins | self._distances(q)
 
     def at_rest(self, q: Tensor) -> dict[str, Tensor]:
@@ -142,7 +152,9 @@ class Constraints:
             "position": (arm.position_upper - arm.position_lower) / 2,
             "velocity": arm.velocity_limit,
             **self.higher,
-            "torque": arm.torque_limit,
+            "torque": (arm.torque_limit - arm.known_drives.coulomb).clamp_min(
+                torch.finfo(torch.float64).tiny
+            ),
         }
         scales = {name: whole.get(name, x.new_tensor(distance)).to(x) for name, x in margins.items()}
         return {name: torch.where(x.isfinite(), margins[name] / x, 1.0) for name, x in scales.items()}
@@ -152,7 +164,8 @@ class Constraints:
         collision, keep_out = clearances(self.body.chain, self.shapes, q)
         near = torch.nonzero((collision < _FAR) & self.pieces.finer)
         n, p = near.unbind(1)
-        collision[n, p] = torch.maximum(collision[n, p], self.pieces.lower(q, near))
+        inside = self.pieces.lower(q, near) + (self.apart - self.gaps)[p]
+        collision[n, p] = torch.maximum(collision[n, p], inside)
         found = zip(DISTANCES, (collision, keep_out))
         return {name: margin for name, margin in found if name in self.labels}
 
@@ -167,7 +180,8 @@ class Constraints:
         return self._shapes_of(self.pairs, self.guarded)
 
     def _shapes_of(self, pairs: Tensor, guarded: Tensor) -> Shapes:
-        return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out))
+        closer = self.apart - self.gaps if len(pairs) else None
+        return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer)
 
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
@@ -195,8 +209,13 @@ class Constraints:
     def kept_clear(self) -> str:
         """The distances that are kept, for people."""
         links = f" from regions and {self.apart:g} m between links" if self.apart != self.clearance else ""
-        near = self.guarded[self.guarded[:, 0] >= len(self.regions)]
-        return f"{self.clearance:g} m{links}" + _except(self._guarded_names(near), "never so far")
+        near = self.guarded[~self._whole]
+        less = [f"{' – '.join(pair)} {gap:g} m" for pair, gap in self.tight.items() if pair in self.owners]
+        return (
+            f"{self.clearance:g} m{links}"
+            + _except(self._guarded_names(near), "never so far")
+            + _except(less, "less room")
+        )
 
     def nearest(self, q: Tensor) -> tuple[Tensor, Tensor]:
         """Smallest distance [m], (N,), of links from each other and from regions, and whose, at (N, J).
@@ -208,13 +227,34 @@ class Constraints:
         far = q.new_full((len(q), 1), torch.inf)
         if self.arm.capsules.points:
             return far[:, 0], torch.zeros(len(q), dtype=torch.long)
-        full = self.guarded[:, 0] < len(self.regions)
-        kept = {
-            "collision": torch.tensor(self.apart, dtype=torch.float64),
-            "keep_out": torch.where(full, self.clearance, torch.inf).double(),
-        }
+        kept = self.kept | {"keep_out": torch.where(self._whole, self.kept["keep_out"], torch.inf)}
         near = [margin + kept[name] for name, margin in self.at_rest(q).items() if name in kept]
         return torch.cat([*near, far], 1).min(1)
+
+    @property
+    def _whole(self) -> Tensor:
+        """Which guarded capsules keep the whole clearance, (K,) bool."""
+        return self.guarded[:, 0] < len(self.regions)
+
+    @property
+    def kept(self) -> dict[str, Tensor]:
+        """Distances [m] that pairs, (P,), and guarded capsules, (K,), keep."""
+        return {"collision": self.gaps, "keep_out": self.clearance * self._whole.double()}
+
+    def keeps_out(self, home: Sequence[float], beside: float) -> bool:
+        """Whether at home (J,) [rad or m] a share of each distance from regions is left beside it."""
+        left = self._distances(torch.tensor([list(home)], dtype=torch.float64)).get(
+            "keep_out", torch.zeros(1, 0)
+        )
+        return bool((left >= beside * self.kept["keep_out"]).all())
+
+    def distances_at(self, q: Tensor) -> dict[Links, float]:
+        """Distances [m] of links that are kept apart, at one position (J,)."""
+        found: dict[Links, float] = {}
+        left = self._distances(q[None]).get("collision", q.new_zeros(1, 0))[0] + self.gaps
+        for links, distance in zip(self.owners, left.tolist()):
+            found[links] = min(found.get(links, distance), distance)
+        return found
 
     def refuse_home(self, home: Sequence[float]) -> None:
         """Refuse a home position where the arm cannot rest.
@@ -263,7 +303,7 @@ class Constraints:
     def _pairs(self) -> Pairs:
         """The pairs that are kept apart, by the clearance."""
         try:
-            return pairs_of(self._thick)
+            return pairs_of(self._thick, frozenset(self.tight))
         except InfeasibleError:
             pairs_of(self.arm)  # links that touch without any clearance are refused with what helps
             near = usual_gaps(self._thick)
@@ -271,10 +311,10 @@ class Constraints:
             raise too_large(self.apart, names, min(near.values(), default=-torch.inf)) from None
 
     def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
-        names = self.arm.capsules.names
+        names = self.arm.capsules.owners
         return tuple(f"{names[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
 
 
 def _except(names: Sequence[str], why: str) -> str:
     """The first of some names, and why they are excepted."""
-    return f" ({why}: {listed(list(names), _SHOWN)})" if names else ""
+    return f" ({why}: {listed(list(dict.fromkeys(names)), _SHOWN)})" if names else ""

@@ -27,20 +27,20 @@ REMEDIES = {
 }
 
 
-def default_home(constraints: Constraints) -> tuple[float, ...] | None:
+def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, ...] | None:
     """A position where the arm can rest [rad or m], (J,); None where zeros are one.
 
     At a limit there is no room to move: such a position is none.
 
-    The one with most room among the first feasible ones around the middle of the ranges; the same on every
-    call.
+    The one with most room among the first feasible ones around the middle of the ranges that leave a share
+    of each distance that is kept beside it; the same on every call.
 
     Raises:
         InfeasibleError: when none was found.
     """
     arm = constraints.arm
     zeros = torch.zeros(1, arm.joints, dtype=torch.float64)
-    if bool(_least(_rooms(constraints, zeros))[0] > 0):
+    if bool(_roomy(constraints, _rooms(constraints, zeros), beside)[0]):
         return None
     middle = (arm.position_lower + arm.position_upper) / 2
     half = (arm.position_upper - arm.position_lower) / 2
@@ -50,9 +50,8 @@ def default_home(constraints: Constraints) -> tuple[float, ...] | None:
         q = middle + share * half * draw
         q = (1e3 * q).round() / 1e3  # figures that people can read and repeat
         tried.append(_rooms(constraints, q))
-        room = _least(tried[-1])
-        if bool((room > 0).any()):
-            return tuple(q[room.argmax()].tolist())
+        if bool((good := _roomy(constraints, tried[-1], beside)).any()):
+            return tuple(q[(_least(tried[-1]) * good).argmax()].tolist())
     rooms = {name: torch.cat([one[name] for one in tried]) for name in tried[0]}
     raise InfeasibleError(_nowhere(constraints, rooms))
 
@@ -117,6 +116,13 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
 def _rooms(constraints: Constraints, q: Tensor) -> dict[str, Tensor]:
     """Relative margins, (N, K), by constraint, of arms at rest at positions (N, J)."""
     return constraints.relative(constraints.at_rest(q), _ROOM)
+
+
+def _roomy(constraints: Constraints, rooms: dict[str, Tensor], beside: float) -> Tensor:
+    """Which positions are feasible with a share of each distance that is kept beside it, (N,) bool."""
+    kept = constraints.kept
+    near = [(rooms[name] * _ROOM >= beside * kept[name]).all(1) for name in kept if name in rooms]
+    return torch.stack([_least(rooms) > 0, *near]).all(0)
 
 
 def _least(rooms: dict[str, Tensor]) -> Tensor:

@@ -22,6 +22,7 @@ _INSIDE = 1_000  # of them that what is inside of capsules is tried in
 _FEW = 3  # pairs that may all touch always: a short arm has no others
 _SHOWN, _NEAR = 6, 4  # pairs of links that messages name
 _STEPS = 1e4  # per metre: clearances that are offered are so many whole ones
+_OFTEN = 2 / 3  # share of the configurations from which on links touch in most
 _SPARE = 0.1  # share of the distance that is there, that these stay below
 
 Links = tuple[str, str]
@@ -51,20 +52,24 @@ class Pairs:
 
 
 @lru_cache(maxsize=16)
-def pairs_of(arm: Arm) -> Pairs:
+def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     """The pairs of an arm's capsules that are kept apart.
+
+    Args:
+        arm: the arm, thicker by the clearance.
+        tight: links that keep less and may touch therefore.
 
     Raises:
         InfeasibleError: when links touch in every random configuration that nobody named, with the setting
             that names them.
     """
     touching = _Touching(arm)
-    _refuse(arm, touching)
+    _refuse(arm, touching, tight)
     kept = torch.tensor([k for links in touching.open for k in touching.rows[links]], dtype=torch.long)
     kept = kept.sort().values
     kept = kept[~never_touching(arm, touching.pairs[kept])]
     owners = arm.capsules.owners
-    left = {_sorted(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
+    left = {links_of(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
     return Pairs(
         checked=touching.pairs[kept],
         links=len(left),
@@ -84,11 +89,11 @@ def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
 def tell_displaced(arm: Arm) -> str:
     """Which neighbours have shapes that never come near each other; empty where all do."""
     link, owners = arm.capsules.link, arm.capsules.owners
-    parents, gaps = {_sorted(*pair) for pair in arm.parents or ()}, dict[Links, float]()
+    parents, gaps = {links_of(*pair) for pair in arm.parents or ()}, dict[Links, float]()
     pairs = torch.combinations(torch.arange(len(link)))
     least = capsule_distances(arm, sampled(arm, _TRIED), pairs).amin(0)
     for (i, j), gap in zip(pairs.tolist(), least.tolist()):
-        links = _sorted(owners[i], owners[j])
+        links = links_of(owners[i], owners[j])
         if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
             gaps[links] = min(gaps.get(links, math.inf), gap)
     most = _FAR * float(arm.translation[1:].norm(dim=1).sum() + arm.tip.norm())
@@ -112,6 +117,28 @@ def usual_gaps(arm: Arm) -> dict[Links, float]:
     }
 
 
+@dataclass(frozen=True)
+class RoomBetween:
+    """Links that are kept apart and have little room, by random configurations."""
+
+    usual: dict[Links, float]  # distances [m] that half of those exceed in which they do not touch
+    touching: dict[Links, float]  # shares in which they touch, where these are most
+
+
+@lru_cache(maxsize=16)
+def room_between(arm: Arm, need: float) -> RoomBetween:
+    """Room of those links that usually have less than they need [m]."""
+    touching, found = _Touching(arm), RoomBetween({}, {})
+    for links in touching.open:
+        distance = touching.nearest(links, need)
+        free = distance[distance > 0]
+        if len(free) and float(free.median()) < need:
+            found.usual[links] = float(free.median())
+        if (share := 1 - len(free) / len(distance)) > _OFTEN:
+            found.touching[links] = share
+    return found
+
+
 def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
     """Refusal of a clearance that some never have.
 
@@ -128,7 +155,8 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     )
 
 
-def _sorted(one: str, other: str) -> Links:
+def links_of(one: str, other: str) -> Links:
+    """Two links, in the order in which they are listed."""
     return (one, other) if one <= other else (other, one)
 
 
@@ -151,9 +179,9 @@ class _Touching:
         self.pairs, apart = pairs[apart > 0], apart[apart > 0]
         self.rows: dict[Links, list[int]] = {}
         for k, (i, j) in enumerate(self.pairs.tolist()):
-            self.rows.setdefault(_sorted(owners[i], owners[j]), []).append(k)
-        parents = None if arm.parents is None else {_sorted(*pair) for pair in arm.parents}
-        said = {_sorted(one, other): why for one, other, why in arm.may_touch}
+            self.rows.setdefault(links_of(owners[i], owners[j]), []).append(k)
+        parents = None if arm.parents is None else {links_of(*pair) for pair in arm.parents}
+        said = {links_of(one, other): why for one, other, why in arm.may_touch}
         beside = [links for links, rows in self.rows.items() if apart[rows[0]] == 1]
         self.near = [links for links in beside if parents is None or links in parents]
         rest = [links for links in self.rows if links not in set(self.near)]
@@ -167,12 +195,13 @@ class _Touching:
 
         Below zero where they touch, and minus infinity where hulls overlap.
         """
-        rows, nearest = torch.arange(_INSIDE), torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
+        nearest = torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
         for k in self.rows[links]:
-            found = self.capsules[k, :_INSIDE]
+            found = self.capsules[k, :_INSIDE].clone()
             if self.inside.finer[k]:
+                rows = torch.nonzero(found < torch.clamp(nearest, max=need))[:, 0]
                 asked = torch.stack([rows, torch.full_like(rows, k)], 1)
-                found = torch.maximum(found, self.inside.lower(self.q, asked, need))
+                found[rows] = torch.maximum(found[rows], self.inside.lower(self.q, asked, need))
             nearest = torch.minimum(nearest, found)
         return nearest
 
@@ -187,9 +216,9 @@ class _Touching:
         return self.share(links) == 1.0
 
 
-def _refuse(arm: Arm, touching: _Touching) -> None:
-    """Refuse links that always touch and that nobody named."""
-    stuck = [pair for pair in touching.open if touching.always(pair)]
+def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
+    """Refuse links that always touch, that nobody named and that are to keep the whole clearance."""
+    stuck = [pair for pair in touching.open if pair not in tight and touching.always(pair)]
     if not stuck:
         return
     if len(stuck) == len(touching.open) > _FEW:

@@ -1,6 +1,7 @@
 """Placeholders in a description: limits that no arm has."""
 
 import math
+from functools import lru_cache
 
 import torch
 from torch import Tensor
@@ -18,12 +19,13 @@ _STRONGEST = 1e5  # [N·m, N] that joints of arms stay below
 _SPARE = 20.0  # times what holding the arm takes at most, that its weakest joint has not
 _WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] that the weakest joint may have; and where nothing has a mass
 _TRIED = 500  # configurations in which the arm is held
+_MOSTLY = 0.95  # share of them, from which on limits hold it
 
 
 def tell_placeholders(arm: Arm) -> str:
     """Limits of an arm that no arm has, and the words that state others; empty where there are none."""
-    held, units = _held(arm), [("m", "N") if slides else ("rad", "N·m") for slides in arm.prismatic.tolist()]
-    enough = (2 * held).clamp_min(0.4 * float(held.max())).clamp_min(1.0)
+    held, enough = _held(arm).amax(0), enough_effort(arm)
+    units = [("m", "N") if slides else ("rad", "N·m") for slides in arm.prismatic.tolist()]
     span = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
     speed = torch.where(arm.prismatic, _FASTEST_SLIDE, _FASTEST)
     kinds = {
@@ -47,11 +49,45 @@ def tell_placeholders(arm: Arm) -> str:
     return f"limits that no arm has: {'; '.join(said)}; state the arm's own, for example {' '.join(settings)}"
 
 
+def tell_weak(arm: Arm) -> str:
+    """Joints whose torque limits hold the arm in a part of its range alone, and words that state others."""
+    share = (_held(arm) <= arm.torque_limit).double().mean(0)
+    weak = (share < _MOSTLY).nonzero()[:, 0].tolist()
+    if not weak:
+        return ""
+    names, enough = arm.joint_names, enough_effort(arm)
+    said = [f"{names[j]} (effort {float(arm.torque_limit[j]):.4g}) in {float(share[j]):.0%}" for j in weak]
+    examples = {names[j]: float(f"{float(enough[j]):.2g}") for j in weak}
+    return (
+        f"limits that do not hold the arm still in all of its range: {listed(said)}; if they are not its "
+        f"own, state these, for example {override('limits.effort', examples, arm.setup.limits.effort)}"
+    )
+
+
+def tell_friction(arm: Arm) -> str:
+    """Joints whose friction alone takes more than their torque limits where they are fastest."""
+    drives = arm.known_drives
+    beyond = drives.viscous * arm.velocity_limit + drives.coulomb > arm.torque_limit
+    if not beyond.any():
+        return ""
+    return (
+        f"at its velocity limit the friction of {arm.named(beyond)} takes more than its torque limit; if it "
+        "is a placeholder, robot.friction=false leaves it out"
+    )
+
+
+def enough_effort(arm: Arm) -> Tensor:
+    """Torques [N·m or N], (J,), that an arm may have: twice what holding it takes at most, or more."""
+    held = _held(arm).amax(0)
+    return (2 * held).clamp_min(0.4 * float(held.max())).clamp_min(1.0)
+
+
+@lru_cache(maxsize=16)
 def _held(arm: Arm) -> Tensor:
-    """The most that holding the arm takes of each joint [N·m or N], (J,)."""
+    """What holding the arm takes of each joint [N·m or N], (N, J), in random configurations."""
     q = sampled(arm, _TRIED)
     still = torch.zeros_like(q)
-    return RigidBody(arm).torque(q, still, still).abs().amax(0)
+    return RigidBody(arm).torque(q, still, still).abs()
 
 
 def _far(arm: Arm, span: Tensor) -> Tensor:

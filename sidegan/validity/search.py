@@ -103,7 +103,8 @@ def _cuts(which: Tensor) -> list[int]:
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
     arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
-    limit, parameters = arm.torque_limit, arm.inertial_parameters
+    drives, parameters = arm.known_drives, arm.inertial_parameters
+    limit = arm.torque_limit - drives.coulomb
     tensors = {
         "parameters": parameters.flatten(),
         "home": torch.zeros_like(limit),
@@ -111,6 +112,8 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "upper": arm.position_upper,
         "speed": arm.velocity_limit,
         "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
+        "viscous": drives.viscous,
+        "rotor": drives.rotor_inertia,
         "higher": constraints.higher_rows,
         "pair_reach": reaches.pairs,
         "piece_reach": reaches.pieces,

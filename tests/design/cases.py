@@ -6,6 +6,7 @@ import torch
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from tests.chains import driven
 from tests.validity.critical import limited
 from tests.validity.test_pieces import filled
 
@@ -45,5 +46,6 @@ CASES = {  # of the LWR
     "pieces apart": lambda arm: (Constraints(full(arm), [DESK, BALL], clearance=0.01), Trajectory(7)),
     "acceleration": lambda arm: (Constraints(limited(arm, ["acceleration"], 0.1), [DESK, BOX]), _lwr(5.0)),
     "jerk": lambda arm: (Constraints(limited(arm, ["jerk"], 0.1), [DESK, BOX]), _lwr(5.0)),
+    "friction": lambda arm: (Constraints(driven(slow(arm, torque=0.5)), [DESK]), Trajectory(7)),
     "both": lambda arm: (Constraints(limited(arm, ["acceleration", "jerk"], 0.1), [DESK, BOX]), _lwr()),
 }

@@ -12,7 +12,7 @@ from sidegan.design.objective import evaluator
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from tests.chains import constrained, random_chain
+from tests.chains import constrained, driven, random_chain
 from tests.validity.critical import limited
 
 from .conftest import states_of
@@ -76,6 +76,7 @@ def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, lim
     limits = torch.full((joints,), limit, dtype=torch.float64)
     limits[::2] = 150.0
     arm = limited(replace(random_chain(joints, seed)[0], torque_limit=limits), sorted(names), share=0.2)
+    arm = arm if seed % 2 else driven(arm, seed)
     home = 0.3 * (arm.position_lower + arm.position_upper)
     trajectory = Trajectory(joints, 3, 7.0, home.tolist())
     problem = Problem(constrained(arm, regions, torque), trajectory, samples, diagonal, strongest)

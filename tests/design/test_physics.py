@@ -8,6 +8,8 @@ import torch
 from sidegan.design import physics
 from sidegan.design.penalty import Penalty
 from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Constraints
+from tests.chains import driven
 
 from .conftest import assert_slopes, by_autograd
 
@@ -41,7 +43,13 @@ def test_the_gradient_of_energies_agrees_with_finite_differences(arm_problem, ra
     assert_slopes(by_autograd(logs), arm_problem.start(4, random, 0.9), random, rtol=1e-4, atol=1e-6)
 
 
-def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_problem, random):
+@pytest.mark.parametrize("prepared", [lambda arm: arm, driven], ids=["rigid", "driven"])
+def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_problem, random, prepared):
+    arm = prepared(arm_problem.constraints.arm)
+    arm_problem = replace(
+        arm_problem, constraints=Constraints(replace(arm, torque_limit=arm.torque_limit / 2))
+    )
+
     def squares(x):
         return physics.violation(arm_problem, x, Penalty(3.0)).square().sum()
 

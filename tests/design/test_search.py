@@ -83,7 +83,11 @@ def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
     model, geometry = chain_model(arm), scene(constraints)
     data, shapes = model.createData(), geometry.createData()
     for k in range(len(q)):
-        torque = np.abs(pin.rnea(model, data, q[k], dq[k], ddq[k]))
+        torque = pin.rnea(model, data, q[k], dq[k], ddq[k])
+        if (drives := arm.drives) is not None:
+            viscous, coulomb, rotor = (x.numpy() for x in vars(drives).values())
+            torque += viscous * dq[k] + coulomb * np.sign(dq[k]) + rotor * ddq[k]
+        torque = np.abs(torque)
         assert (torque <= arm.torque_limit.numpy()).all() or not constraints.torque
         pin.computeDistances(model, data, geometry, shapes, q[k])
         assert min(x.min_distance for x in shapes.distanceResults) >= -1e-6
@@ -159,7 +163,10 @@ def test_what_violates_a_constraint_however_small_is_told(planar, monkeypatch):
     monkeypatch.setattr(
         "sidegan.design.search.check", lambda _, trajectory, c: check(Constraints(still), trajectory, c)
     )
-    with pytest.raises(InfeasibleError, match=r"proven in 60 evaluations: velocity of .* at .* s: margin -"):
+    with pytest.raises(
+        InfeasibleError,
+        match=r"proven in 60 evaluations: velocity of .* at .* s: margin -.*'robot.limits.velocity={",
+    ):
         searched(problem)
 
 

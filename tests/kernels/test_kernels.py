@@ -41,7 +41,7 @@ def test_slopes_of_energies_are_pinocchios(chain, count, sets):
     factors, weights = normal(sets).numpy(), normal(sets, seed=1).numpy()
     roots = np.linspace(0.5, 2.0, joints)
     ones = np.ones(joints)
-    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own[None, None].numpy())
+    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own[None, None].numpy(), ones, ones)
     extra = no_terms(joints)._replace(roots=roots)
     q, dq, ddq = (x[0].T.numpy() for x in states)
     packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])

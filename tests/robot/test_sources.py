@@ -2,6 +2,7 @@
 
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from unittest.mock import patch
 
 import mujoco
@@ -28,7 +29,7 @@ MJCF = """<mujoco model="toy">
 <worldbody>
   <geom name="floor" type="plane" size="1 1 1"/>
   <body name="a" pos="0 0 0.2" euler="10 20 30">
-    <joint name="one" axis="0 1 1" pos="0.1 0 0.05" ref="20" armature="0.1"/>
+    <joint name="one" axis="0 1 1" pos="0.1 0 0.05" ref="20" armature="0.1" damping="3" frictionloss="2"/>
     <geom type="mesh" mesh="box" pos="0.1 0.2 0.3" euler="40 50 60"/>
     <body name="b" pos="0.3 0 0">
       <joint name="two" axis="1 0 0" limited="false"/>
@@ -90,7 +91,6 @@ class TestMjcf:
         assert arm.joint_names == ("one", "two", "slide")
         model = mujoco.MjModel.from_xml_path(str(mjcf))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-        model.dof_armature[:] = 0
         data, random = mujoco.MjData(model), np.random.default_rng(0)
         states, expected = random.uniform(-1, 1, (3, 40, 3)), []
         for q, dq, ddq in zip(*states):
@@ -98,7 +98,10 @@ class TestMjcf:
             data.qvel[:], data.qacc[:] = [*dq, 0, 0], [*ddq, 0, 0]
             mujoco.mj_inverse(model, data)
             expected.append(data.qfrc_inverse[:3].copy())
-        found = RigidBody(arm).torque(*map(torch.from_numpy, states))
+        states = [*map(torch.from_numpy, states)]
+        found = RigidBody(arm).drive_torque(*states) - torch.tensor([2.0, 0.0, 0.0]) * states[1].sign()
+        bare = load_robot(mjcf, replace(arm.setup, friction=False))
+        assert bare.drives is None and bare.digest != arm.digest
         np.testing.assert_allclose(found.numpy(), expected, rtol=0, atol=1e-9)  # N·m, N
 
     def test_a_mount_that_is_given_goes_before_the_files_gravity(self, mjcf):

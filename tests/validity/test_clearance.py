@@ -10,9 +10,11 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_states
+from tests.robot.test_cases import arm_of, inertial
+from tests.robot.urdf import collision
 
 from .critical import BALL, BENT, BOX, DESK, HULL, moderate
-from .test_search import assert_sound
+from .test_search import assert_bounded, assert_sound, shaped
 
 FAR = 0.04  # [m]
 
@@ -42,6 +44,38 @@ def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, cleara
     if BOX not in regions:
         shown = [x.nearest(states[0])[0] for x in (plain, clear)]
         torch.testing.assert_close(*shown)
+
+
+@pytest.mark.parametrize("shape", ["capsules", "hulls"])
+def test_links_with_less_room_keep_less_and_all_others_the_whole(arm: Arm, shape) -> None:
+    one = shaped(arm, shape, seed=0)
+    plain, q = Constraints(one), random_states(arm, 2000)[0]
+    nearest = plain.at_rest(q)["collision"].amin(0).argsort()
+    tight = {plain.owners[nearest[0]]: 0.01}
+    clear = Constraints(one, clearance=FAR, tight=tight)
+    shared = [clear.pairs.tolist().index(pair) for pair in plain.pairs.tolist()]
+    gaps = torch.tensor([tight.get(links, FAR) for links in plain.owners], dtype=torch.float64)
+    before, after = plain.at_rest(q)["collision"], clear.at_rest(q)["collision"][:, shared]
+    near = before < FAR  # what is farther may be a lower bound
+    torch.testing.assert_close(after[near], (before - gaps)[near])
+    assert (near & (gaps < FAR)).any() and (near & (gaps == FAR)).any()
+    trajectory = Trajectory(7, 6, 16.0, BENT)
+    c = 0.4 * moderate(arm, trajectory, 8, seed=1)
+    assert_sound(clear, trajectory, c, exact=shape != "hulls")
+    near = Constraints(one, clearance=FAR, tight=dict.fromkeys(plain.owners, 0.01))
+    assert "collision" in assert_bounded(near, trajectory, c, half=0.05)
+
+
+def test_what_is_inside_of_capsules_keeps_less_as_well(load) -> None:
+    plate = inertial() + collision('<box size="0.25 0.02 0.22"/>', 'xyz="0 0 0.15"')
+    arm = load(arm_of({k: plate for k in range(4)}))
+    owners = Constraints(arm).owners
+    near = Constraints(arm, clearance=0.2, tight=dict.fromkeys(owners, 0.01))
+    assert near.pieces.finer.all()
+    trajectory = Trajectory(4, 4, 8.0)
+    c = moderate(arm, trajectory, 200, seed=2)
+    valid = assert_sound(near, trajectory, c, exact=False)
+    assert 0.1 < valid.double().mean() < 0.9
 
 
 def test_boxes_keep_the_clearance_and_a_little_more_at_their_edges(arm: Arm) -> None:

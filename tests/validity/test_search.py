@@ -13,7 +13,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import HIGHER, Arm
 from sidegan.validity import Constraints, Plane, check
 from sidegan.validity.constraints import NAMES
-from tests.chains import constrained, random_chain
+from tests.chains import constrained, driven, random_chain
 
 from .critical import BALL, BLOCK, BOX, DESK, HULL, filled, limited, margins_of, moderate, smallest
 
@@ -71,7 +71,7 @@ def test_verdicts_and_margins_on_random_arms(joints, seed, shape, regions, clear
     arm = shaped(limited(random_chain(joints, seed)[0], sorted(higher), share=0.3), shape, seed)
     torque = torch.full((joints,), limit, dtype=torch.float64)
     torque[::2] = 150.0
-    arm = replace(arm, torque_limit=torque)
+    arm = replace(arm if seed % 2 else driven(arm, seed), torque_limit=torque)
     trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
     constraints = constrained(arm, REGIONS[regions], torque=seed % 3 > 0, clearance=clearance)
     assert_sound(constraints, trajectory, moderate(arm, trajectory, 12, seed), exact=shape != "hulls")
@@ -138,6 +138,7 @@ def margins_within(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
         q = trajectory.derivative(c, times, 0)[0]
         asked = torch.cartesian_prod(torch.arange(len(q)), torch.nonzero(constraints.pieces.finer)[:, 0])
         inner, where = constraints.pieces.lower(q, asked), tuple(asked.T)
+        inner = inner + (constraints.apart - constraints.gaps)[where[1]]
         margins["collision"][where] = torch.maximum(margins["collision"][where], inner)
     return margins
 
@@ -146,7 +147,11 @@ def margins_within(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
 @pytest.mark.parametrize(("joints", "shape"), [*((n, "capsules") for n in (1, 2, 5, 9, 7)), (5, "hulls")])
 def test_no_margin_falls_further_in_a_cell_than_its_bound(arm: Arm, joints, shape, half) -> None:
     one = shaped(arm if joints == 7 else random_chain(joints, 0)[0], shape, 0)
-    one = replace(one, acceleration_limit=8.0 * one.velocity_limit, jerk_limit=60.0 * one.velocity_limit)
+    one = replace(
+        driven(one, scale=100.0),
+        acceleration_limit=8.0 * one.velocity_limit,
+        jerk_limit=60.0 * one.velocity_limit,
+    )
     constraints = Constraints(one, [Plane((0.2, -0.1, 1.0), -0.6), *REGIONS["round"]])
     trajectory = Trajectory(joints, 5, 3.0, ((one.position_lower + one.position_upper) / 2).tolist())
     seen = assert_bounded(constraints, trajectory, moderate(one, trajectory, 8, joints), half)

@@ -23,11 +23,12 @@ from sidegan.pipeline.known import known_model
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.rehearsal import rehearsed
 from sidegan.pipeline.stages.sending import Steps, next_steps, order_of
+from sidegan.pipeline.stages.worth import tell_worthless
 from sidegan.pipeline.task import LIBRARY, Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.sent import FOLDER
 from sidegan.report.export import publish
-from sidegan.robot import require_consistent
+from sidegan.robot import placeholder_links, require_consistent
 from sidegan.validity import check
 from sidegan.validity.home import refuse_degrees
 
@@ -66,6 +67,8 @@ def _show(task: Task, tracker: Tracker) -> None:
         _view(task, family, run, (table, steps), tracker),
     ]
     publish(table, folder / SET, "; ".join(filter(None, caption)), tracker)
+    if doubt := tell_worthless(task, aim, chosen.coefficients, condition):
+        log.warning("%s", doubt)
     if cfg.controllers.rehearse:
         said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(task)}"
         publish(rehearsed(task, family, run.coefficients), folder / REHEARSAL, said, tracker)
@@ -157,17 +160,18 @@ def _view(
 def _energy(task: Task, family: Trajectory, run: Library) -> Tensor:
     """Mechanical work of the joints, whether they drive or brake [J], (N,)."""
     motion = family.roll_out(run.coefficients, family.times(task.cfg.controllers.rate))
-    power = (task.body.torque(*motion[1:]) * motion.velocity).abs().sum(2)
+    power = (task.body.drive_torque(*motion[1:]) * motion.velocity).abs().sum(2)
     return torch.trapezoid(power, motion.time, dim=1)
 
 
 def _table(task: Task, family: Trajectory, run: Library) -> pd.DataFrame:
     """Table of what each trajectory asks of the arm, as its files have it."""
     arm, times = task.whole_arm, family.times(task.cfg.controllers.rate)
-    torque = task.body.torque(*family.roll_out(run.coefficients, times)[1:])
+    torque = task.body.drive_torque(*family.roll_out(run.coefficients, times)[1:])
     q = family.derivative(run.coefficients, family.times(_LOOKED_AT), 0)
     nearest = task.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
-    known, slides = bool(arm.inertial_parameters.any()), arm.prismatic.tolist()
+    known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
+    slides = arm.prismatic.tolist()
     limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
     columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in run.fitness.tolist()]}
     for name, (order, per) in _RATES.items():

@@ -95,7 +95,7 @@ def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion)
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
         "velocity": (motion.velocity, arm.velocity_limit),
         "acceleration": (motion.acceleration, arm.acceleration_limit),
-        "torque": (constraints.body.torque(*motion[1:]), arm.torque_limit),
+        "torque": (constraints.body.drive_torque(*motion[1:]), arm.torque_limit),
     }
     view.head["middle"] = middle.tolist()
     view.head["signals"] = {}

@@ -1,0 +1,76 @@
+"""What stands in the way of motions, and the settings that take it out of the way."""
+
+from collections import Counter
+
+import torch
+from torch import Tensor
+
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import Arm
+from sidegan.robot.setup import allowed, override
+from sidegan.validity.check import check
+from sidegan.validity.constraints import Constraints
+from sidegan.validity.placeholders import enough_effort
+
+_LARGER = (
+    1.1,
+    1.5,
+    3.0,
+    10.0,
+    30.0,
+)  # times a trajectory's size, one after the other, until some are invalid
+
+Where = tuple[str, str]  # a constraint, and its joint, pair or region
+
+
+def binding(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Where | None:
+    """What most trajectories with coefficients [rad/s], (B, J, H, 2), violate first where they are larger.
+
+    None where nothing holds them back.
+    """
+    for times in _LARGER:
+        found = check(constraints, trajectory, times * c)
+        each = [found.failures(k) for k in torch.nonzero(~found.valid)[:, 0].tolist()]
+        faults = Counter((one.constraint, one.where) for failures in each for one in failures)
+        if faults:
+            return faults.most_common(1)[0][0]
+    return None
+
+
+def remedy(constraints: Constraints, where: Where) -> str:
+    """Settings by which a constraint no longer stands in the way, for people."""
+    (constraint, which), arm = where, constraints.arm
+    home = "another home, 'trajectory.home=[…]'"
+    if constraint == "collision":
+        pair = which.split(" – ")
+        gap = constraints.tight.get((pair[0], pair[1]), constraints.apart)
+        nearer = f"a smaller distance than {gap:g} m, workspace.clearance=…, " if gap else ""
+        touch = allowed([pair], arm.setup.may_touch)
+        return f"{nearer}{home}, or, if nothing is wrong with their touching, {touch}"
+    if constraint == "keep_out":
+        nearer = "a smaller workspace.clearance=…, " if constraints.clearance else ""
+        return f"{nearer}{home}, or workspace=free, without any region"
+    if constraint == "position":
+        return f"{home}, or a wider range, {_example(arm, constraint, which)}"
+    more = "robot.effort=…, or " if constraint in ("velocity", "torque") else ""
+    return f"a larger limit, {more}{_example(arm, constraint, which)}"
+
+
+def _example(arm: Arm, constraint: str, joint: str) -> str:
+    """A limit of a joint as a word on the command line, a half wider than it is."""
+    j, name = arm.joint_names.index(joint), {"torque": "effort"}.get(constraint, constraint)
+    given = getattr(arm.setup.limits, name)
+    if constraint == "position":
+        lower, upper = float(arm.position_lower[j]), float(arm.position_upper[j])
+        more = (upper - lower) / 4
+        return override("limits.position", {joint: (_round(lower - more), _round(upper + more))}, given)
+    if constraint == "torque":
+        value = max(float(enough_effort(arm)[j]), 1.5 * float(arm.torque_limit[j]))
+    else:
+        limit = arm.velocity_limit if constraint == "velocity" else arm.higher_limits[constraint]
+        value = 1.5 * float(limit[j])
+    return override(f"limits.{name}", {joint: _round(value)}, given)
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.2g}")

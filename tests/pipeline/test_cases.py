@@ -1,0 +1,186 @@
+"""Arms as people have them: what is decided for them, and what is told where a set is worth little."""
+
+import logging
+import re
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+import torch
+
+from sidegan.design import search as searching
+from sidegan.design.search import Condition, design_set, search
+from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages.worth import tell_worthless
+from sidegan.robot import inconsistent_links, placeholder_links, possible_links
+from sidegan.validity.remedies import remedy
+from tests.oracle import chain_model
+from tests.robot.arms import task_of
+from tests.robot.test_cases import LIMIT, arm_of, inertial, rod
+from tests.robot.urdf import ball
+
+POST = rod('xyz="0 0 0.02"') + ball(0.05, "0.2 0 0.4")  # of the base, beside the second joint
+HUB = inertial() + rod() + ball(0.14)  # that turns in that joint, 1 cm from the post wherever it is
+GAP = arm_of({1: HUB}, base=POST)
+PIN, RING = inertial() + ball(0.06, "0.1 0 0.3"), inertial() + rod() + ball(0.05, "0.02 0 -0.3")
+TOUCHING = arm_of({1: PIN, 3: RING})
+WEAK = arm_of(limit=LIMIT.replace('effort="50"', 'effort="8"'))
+STICKY = arm_of(limit=LIMIT + '<dynamics damping="20" friction="15"/>')
+FRICTION = arm_of(limit=LIMIT + '<dynamics damping="6" friction="5"/>')
+ALIKE = arm_of(dict.fromkeys(range(4), inertial(place="0 0 0") + rod()))
+STATE = '<group_state name="{}" group="arm">{}</group_state>'
+KEY = '<key name="{}" qpos="0.3 0.6 -1.2 0.2"/>'
+HOME = [0.3, 0.6, -1.2, 0.2]
+
+
+@pytest.fixture
+def excited(tmp_path):
+    """The excitation of an arm of this text; other files beside it, by name."""
+
+    def made(text, *words, **beside):
+        for name, content in beside.items():
+            (tmp_path / name.replace("_", ".")).write_text(content)
+        (tmp_path / "arm.urdf").write_text(text)
+        return task_of(tmp_path / "arm.urdf", words, tmp_path / "out")
+
+    return made
+
+
+def found_for(task):
+    """One trajectory of a set."""
+    return search(task.problem, Condition(task.problem).next(), task.cfg.search)
+
+
+def test_links_with_a_constant_gap_keep_a_part_of_it_and_the_set_moves(excited):
+    task = excited(GAP)
+    assert task.constraints.tight == {("base", "link1"): 0.006} and task.constraints.apart == 0.02
+    assert "0.02 m (less room: base – link1 0.006 m)" in task.constraints.kept_clear
+    found = found_for(task)
+    assert found.share == 1 and task.problem.limit_use(found.coefficients[None]).median() > 0.7
+
+
+@pytest.mark.parametrize(
+    ("where", "said"),
+    [
+        (
+            ("collision", "base – link1"),
+            "a smaller distance than 0.006 m, workspace.clearance=…, another home",
+        ),
+        (("collision", "base – link1"), "'robot.may_touch=[[base, link1]]'"),
+        (("keep_out", "link3 in region 0"), "workspace=free"),
+        (("torque", "joint1"), "robot.effort=…, or 'robot.limits.effort={joint1: "),
+        (("velocity", "joint2"), "robot.effort=…, or 'robot.limits.velocity={joint2: 2.4}'"),
+        (("position", "joint3"), "'robot.limits.position={joint3: [-4.2, 4.2]}'"),
+    ],
+)
+def test_each_constraint_has_a_remedy(excited, where, said):
+    assert said in remedy(excited(GAP).constraints, where)
+
+
+def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
+    task = excited(GAP, "robot.limits.velocity={joint0: 0.5, joint1: 0.5, joint2: 0.5, joint3: 0.5}")
+    c = found_for(task).coefficients[None]
+    said = tell_worthless(task, Condition(task.problem), 0.05 * c, 1e7)
+    assert "it uses 5% of the limits on motion, its condition is 1e7; what stands in its way is " in said
+    assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: 0.\d", said)
+    assert tell_worthless(task, Condition(task.problem), c, 100.0) == ""
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            TOUCHING,
+            r"in most configurations: link1 – link3 in \d\d%; .*'robot.may_touch=\[\[link1, link3\]\]'",
+        ),
+        (WEAK, r"joint1 \(effort 8\) in \d\d%, .*'robot.limits.effort={joint1: \d\d"),
+        (STICKY, r"friction of joint0, joint1, .* takes more than its torque limit.*robot.friction=false"),
+        (ALIKE, r"masses of link0, link1, link2, link3 are placeholders .* mean nothing until"),
+    ],
+    ids=["touching", "weak", "sticky", "alike"],
+)
+def test_what_is_wrong_with_a_description_is_told_before_anything_is_designed(excited, caplog, text, said):
+    excited(text).tell()
+    assert re.search(said, caplog.text)
+    caplog.clear()
+    excited(arm_of()).tell()
+    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+
+
+def test_placeholders_are_no_links_to_start_from(excited):
+    arm = excited(ALIKE).whole_arm
+    start = possible_links(arm)
+    assert placeholder_links(arm) and not inconsistent_links(arm, start)
+    assert not torch.isclose(start[:, 0], arm.inertial_parameters[:, 0]).any()
+    assert placeholder_links(excited(arm_of()).whole_arm) == []
+
+
+def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypatch, caplog):
+    task, calls = excited(GAP, "search.evaluations=60"), []
+
+    def spoiled(bad, problem, goal, settings, seed):
+        calls.append(seed)
+        found = search(problem, goal, settings, seed)
+        return replace(found, share=0.02) if seed in bad else found
+
+    monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
+    assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 2
+    assert calls == [0, 2, 1]
+    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5}))
+    assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 1
+    assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
+
+
+def test_torques_that_are_told_hold_friction_and_keep_the_limits(excited, tmp_path):
+    """By Pinocchio, damping times the velocity and friction by its sign."""
+    task = excited(FRICTION, "goal.count=2", "controllers.rate=500")
+    run_stages(task.cfg, tmp_path / "run", "excite")
+    model, told = chain_model(task.whole_arm), pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"]
+    data, shares = model.createData(), []
+    for k in (1, 2):
+        frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
+        q, dq, ddq = (frame.filter(regex=rf"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
+        rigid = np.stack([pin.rnea(model, data, *state) for state in zip(q, dq, ddq)])
+        shares.append((np.abs(rigid + 6 * dq + 5 * np.sign(dq)) / 50).max())
+    assert max(shares) <= 0.8 and [f"{x:.0%}" for x in shares] == [x.split(",")[0] for x in told]
+
+
+def postures(*names, value=0.3):
+    """An SRDF with the same state by each name."""
+    joints = "".join(f'<joint name="joint{k}" value="{q}"/>' for k, q in enumerate([value, *HOME[1:]]))
+    return f'<robot name="rods">{"".join(STATE.format(name, joints) for name in names)}</robot>'
+
+
+@pytest.mark.parametrize(
+    ("names", "value", "home"),
+    [
+        (["folded"], 0.3, HOME),
+        (["folded", "Home"], 0.3, HOME),
+        (["folded", "up"], 0.3, None),
+        (["home"], 2.9, None),  # beyond the joint's range
+    ],
+)
+def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names, value, home):
+    task = excited(arm_of(), arm_srdf=postures(*names, value=value))
+    assert task.home == home
+    with caplog.at_level(logging.INFO):
+        task.tell()
+    assert ("home is where the description has the arm rest: 0.3, 0.6" in caplog.text) == (home is not None)
+    assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).home is None
+
+
+def test_home_is_the_keyframe_of_an_mjcf(tmp_path):
+    bodies, ends = "", ""
+    for k, axis in enumerate(("0 0 1", "0 1 0", "0 1 0", "0 0 1")):
+        bodies += (
+            f'<body name="b{k}" pos="0 0 0.3"><joint name="j{k}" axis="{axis}" range="-160 160"/>'
+            '<geom type="capsule" size="0.04" fromto="0 0 0.06 0 0 0.24"/>'
+        )
+        ends += "</body>"
+    keys = f"<keyframe>{KEY.format('home')}{KEY.format('other').replace('0.3', '0')}</keyframe>"
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}{ends}</worldbody>{keys}</mujoco>")
+    speeds = "robot.limits.velocity={j0: 2, j1: 2, j2: 2, j3: 2}"
+    assert task_of(tmp_path / "arm.xml", [speeds], tmp_path / "out").home == HOME
