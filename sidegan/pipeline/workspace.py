@@ -22,7 +22,7 @@ from sidegan.robot.meshes import read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_under, with_points
-from sidegan.validity.home import default_home
+from sidegan.validity.home import default_home, rests_at
 from sidegan.validity.pairs import Links, room_between
 
 Point = tuple[Number, Number, Number]
@@ -166,9 +166,8 @@ class Workspace:
         """
         if described is not None:
             with suppress(InfeasibleError):
-                around = self.around(arm, described)
-                around.refuse_home(described)
-                return tuple(described)
+                if rests_at(self.around(arm, described), described):
+                    return tuple(described)
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.points:
             return default_home(around)
