@@ -141,7 +141,7 @@ def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypa
     monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
     assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 2
     assert calls == [0, 2, 1]
-    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5}))
+    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5, 7}))
     assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 1
     assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
 
