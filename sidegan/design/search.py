@@ -7,7 +7,6 @@ import logging
 import math
 import time
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -41,7 +40,8 @@ _SHARES = (1.0, 0.99, 0.975, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3, 0.15, 0.05, 0.02)  
 _SLIGHTLY = 0.9  # such a share, where there is a proven trajectory already
 _BETTER = 1e-3  # by which a goal must be better to be worth a proof
 _PROOF = 4e-3  # [s] that is left for a proof before a deadline
-_AGAIN, _WHOLE = 3, 0.5  # searches for a trajectory, and the share of its size that must be left
+_AGAIN = 4  # searches for a trajectory at most
+_WHOLE, _SCRAP = 0.5, 0.2  # share of its size below which it is searched again, and left out
 _SAMPLES = 80  # at which the information of a trajectory of a set is taken
 
 _log = logging.getLogger(__name__)
@@ -201,24 +201,29 @@ class Condition:
 def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Tensor:
     """A set of proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
 
-    What a search leaves is searched again where it had to become much smaller to be valid; if none is better,
-    and others are, it is left out, so that there are fewer.
+    A trajectory that had to become much smaller to be valid is searched again. If next to nothing is left of
+    it every time, and others are as they should be, it is left out, so that there are fewer.
 
     Raises:
         InfeasibleError: when no trajectory is proven.
     """
     found: list[Found] = []
+    failed: InfeasibleError | None = None
     for index in range(count):
         tried: list[Found] = []
         for again in range(_AGAIN):
-            with suppress(InfeasibleError) if found or tried else nullcontext():
+            try:
                 tried.append(search(problem, goal.next(), settings, seed + index + again * count))
-                if tried[-1].share >= _WHOLE:
-                    break
+            except InfeasibleError as error:
+                failed = error
+            if tried and tried[-1].share >= _WHOLE:
+                break
         if tried:
             found.append(max(tried, key=lambda one: one.share))
             goal.take(problem.trajectory, found[-1].coefficients)
-    whole = [one for one in found if one.share >= _WHOLE] or found
-    if len(whole) < count:
-        _log.warning("%d of %d trajectories came to nothing and are left out", count - len(whole), count)
-    return torch.stack([one.coefficients for one in whole])
+        elif failed is not None and not found:
+            raise failed
+    worth = [one for one in found if one.share >= _SCRAP] or found
+    if len(worth) < count:
+        _log.warning("%d of %d trajectories came to nothing and are left out", count - len(worth), count)
+    return torch.stack([one.coefficients for one in worth])

@@ -183,12 +183,8 @@ class Task:
         if not self.constraints.torque or not self.cfg.robot.friction:
             return ""
         if self.arm.drives is None:
-            free = (
-                f"the {1 - self.effort:.0%} of the torque limits that are kept free are"
-                if self.effort < 1
-                else ""
-            )
-            return f"the description states no friction{free and f': {free} for it'}"
+            free = f"{1 - self.effort:.0%} of the torque limits that are kept free are for it"
+            return f"the description states no friction: the {free}" if self.effort < 1 else ""
         each = vars(self.arm.drives).values()
         viscous, dry, rotors = (int((x > 0).sum()) for x in each)
         return (

@@ -23,7 +23,7 @@ from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
-from sidegan.validity.home import default_home
+from sidegan.validity.home import default_home, rests_at
 from sidegan.validity.pairs import Links, room_between
 
 Point = tuple[Number, Number, Number]
@@ -174,9 +174,8 @@ class Workspace:
         """
         if described is not None:
             with suppress(InfeasibleError):
-                around = self.around(arm, described)
-                around.refuse_home(described)
-                return tuple(described)
+                if rests_at(self.around(arm, described), described):
+                    return tuple(described)
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.points:
             return default_home(around)

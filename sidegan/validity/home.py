@@ -56,6 +56,12 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     raise InfeasibleError(_nowhere(constraints, rooms))
 
 
+def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
+    """Whether an arm can rest at a position (J,) [rad or m] and move from there to all sides."""
+    rooms = _rooms(constraints, torch.tensor([list(home)], dtype=torch.float64))
+    return bool(_least(rooms)[0] > 0)
+
+
 def _nowhere(constraints: Constraints, rooms: dict[str, Tensor]) -> str:
     """Why none of the positions is a home, of which these are the relative margins, and what may help.
 

@@ -62,6 +62,18 @@ def test_links_with_a_constant_gap_keep_a_part_of_it_and_the_set_moves(excited):
     assert found.share == 1 and task.problem.limit_use(found.coefficients[None]).median() > 0.7
 
 
+def test_a_home_that_is_looked_for_has_room_beside_what_is_kept(excited):
+    beside = arm_of(base=rod('xyz="0 0 0.02"') + ball(0.05, "0.112 0 1.15"))  # 22 mm from link 3 at zeros
+    task = excited(beside)
+    assert task.home is not None and excited(beside, "workspace.clearance=0.02").home is None
+    q = torch.tensor(task.home, dtype=torch.float64)
+    assert task.constraints.distances_at(q)["base", "link3"] >= 0.03 and not task.constraints.tight
+
+
+def test_many_harmonics_have_as_many_samples(excited):
+    assert excited(GAP, "trajectory.harmonics=40").problem.samples == 81
+
+
 @pytest.mark.parametrize(
     ("where", "said"),
     [
@@ -129,7 +141,7 @@ def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypa
     monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
     assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 2
     assert calls == [0, 2, 1]
-    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5}))
+    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5, 7}))
     assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 1
     assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
 
@@ -160,7 +172,7 @@ def postures(*names, value=0.3):
         (["folded"], 0.3, HOME),
         (["folded", "Home"], 0.3, HOME),
         (["folded", "up"], 0.3, None),
-        (["home"], 2.9, None),  # beyond the joint's range
+        (["home"], 2.8, None),  # at the end of the joint's range
     ],
 )
 def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names, value, home):
