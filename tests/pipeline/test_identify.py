@@ -132,6 +132,14 @@ def test_what_others_load_gives_the_consistent_models_torques(once, consistent, 
         np.testing.assert_allclose(found(*state), row, rtol=0, atol=apart)  # N·m
 
 
+def test_the_python_class_takes_batches_and_refuses_what_are_none(once, consistent):
+    model, (_, torque, states) = python_class(once[1]), consistent
+    batch = [x.reshape(2, -1, 2) for x in states]
+    np.testing.assert_allclose(model.torque(*batch), torque.reshape(batch[0].shape), rtol=0, atol=1e-9)
+    with pytest.raises(ValueError, match=r"states are \(3,\), \(3,\), \(3,\), expected three times \(…, 2\)"):
+        model.torque(*np.zeros((3, 3)))
+
+
 def test_the_python_class_knows_the_parts_of_its_torque(once, consistent):
     verdict, folder = once
     model = python_class(folder)

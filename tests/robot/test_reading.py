@@ -12,6 +12,7 @@ import trimesh
 from sidegan.errors import RobotError
 from sidegan.pipeline.compose import composed
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, words, write_mjcf, write_urdf
+from sidegan.robot.fitting import DIRECTIONS
 from sidegan.robot.meshes import metres_per_unit
 from sidegan.validity import Plane
 from sidegan.validity.constraints import Constraints
@@ -334,19 +335,29 @@ def test_an_exported_urdf_of_an_mjcf_says_all_that_its_readers_ask_for(load, tmp
     torch.testing.assert_close(one.clamp_max(0.02), other.clamp_max(0.02), rtol=0, atol=2e-4)  # facets
 
 
+def reach(arm):
+    """How far what stands for link 1 reaches in many directions [m], (72,)."""
+    pieces, rows = arm.capsules.pieces, [k for k, owner in enumerate(arm.capsules.owners) if owner == "link1"]
+    each = [pieces.corners[pieces.start[k] : pieces.start[k + 1]].numpy() @ DIRECTIONS.T for k in rows]
+    return np.max([heights.max(0) + float(pieces.radius[k]) for k, heights in zip(rows, each)], axis=0)
+
+
 def test_shapes_of_an_exported_mjcf_collide_as_the_arms_do(load, tmp_path):
     tool = more(
-        arm_of({1: inertial() + mesh("box.stl", 'xyz="0 0 0.15"')}),
+        arm_of({1: inertial() + mesh("ball.stl", 'xyz="0 0 0.15"')}),
         joint("glue", "link3", "tool", "fixed", 'xyz="0 0 0.3"', limit=""),
         link("tool", inertial() + collision('<box size="0.05 0.3 0.05"/>')),
         '<disable_collisions link1="base" link2="link1" reason="by design"/>',
     )
-    trimesh.creation.box((0.2, 0.1, 0.25)).export(tmp_path / "box.stl")
+    trimesh.creation.icosphere(4, 0.12).export(tmp_path / "ball.stl")
     arm = load(tool)
     write_mjcf(arm, possible_links(arm), tmp_path / "out.xml", Drives.none(4))
     again = load_robot(tmp_path / "out.xml", SPEED)
     before, after = (Constraints(x) for x in (arm, again))
     assert before.of_links.links == after.of_links.links and len(after.of_links.named) == 1
+    assert (
+        reach(again) >= reach(arm) - 1e-6
+    ).all() and arm.capsules.pieces.radius.max() > 1e-4  # single precision
     q = torch.rand(400, 4, generator=torch.Generator().manual_seed(0)).double() * 5 - 2.5
     one, other = (x.at_rest(q)["collision"].amin(1) for x in (before, after))
     assert (one < 0).any() and (one > 0).any()
