@@ -15,7 +15,15 @@ from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import LOAD, Loaded
 from sidegan.identification.score import score, shown
 from sidegan.identification.sums import Sums, scaled_inverse
-from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, implausible_links, implausible_mass
+from sidegan.identification.verdict import (
+    BAD,
+    GOOD,
+    USABLE,
+    Finding,
+    implausible_links,
+    implausible_mass,
+    joint_of,
+)
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of
 
@@ -27,7 +35,7 @@ _CLEAR = 3.0  # of a scale that the description says too
 _ALIKE = 0.98  # correlation with the description there
 _SCALE = 0.03  # by which a joint's torque is off at least
 _NOTABLE = 0.02  # of the arm's mass that a load has at least
-_OFFSET = 0.2  # of a joint's usual torque, that an offset is told from
+_OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # of a joint's usual torque, and of its limit, that an offset is told from
 
 
 def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
@@ -151,19 +159,14 @@ def _load(
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
     """Offsets that are no small part of a joint's torque: the model holds them, a sensor should not."""
     chosen, arm = found.chosen, found.model.arm
-    places = [
-        chosen.names.index(f"fo{j + 1}") if f"fo{j + 1}" in chosen.names else None for j in range(arm.joints)
-    ]
-    for j, k in enumerate(places):
-        if k is None:
-            continue
-        value, deviation, usual = (
-            float(x) for x in (chosen.parameters[k], chosen.deviation[k], found.trust.usual[j])
-        )
-        if abs(value) > max(_OFFSET * usual, _SURE * deviation):
-            unit = "N" if arm.prismatic[j] else "N·m"
-            text = f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}"
-            beside = (
-                f"beside a usual torque of {usual:.2g} {unit}: the model holds it, but was the sensor tared?"
+    limits = torch.where(arm.torque_limit.isfinite(), arm.torque_limit, 0.0)
+    each = zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist())
+    for name, value, deviation in [one for one in each if one[0].startswith("fo")]:
+        j = joint_of(name)
+        usual, unit = float(found.trust.usual[j]), "N" if arm.prismatic[j] else "N·m"
+        if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * float(limits[j]), _SURE * deviation):
+            text = (
+                f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, beside a usual torque of "
+                f"{usual:.2g} {unit}: the model holds it, but was the sensor tared?"
             )
-            yield Finding(GOOD, f"{text}, {beside}", j)
+            yield Finding(GOOD, text, j)
