@@ -1,6 +1,6 @@
 """Causes of a model's misfit: what the recordings' checks found, and what one fault in them would explain."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import torch
@@ -9,10 +9,10 @@ from torch import Tensor
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import reweighted
-from sidegan.identification.gather import Gathered, gather
+from sidegan.identification.gather import Gathered
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.payload import LOAD, Loaded
+from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.score import score, shown
 from sidegan.identification.sums import Sums, scaled_inverse
 from sidegan.identification.verdict import (
@@ -125,7 +125,7 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
     if len(found.recordings) < 2:
         return
     samples = [measurements_of([one]) for one in found.recordings]
-    without, with_load = ([gather(Loaded(found.model, x), one) for one in samples] for x in (False, True))
+    without, with_load = zip(*(gathered(found.model, one, one) for one in samples))
     each = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
     if len(each) == 2:
         each = each[1:]  # which of both it is cannot be told
@@ -140,7 +140,7 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
 
 
 def _load(
-    count: int, without: list[Gathered], with_load: list[Gathered], k: int
+    count: int, without: Sequence[Gathered], with_load: Sequence[Gathered], k: int
 ) -> tuple[float, float, float, int]:
     """Mass in recording k beside the others and its deviation [kg]; the share of errors that it leaves; k."""
     parts = [*without[:k], with_load[k], *without[k + 1 :]]

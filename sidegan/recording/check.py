@@ -198,7 +198,8 @@ def check_recording(
     segments, remarks = kept(given), dict[str, str]()
     for rate in [name for name in RATES if name in statistics.signals]:
         if wrong := contradiction(recording.name, arm, rate, segments):
-            parts = [replace(part, **{rate: None}) for part in parts]
+            none: dict[str, Any] = {rate: None}
+            parts = [replace(part, **none) for part in parts]
             used = {name: x for name, x in statistics.signals.items() if name != rate}
             segments, statistics = kept(given), replace(statistics, signals=used)
             remarks[rate] = wrong
