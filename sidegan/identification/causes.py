@@ -45,7 +45,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     """
     model, arm, links = found.model, found.model.arm, found.links
     remarks = {signal: text for one in found.recordings[::-1] for signal, text in one.remarks.items()}
-    told = [Finding(GOOD, text) for text in remarks.values()]
+    mended = USABLE if found.trust.verdict == BAD else GOOD  # or the signal that they contradict is wrong
+    told = [Finding(mended, text) for text in remarks.values()]
     if late := [one.late for one in found.recordings if one.late]:
         return [Finding(USABLE, late[0]), *told], False
     agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
