@@ -1,6 +1,6 @@
 """Causes of a model's misfit: what the recordings' checks found, and what one fault in them would explain."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import torch
@@ -9,13 +9,21 @@ from torch import Tensor
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import reweighted
-from sidegan.identification.gather import Gathered, gather
+from sidegan.identification.gather import Gathered
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.payload import LOAD, Loaded
+from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.score import score, shown
 from sidegan.identification.sums import Sums, scaled_inverse
-from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, implausible_links, implausible_mass
+from sidegan.identification.verdict import (
+    BAD,
+    GOOD,
+    USABLE,
+    Finding,
+    implausible_links,
+    implausible_mass,
+    joint_of,
+)
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of
 
@@ -27,7 +35,7 @@ _CLEAR = 3.0  # of a scale that the description says too
 _ALIKE = 0.98  # correlation with the description there
 _SCALE = 0.03  # by which a joint's torque is off at least
 _NOTABLE = 0.02  # of the arm's mass that a load has at least
-_OFFSET = 0.2  # of a joint's usual torque, that an offset is told from
+_OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # of a joint's usual torque, and of its limit, that an offset is told from
 
 
 def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
@@ -37,7 +45,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     """
     model, arm, links = found.model, found.model.arm, found.links
     remarks = {signal: text for one in found.recordings[::-1] for signal, text in one.remarks.items()}
-    told = [Finding(GOOD, text) for text in remarks.values()]
+    mended = USABLE if found.trust.verdict == BAD else GOOD  # or the signal that they contradict is wrong
+    told = [Finding(mended, text) for text in remarks.values()]
     if late := [one.late for one in found.recordings if one.late]:
         return [Finding(USABLE, late[0]), *told], False
     agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
@@ -117,7 +126,7 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
     if len(found.recordings) < 2:
         return
     samples = [measurements_of([one]) for one in found.recordings]
-    without, with_load = ([gather(Loaded(found.model, x), one) for one in samples] for x in (False, True))
+    without, with_load = zip(*(gathered(found.model, one, one) for one in samples))
     each = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
     if len(each) == 2:
         each = each[1:]  # which of both it is cannot be told
@@ -132,7 +141,7 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
 
 
 def _load(
-    count: int, without: list[Gathered], with_load: list[Gathered], k: int
+    count: int, without: Sequence[Gathered], with_load: Sequence[Gathered], k: int
 ) -> tuple[float, float, float, int]:
     """Mass in recording k beside the others and its deviation [kg]; the share of errors that it leaves; k."""
     parts = [*without[:k], with_load[k], *without[k + 1 :]]
@@ -151,19 +160,14 @@ def _load(
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
     """Offsets that are no small part of a joint's torque: the model holds them, a sensor should not."""
     chosen, arm = found.chosen, found.model.arm
-    places = [
-        chosen.names.index(f"fo{j + 1}") if f"fo{j + 1}" in chosen.names else None for j in range(arm.joints)
-    ]
-    for j, k in enumerate(places):
-        if k is None:
-            continue
-        value, deviation, usual = (
-            float(x) for x in (chosen.parameters[k], chosen.deviation[k], found.trust.usual[j])
-        )
-        if abs(value) > max(_OFFSET * usual, _SURE * deviation):
-            unit = "N" if arm.prismatic[j] else "N·m"
-            text = f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}"
-            beside = (
-                f"beside a usual torque of {usual:.2g} {unit}: the model holds it, but was the sensor tared?"
+    limits = torch.where(arm.torque_limit.isfinite(), arm.torque_limit, 0.0)
+    each = zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist())
+    for name, value, deviation in [one for one in each if one[0].startswith("fo")]:
+        j = joint_of(name)
+        usual, unit = float(found.trust.usual[j]), "N" if arm.prismatic[j] else "N·m"
+        if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * float(limits[j]), _SURE * deviation):
+            text = (
+                f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, beside a usual torque of "
+                f"{usual:.2g} {unit}: the model holds it, but was the sensor tared?"
             )
-            yield Finding(GOOD, f"{text}, {beside}", j)
+            yield Finding(GOOD, text, j)

@@ -1,5 +1,7 @@
 """Torques of a recording beside the arm's description: gravity, scale and sign."""
 
+import math
+from itertools import combinations
 from typing import NamedTuple
 
 import scipy  # its parts are imported when they are used
@@ -14,6 +16,7 @@ from sidegan.robot import Arm
 from sidegan.robot.mounting import direction, in_base, mount_of, straightened
 
 _SAMPLES = 20_000  # enough to tell a sign
+_FEW = 2_000  # enough to tell whose motion it is
 _CLEAR = 0.4  # correlation with the model that says something
 _SURE = 0.9  # correlation from which on a scale is one
 _OTHER = 2.0  # times what the description needs, or a part of it: another unit, not another mass
@@ -31,6 +34,7 @@ class Agreement(NamedTuple):
     load: Load  # the gravity and the scales that explain the torques
     order: Tensor  # the joint whose described torque each joint's is, (J,): itself, unless some are exchanged
     turned: bool  # whether that is another gravity than the description's
+    swapped: tuple[int, int] | None  # two joints whose motions are exchanged
     moved: Tensor  # range of each joint [rad or m], (J,)
     # share of the power that friction dissipates, (J,); negative where the torque would drive the arm's
     # friction
@@ -107,8 +111,14 @@ class Agreement(NamedTuple):
         )
 
     def exchanged(self, arm: Arm) -> str | None:
-        """Which joints have each other's torques, a sentence; None where each has its own."""
+        """Which joints have each other's torques or motions, a sentence; None where each has its own."""
         moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
+        if not moved and self.swapped and not self.turned:
+            one, other = (arm.joint_names[j] for j in self.swapped)
+            return (
+                f"the motions of {one} and {other} look exchanged: the torques are those of each other's "
+                "positions; are these columns in this order? (recording.position)"
+            )
         if not moved:
             return None
         each = [f"that of {arm.joint_names[j]} is what {arm.joint_names[self.order[j]]} needs" for j in moved]
@@ -136,6 +146,7 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     return Agreement(
         load=load,
         order=_order(model, v, a, torque),
+        swapped=_swapped(body, q, v, a, torque),
         turned=not torch.equal(load.gravity, body.arm.gravity),
         moved=q.amax(0) - q.amin(0),
         friction=_dissipated(model, v, a, torque),
@@ -156,6 +167,32 @@ def _order(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
     other = found != own
     clear = left[found, own] < torch.minimum(_BETTER * left[own, own], torch.tensor(_BETTER))
     return found if bool(clear[other].all()) else own
+
+
+def _swapped(body: RigidBody, *states: Tensor) -> tuple[int, int] | None:
+    """Two joints with whose motions exchanged far more of the torques is explained, of (S, J) each."""
+    *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
+
+    def left(order: list[int]) -> float:
+        """What the description leaves of the torques, the sum over joints of logarithms."""
+        q, v, a = (x[:, order] for x in motion)
+        basis = orthonormal(other_columns(v, a).transpose(0, 1))
+        described, measured = (x.T[..., None] for x in (body.torque(q, v, a), torque))
+        described, measured = (x - basis @ (basis.mT @ x) for x in (described, measured))
+        size = (described.norm(dim=1) * measured.norm(dim=1)).clamp_min(_TINY)
+        cosine = (described * measured).sum(1) / size
+        return float((1 - cosine.square()).clamp_min(_TINY).log().sum())
+
+    own = list(range(body.joints))
+    found: dict[tuple[int, int], float] = {}
+    for j, k in combinations(own, 2):
+        order = own.copy()
+        order[j], order[k] = k, j
+        found[j, k] = left(order)
+    if not found:
+        return None
+    best = min(found, key=found.__getitem__)
+    return best if found[best] < left(own) + 2 * math.log(_BETTER) else None
 
 
 def _dissipated(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:

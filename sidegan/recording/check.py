@@ -44,7 +44,7 @@ class CheckedRecording:
     agreement: Agreement  # of the torques with the arm's description
     warnings: list[str]  # what a person should look at
     remarks: dict[str, str]  # of these, on signals that contradict others and are not used, by their names
-    late: str | None  # what is said of a delay that is left in
+    late: str | None  # what is said of a delay that is left in and explains what is wrong
     delay: Delay  # of the torques
     corrected: bool  # whether it was taken off
     noise: Tensor  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
@@ -197,7 +197,8 @@ def check_recording(
     segments, remarks = kept(given), dict[str, str]()
     for rate in [name for name in RATES if name in statistics.signals]:
         if wrong := contradiction(recording.name, arm, rate, segments):
-            parts = [replace(part, **{rate: None}) for part in parts]
+            none: dict[str, Any] = {rate: None}
+            parts = [replace(part, **none) for part in parts]
             used = {name: x for name, x in statistics.signals.items() if name != rate}
             segments, statistics = kept(given), replace(statistics, signals=used)
             remarks[rate] = wrong
@@ -210,10 +211,12 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += remarks.values()
-    late = left.statement(corrected) if left.noticed and not corrected else None
-    warnings += [late] if late else []
+    late = None
+    if left.noticed and not corrected:
+        warnings.append(left.statement(corrected))
+        late = warnings[-1] if left.clear or left.lost else None
     # a delay that is left in turns signs and gravity round
-    agreement = agreement_of(body, kept(given + left.seconds) if late and left.believed else segments)
+    agreement = agreement_of(body, kept(given + left.seconds) if late and left.clear else segments)
     torques = [(x.time.numpy(), torque_of(x, gains, settings.reverse)) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(

@@ -34,6 +34,7 @@ class Delay(NamedTuple):
     seconds: float  # negative where they are earlier
     deviation: float = 0.0  # standard deviation of that [s]
     given: bool = False  # whether it was set, not measured
+    clear: bool = False  # whether less than half of what is left without it is left with it
 
     @property
     def noticed(self) -> bool:
@@ -64,7 +65,7 @@ class Delay(NamedTuple):
         left = "left as it is" + "; recording.delay=null takes it off" * worth
         if math.isinf(self.deviation):
             return "whether torques are later than the motion cannot be told: left as it is"
-        rounded = f"{size:.0f}" if size >= 100 else f"{size:.2g}"
+        rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
         said = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
         return f"{said}: {'taken off' if taken_off else left}"
 
@@ -76,7 +77,7 @@ def pooled(delays: Sequence[Delay]) -> Delay | None:
     weights = [one.deviation**-2 for one in delays]
     mean = sum(w * one.seconds for w, one in zip(weights, delays)) / sum(weights)
     apart = any(abs(one.seconds - mean) > max(_CLEAR * one.deviation, _ALIKE) for one in delays)
-    return None if apart else Delay(mean, sum(weights) ** -0.5)
+    return None if apart else Delay(mean, sum(weights) ** -0.5, clear=all(one.clear for one in delays))
 
 
 def measured(body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]]) -> Delay:
@@ -107,7 +108,7 @@ def _refined(
     whole = taken + found.seconds
     if not coarse and _STEP < abs(whole) < LONGEST:  # where hardly less is left than without it
         return Delay(0.0, math.inf)
-    return Delay(max(-LONGEST, min(LONGEST, whole)), found.deviation)
+    return Delay(max(-LONGEST, min(LONGEST, whole)), found.deviation, clear=coarse != 0)
 
 
 def _coarse(body: RigidBody, segments: list[Segment]) -> float:

@@ -110,7 +110,7 @@ class _Writer:
             notes.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")
         if model.dof_armature.any():
             notes.append("rotor inertias (armature) are not part of the rigid model")
-        if (floats := np.flatnonzero(model.body_gravcomp)).size:
+        if floats := np.flatnonzero(model.body_gravcomp).tolist():
             names = listed([self.name("body", body) for body in floats])
             notes.append(f"gravity of {names} is compensated (gravcomp): torques of actuators do not hold it")
         return notes

@@ -142,6 +142,18 @@ def test_a_fault_of_the_recordings_is_the_first_reason_and_silences_advice(arm, 
     assert trust.verdict == GOOD or not any("excite it" in reason for reason in trust.reasons)
 
 
+def test_motions_in_each_others_columns_are_named(arm):
+    order = [0, 3, 2, 1, 4, 5, 6]
+    made = moved(
+        arm, np.arange(1500) / 100, VISCOUS[0], COULOMB[0], torch.Generator().manual_seed(0), period=6.0
+    )
+    swapped = replace(made, position=made.position[:, order], velocity=made.velocity[:, order])
+    checked = check_recording(swapped, arm, of_file())
+    assert "the motions of joint_2 and joint_4 look exchanged" in checked.warnings[0]
+    trust = identified(arm, [checked], strength=1.0).trust
+    assert trust.verdict == BAD and "look exchanged" in trust.reasons[0]
+
+
 def test_one_recording_with_another_load_is_named(arm):
     training, validation = (
         recordings(arm, lambda made: made.torque)[0],

@@ -47,6 +47,7 @@ def filtered(made):
 
 MISFITS = {
     "cogging": lambda made: 1.5 * torch.sin(60 * made.position[:, 1]),
+    "cogging that looks white": lambda made: 6 * torch.sin(400 * made.position[:, 1]),
     "friction that bends": lambda made: 10 * made.velocity[:, 1].abs().sqrt() * made.velocity[:, 1].sign(),
     "filtered noise": filtered,
     "a spring": lambda made: torch.sin(2 * made.position[:, 1]),
