@@ -1,6 +1,7 @@
 """Placeholders in a description: limits that no arm has."""
 
 import math
+from collections.abc import Mapping
 from functools import lru_cache
 
 import torch
@@ -57,10 +58,11 @@ def tell_weak(arm: Arm) -> str:
         return ""
     names, enough = arm.joint_names, enough_effort(arm)
     said = [f"{names[j]} (effort {float(arm.torque_limit[j]):.4g}) in {float(share[j]):.0%}" for j in weak]
-    examples = {names[j]: float(f"{float(enough[j]):.2g}") for j in weak}
+    examples, given = {names[j]: float(f"{float(enough[j]):.2g}") for j in weak}, arm.setup.limits.effort
+    stated = given if isinstance(given, Mapping) else None
     return (
         f"limits that do not hold the arm still in all of its range: {listed(said)}; if they are not its "
-        f"own, state these, for example {override('limits.effort', examples, arm.setup.limits.effort)}"
+        f"own, state these, for example {override('limits.effort', examples, stated)}"
     )
 
 
