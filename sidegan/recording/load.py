@@ -114,7 +114,7 @@ def _apart(
 
     The latter where one comes at moments of its own, so that many cells are blank.
     """
-    blank = {name: np.isnan(x).all(1) for name, x in signals.items() if name != "time"}
+    blank = {name: np.asarray(np.isnan(x).all(1)) for name, x in signals.items() if name != "time"}
     if not any(_APART < lacks.mean() < 1 for lacks in blank.values()):
         return [(signals, rows)]
     return [

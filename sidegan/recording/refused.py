@@ -1,7 +1,6 @@
 """Recordings that cannot be used: other units than are declared, no motion, torques that no drive gives."""
 
 import math
-from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -104,8 +103,8 @@ def _reaches(position: Signal, arm: Arm, far: Tensor) -> str:
 
 def _time_unit(step: float, units: Units) -> str:
     """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
-    raw, smaller = step / units.factor("time"), [replace(units, time=unit) for unit in ("ms", "us", "ns")]
-    return next((one.time for one in smaller if raw * one.factor("time") <= _USUAL), smaller[-1].time)
+    raw, smaller = step / units.factor("time"), ("ms", "us", "ns")
+    return next((unit for unit in smaller if raw * Units.of_time(unit) <= _USUAL), smaller[-1])
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:

@@ -199,6 +199,11 @@ def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
     assert not read(tmp_path, slow).remarks
 
 
+def test_nanoseconds_since_a_machine_was_started_are_no_milliseconds_since_1970(made, tmp_path):
+    found = read(tmp_path, table(made, t=(made.time.numpy() * 1e9).round() + 1.5e12))
+    assert not found.remarks and np.diff(found.time).mean() > 1e6
+
+
 def at_rest(made, torque, seconds=4.0):
     """A recording with some time at rest, and torques at will, before it."""
     still = np.arange(0, seconds, 0.01)
