@@ -184,17 +184,6 @@ def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recordi
         read(tmp_path, table(recording), units={"position": {"per_turn": 4096, "zero": [0, 0, 0]}})
 
 
-def test_whole_numbers_are_counts_where_joints_have_no_limits_and_turns_are_not(recording, planar):
-    far = torch.full((2,), torch.inf, dtype=torch.float64)
-    endless, slow = (
-        replace(planar, position_lower=-far, position_upper=far),
-        replace(recording, velocity=None),
-    )
-    assert check_recording(replace(slow, position=9 * recording.position), endless, of_file()).kept
-    with pytest.raises(RecordingError, match="it has no limit, which no unit mends"):
-        check_recording(replace(slow, position=(500 * recording.position).round()), endless, of_file())
-
-
 def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
     """And nothing is put back of a joint that slides, or of degrees, which step by more than a turn, too."""
     far = recording.position * torch.tensor([4.0, 1.0]) + torch.tensor([3.0, 0.0])
