@@ -24,7 +24,8 @@ from sidegan.recording.text import text_table
 from sidegan.recording.units import Units, told
 
 _MOST_CORRUPT = 0.5  # of the rows of a file
-_LARGEST = 1e12  # of any signal in SI units, and of a time: what is larger is no measurement
+_LARGEST = 1e12  # of any signal in SI units: what is larger is no measurement
+_LATEST = 1e21  # of a time; one beyond the largest number is a damaged row, unless most are
 _APART = 0.1  # of the rows: where a signal lacks in as many, it comes at other moments than the others
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
@@ -114,7 +115,7 @@ def _apart(
 
     The latter where one comes at moments of its own, so that many cells are blank.
     """
-    blank = {name: np.isnan(x).all(1) for name, x in signals.items() if name != "time"}
+    blank = {name: np.asarray(np.isnan(x).all(1)) for name, x in signals.items() if name != "time"}
     if not any(_APART < lacks.mean() < 1 for lacks in blank.values()):
         return [(signals, rows)]
     return [
@@ -203,10 +204,10 @@ def _whole_rows(
         for name, x in signals.items()
         for k in range(x.shape[1])
     ]
-    columns = [column for x in signals.values() for column in x.T]
-    wrong, shares = np.zeros(len(columns[0]), dtype=bool), []
-    for column in columns:  # a matrix of all would take as much memory as they do
-        bad = ~(np.abs(column) <= _LARGEST)
+    columns = [(column, _most(name, column)) for name, x in signals.items() for column in x.T]
+    wrong, shares = np.zeros(len(columns[0][0]), dtype=bool), []
+    for column, most in columns:  # a matrix of all would take as much memory as they do
+        bad = ~(np.abs(column) <= most)
         wrong |= bad
         shares.append(bad.mean() if len(bad) else 0.0)
     if len(wrong) and wrong.mean() > _MOST_CORRUPT:
@@ -215,9 +216,15 @@ def _whole_rows(
             f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
         )
     lacking = [
-        [name for name, column in zip(names, columns) if not abs(column[k]) <= _LARGEST]
+        [name for name, (column, most) in zip(names, columns) if not abs(column[k]) <= most]
         for k in np.flatnonzero(wrong)
     ]
     return ~wrong, [
         (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], lacking)
     ]
+
+
+def _most(name: str, column: Numbers) -> float:
+    """The largest number that a column (S,) may hold."""
+    late = name == "time" and np.count_nonzero(np.abs(column) > _LARGEST) > len(column) / 2
+    return _LATEST if late else _LARGEST

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -23,14 +24,16 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
     Steps between neighbouring samples are that which are nearly a turn, in a joint none of whose other steps
     is beyond doubt.
     """
-    near, found, position = np.diff(recording.time.numpy()) < SLOWEST, [], recording.position
+    near, position = np.diff(recording.time.numpy()) < SLOWEST, recording.position
+    found: list[str] = []
     for j, name in enumerate(recording.joint_names):
         steps = np.where(near, np.diff(position[:, j].numpy()), 0.0)
         turns = np.round(steps / _TURN)
         odd = np.abs(steps - _TURN * turns) > _AROUND
+        turns[odd] = 0.0
         if not slides[j] and turns.any() and odd.mean() < _GLITCHES:
             position = position if found else position.clone()
-            position[1:, j] -= torch.from_numpy(_TURN * np.cumsum(np.where(odd, 0.0, turns)))
+            position[1:, j] -= torch.from_numpy(_TURN * np.cumsum(turns))
             found.append(name)
     if not found:
         return recording
@@ -58,7 +61,7 @@ def driven(recording: Recording) -> Recording:
     rows = np.flatnonzero(kept)
     whole = len(rows) == rows[-1] - rows[0] + 1  # a part of the memory will do
     part = slice(rows[0], rows[-1] + 1) if whole else torch.from_numpy(rows)
-    signals = {name: x[part] for name, x in recording.signals().items()}
+    signals: dict[str, Any] = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
     said = (
         f"from {first:.6g} s on no {recording.load} changes while the arm rests, as without drives: "

@@ -1,7 +1,6 @@
 """Recordings that cannot be used: other units than are declared, no motion, torques that no drive gives."""
 
 import math
-from dataclasses import replace
 
 import torch
 from torch import Tensor
@@ -74,14 +73,12 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     """Whether positions are counts of encoders, which no unit makes angles of; None where they are not."""
     if units.position is not None:
         return None
-    raw = Signal(*(x / units.factor("position") for x in position))
-    whole = torch.stack([raw.lower, raw.upper, raw.quantum]).frac().eq(0).all()
-    reach = position.largest
-    far = (reach > _COUNTED * _limit(arm)) | (whole & ~arm.prismatic & (reach > _TURN))
+    far = position.largest > _COUNTED * _limit(arm)
     if 2 * int(far.sum()) <= arm.joints:
         return None
-    per_turn = 2 ** math.ceil(math.log2(float(raw.upper.max().clamp_min(2))))
-    zero = per_turn // 2 if (raw.lower >= 0).all() else 0
+    lower, upper = (x / units.factor("position") for x in (position.lower, position.upper))
+    per_turn = 2 ** math.ceil(math.log2(float(upper.max().clamp_min(2))))
+    zero = per_turn // 2 if (lower >= 0).all() else 0
     return (
         f"{_reaches(position, arm, far)}, which no unit mends: are these counts of encoders? With their "
         "counts per turn, and what they read where joints are at zero, perhaps "
@@ -97,15 +94,15 @@ def _limit(arm: Arm) -> Tensor:
 def _reaches(position: Signal, arm: Arm, far: Tensor) -> str:
     """How far the first of some joints reaches, and might."""
     j = int(far.nonzero()[0])
-    unit, limit = "m" if arm.prismatic[j] else "rad", _limit(arm)[j]
-    has = f"its limit is {limit:.4g} {unit}" if limit.isfinite() else "it has no limit"
-    return f"{arm.joint_names[j]} reaches {position.largest[j]:.4g} {unit}, {has}"
+    unit = "m" if arm.prismatic[j] else "rad"
+    reach, limit = float(position.largest[j]), float(_limit(arm)[j])
+    return f"{arm.joint_names[j]} reaches {reach:.4g} {unit}, its limit is {limit:.4g} {unit}"
 
 
 def _time_unit(step: float, units: Units) -> str:
     """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
-    raw, smaller = step / units.factor("time"), [replace(units, time=unit) for unit in ("ms", "us", "ns")]
-    return next((one.time for one in smaller if raw * one.factor("time") <= _USUAL), smaller[-1].time)
+    raw, smaller = step / units.factor("time"), ("ms", "us", "ns")
+    return next((unit for unit in smaller if raw * Units.of_time(unit) <= _USUAL), smaller[-1])
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:

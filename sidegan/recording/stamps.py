@@ -46,12 +46,14 @@ def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Nu
 
 def dated(table: Table) -> list[str]:
     """Columns whose first element is a date."""
-    return [name for name, values in table.columns.items() if _dates(values[:1]) is not None]
+    return [name for name, x in table.columns.items() if np.ndim(x) == 1 and _dates(x[:1]) is not None]
 
 
 def _dates(values: Any) -> Numbers | None:
     """Seconds since 1970 of dates, or since midnight of times of day, (S,); None of what is neither."""
-    series = pd.Series(values) if np.ndim(values) == 1 else pd.Series(dtype=float)
+    if np.ndim(values) != 1:
+        return None
+    series = pd.Series(values)
     if pd.api.types.is_datetime64_any_dtype(series):
         return _seconds(pd.to_datetime(series, utc=True) - _EPOCH)
     if pd.api.types.is_timedelta64_dtype(series):

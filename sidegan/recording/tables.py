@@ -176,6 +176,7 @@ def _in_a_row(x: Any, count: int, length: int) -> Any:
     """An array of rollouts, (K, T, …), or one of all of them, (T,), as (K·T, …); others as they are."""
     if x.shape == (length,):
         x = np.tile(x, (count, 1))
+    x = x[..., 0] if x.shape[2:] == (1,) else x
     if x.shape[:2] != (count, length):
         return x
     if x.ndim == 2 and x.dtype.kind in "fiu" and (np.diff(x.astype(np.float64), axis=1) > 0).all():

@@ -199,6 +199,11 @@ def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
     assert not read(tmp_path, slow).remarks
 
 
+def test_nanoseconds_since_a_machine_was_started_are_no_milliseconds_since_1970(made, tmp_path):
+    found = read(tmp_path, table(made, t=(made.time.numpy() * 1e9).round() + 1.5e12))
+    assert not found.remarks and np.diff(found.time).mean() > 1e6
+
+
 def at_rest(made, torque, seconds=4.0):
     """A recording with some time at rest, and torques at will, before it."""
     still = np.arange(0, seconds, 0.01)
@@ -211,9 +216,12 @@ def test_rows_at_rest_without_drives_are_left_out(recording, tmp_path):
     found = read(tmp_path, at_rest(recording, lambda _: {"tau1": 0.0, "tau2": 0.0}))
     torch.testing.assert_close(found.torque, recording.torque)
     assert "no torque changes while the arm rests, as without drives: 400 rows" in found.remarks[0]
-    held = read(tmp_path, at_rest(recording, lambda t: {"tau1": 0.0, "tau2": np.sin(t)}))
-    moving = table(recording, tau1=0.0, tau2=0.0)  # somebody leads an arm without drives
-    assert len(held) == 2400 and not held.remarks and len(read(tmp_path, moving)) == 2000
+    led = table(recording)
+    led.loc[:999, ["tau1", "tau2"]] = 0.0  # somebody leads an arm without drives
+    for other in ("tau1", "tau2"):
+        held = read(tmp_path, at_rest(recording, lambda t, j=other: {"tau1": 0.0, "tau2": 0.0, j: np.sin(t)}))
+        assert len(held) == 2400 and not held.remarks
+    assert len(read(tmp_path, led)) == 2000
 
 
 def test_each_signal_is_taken_at_the_rows_that_have_it(recording, tmp_path):
