@@ -48,7 +48,11 @@ def facts_of(task):
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     floors = [region.offset for region in constraints.regions if isinstance(region, Plane)]
-    limits = {kind: dict(x) for kind, x in vars(task.cfg.robot.limits).items() if x}
+    limits = {
+        kind: dict.fromkeys(arm.joint_names, x) if isinstance(x, int | float) else dict(x)
+        for kind, x in vars(task.cfg.robot.limits).items()
+        if x and kind != "file"
+    }
     for kind, values in arm.higher_limits.items():
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
@@ -93,14 +97,15 @@ class Outcome:
 
     joints: int
     said: list[str]  # settings that its refusals asked for
-    refused: float  # shares of free random configurations, and of colliding ones
+    refused: float  # shares of free random configurations, and of colliding ones; nan without shapes
     missed: float
     verdicts: pd.DataFrame  # the judge's, a row a trajectory
 
     @property
     def row(self):
         """Its row of the table."""
-        shares = {"falsely refused": f"{self.refused:.2%}", "missed": f"{self.missed:.2%}"}
+        values = {"falsely refused": self.refused, "missed": self.missed}
+        shares = {name: "no shapes" if np.isnan(x) else f"{x:.2%}" for name, x in values.items()}
         use = f"{self.verdicts.velocity.min():.0%} to {self.verdicts.velocity.max():.0%}"
         valid = f"{self.verdicts.valid.sum()} of {len(self.verdicts)}"
         said = " ".join(f"`'{word}'`" if "[" in word or "{" in word else f"`{word}`" for word in self.said)
@@ -119,7 +124,9 @@ def outcome(file, given, work):
     task, words = remedied(load, given)
     facts, bare = facts_of(task), task_of(file, [*words, "workspace.clearance=0"], work)
     floorless = judge_of(task.arm, replace(facts, floor=-np.inf))
-    refused, missed = shape_accuracy(bare.constraints, floorless, CONFIGURATIONS)
+    refused = missed = np.nan
+    if floorless.geometry.collisionPairs:
+        refused, missed = shape_accuracy(bare.constraints, floorless, CONFIGURATIONS)
     run_stages(task.cfg, work / "run", task.arm.name)
     files, judge = sorted((work / "run" / "trajectories").glob("[0-9]*.csv")), judge_of(task.arm, facts)
     verdicts = pd.DataFrame([judged(judge, path) for path in files])

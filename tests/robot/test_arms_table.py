@@ -112,6 +112,15 @@ def test_the_judge_finds_lying_rates_collisions_and_the_floor():
     assert Judge(FILE, JOINTS, standing)(*motion(1.5))["valid"]
 
 
+def test_a_xacro_file_has_a_row_too(tmp_path):
+    pytest.importorskip("xacro")
+    file = tmp_path / "arm.urdf.xacro"
+    file.write_text(FILE.read_text().replace('velocity="3.0"', 'velocity="${2 * 1.5}"'))
+    found = outcome(file, ["robot.limits.effort=0.5", "robot.effort=0.6"], tmp_path)
+    assert found.verdicts.valid.all() and found.row["missed"] == "0.00%"
+    assert found.verdicts.effort.max() == pytest.approx(0.6, abs=0.1)  # of what was said, not of the file's
+
+
 # Joints of the arms of humanoids whose hands branch: where the refusals' own remedies end the arm.
 HANDS = {
     "alex_description/urdf/alex_psyonic_hands.urdf": 10,
