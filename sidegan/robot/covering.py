@@ -81,6 +81,7 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     elif hollow:
         from sidegan.robot.decomposition import decomposed
 
+        _log.info("dividing them into convex parts, which takes minutes where meshes are not closed, once")
         parts = [part for group in groups for part in decomposed(group)]
     outer = [corners(part.reshape(-1, 3)) for part in parts]
     return [Part(fit(one), *thinned(one, _FINER if hollow else _FINE)) for one in outer]

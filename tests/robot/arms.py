@@ -1,22 +1,32 @@
-"""Arms that people own: their descriptions, what their refusals ask for, and what a judge has to know."""
+"""Arms that people own: what their refusals ask for, what a judge has to know, and what it finds.
+
+A row of docs/arms.md of a URDF or xacro file, in a checkout: ``python -m tests.robot.arms FILE SETTING…``.
+"""
 
 import re
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
+import pandas as pd
 import torch
 
 from sidegan.errors import SideganError
 from sidegan.pipeline.compose import composed
+from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.task import Task
+from sidegan.report.export import markdown
 from sidegan.robot.chain import choose
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.validity import Plane
-from tests.robot.judge import Facts
+from tests.robot.judge import Facts, Judge
 
+CONFIGURATIONS = 2_000  # random ones, that shapes are compared in
+SET = "goal.count=3", "search.evaluations=130", "controllers.formats=[csv]", "controllers.rate=1000"
 _ROUNDS = 6  # of following what refusals say
 _SETTING = r"(?:robot|workspace)(?:\.[a-z_]+)*="
 _REMEDY = re.compile(rf"'({_SETTING}[^']*)'|({_SETTING}[^\s;,]+)")
@@ -38,7 +48,11 @@ def facts_of(task):
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     floors = [region.offset for region in constraints.regions if isinstance(region, Plane)]
-    limits = {kind: dict(x) for kind, x in vars(task.cfg.robot.limits).items() if x}
+    limits = {
+        kind: dict.fromkeys(arm.joint_names, x) if isinstance(x, int | float) else dict(x)
+        for kind, x in vars(task.cfg.robot.limits).items()
+        if x and kind != "file"
+    }
     for kind, values in arm.higher_limits.items():
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
@@ -75,3 +89,64 @@ def shape_accuracy(constraints, judge, configurations):
     collided = torch.from_numpy(judge.colliding(judge.configurations(q.numpy())))
     refused = (constraints.at_rest(q).get("collision", q.new_ones(len(q), 1)) < 0).any(1)
     return tuple(int(x.sum()) / max(1, len(x)) for x in (refused[~collided], ~refused[collided]))
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of an arm."""
+
+    joints: int
+    said: list[str]  # settings that its refusals asked for
+    refused: float  # shares of free random configurations, and of colliding ones; nan without shapes
+    missed: float
+    verdicts: pd.DataFrame  # the judge's, a row a trajectory
+
+    @property
+    def row(self):
+        """Its row of the table."""
+        values = {"falsely refused": self.refused, "missed": self.missed}
+        shares = {name: "no shapes" if np.isnan(x) else f"{x:.2%}" for name, x in values.items()}
+        use = f"{self.verdicts.velocity.min():.0%} to {self.verdicts.velocity.max():.0%}"
+        valid = f"{self.verdicts.valid.sum()} of {len(self.verdicts)}"
+        said = " ".join(f"`'{word}'`" if "[" in word or "{" in word else f"`{word}`" for word in self.said)
+        said = {"joints": self.joints, "had to be said": said or "nothing"}
+        return {**said, **shares, "valid at 1 kHz": valid, "use of the limits": use}
+
+
+def outcome(file, given, work):
+    """Loads an arm as its refusals say, compares its shapes with its meshes, and judges a set of it."""
+
+    def load(words):
+        task = task_of(file, [*words, *SET], work)
+        assert task.constraints.labels
+        return task
+
+    task, words = remedied(load, given)
+    facts, bare = facts_of(task), task_of(file, [*words, "workspace.clearance=0"], work)
+    floorless = judge_of(task.arm, replace(facts, floor=-np.inf))
+    refused = missed = np.nan
+    if floorless.geometry.collisionPairs:
+        refused, missed = shape_accuracy(bare.constraints, floorless, CONFIGURATIONS)
+    run_stages(task.cfg, work / "run", task.arm.name)
+    files, judge = sorted((work / "run" / "trajectories").glob("[0-9]*.csv")), judge_of(task.arm, facts)
+    verdicts = pd.DataFrame([judged(judge, path) for path in files])
+    return Outcome(task.arm.joints, words[len(given) :], refused, missed, verdicts)
+
+
+def judge_of(arm, facts):
+    """The judge of an arm, of the URDF that a xacro file becomes."""
+    xacro = read_source(arm.urdf, arm.setup.args).text.decode() if arm.urdf.suffix == ".xacro" else None
+    return Judge(arm.urdf, arm.joint_names, facts, xacro)
+
+
+def judged(judge, path):
+    """The judge's verdict on a file of a trajectory."""
+    table = pd.read_csv(path)
+    kinds = ("q", "dq", "ddq")
+    return judge(table.time.to_numpy(), *(table[[f"{k}_{n}" for n in judge.names]].to_numpy() for k in kinds))
+
+
+if __name__ == "__main__":
+    with TemporaryDirectory() as folder:
+        found = outcome(sys.argv[1], sys.argv[2:], Path(folder))
+    print(markdown(pd.DataFrame([{"arm": Path(sys.argv[1]).name.partition(".")[0], **found.row}])))

@@ -30,11 +30,12 @@ class Facts:
 class Judge:
     """A description with only those joints moving that trajectories move."""
 
-    def __init__(self, urdf, names, facts):
+    def __init__(self, file, names, facts, urdf=None):
         self.names, self.facts = list(names), facts
-        whole = pin.buildModelFromUrdf(str(urdf))
-        folders = [str(folder) for folder in urdf.parents]
-        shapes = pin.buildGeomFromUrdf(whole, str(urdf), pin.GeometryType.COLLISION, None, folders)
+        urdf = file.read_text() if urdf is None else urdf
+        whole = pin.buildModelFromXML(urdf)
+        folders = [str(folder) for folder in file.parents]
+        shapes = pin.buildGeomFromUrdfString(whole, urdf, pin.GeometryType.COLLISION, None, folders)
         owners = {one.name: whole.frames[one.parentFrame].name for one in shapes.geometryObjects}
         for frame in whole.frames:  # Pinocchio cannot reduce models in which a name means link and joint
             if frame.type == pin.FrameType.BODY:

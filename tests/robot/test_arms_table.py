@@ -6,7 +6,6 @@ made by ``+experiment=excite``, and every file of it is judged at 1 kHz. All des
 read, reduced and given to Pinocchio.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,18 +16,15 @@ import torch
 from sidegan.errors import RobotError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
-from sidegan.pipeline.run import run_stages
 from sidegan.report.export import markdown
 from sidegan.robot import Setup
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.load import _MODELS
 from sidegan.robot.model import build
-from tests.robot.arms import ROBOTS, facts_of, remedied, shape_accuracy, task_of
+from tests.robot.arms import ROBOTS, outcome, remedied
 from tests.robot.judge import Facts, Judge
 
-CONFIGURATIONS = 2_000  # random ones, that shapes are compared in
 MORE = 0.02  # share of free configurations by which more may be refused than when the table was made
-SET = "goal.count=3", "search.evaluations=130", "controllers.formats=[csv]", "controllers.rate=1000"
 
 
 # Franka's published accelerations and jerks.
@@ -76,34 +72,11 @@ def test_no_collision_is_missed_and_every_trajectory_is_valid(name, rows, tmp_pa
     file, recorded, given, asked = ARMS[name]
     if file is not None and ROBOTS is None:
         pytest.skip("needs example-robot-data: pip install 'sidegan[arms]'")
-    file = name if file is None else ROBOTS / file
-
-    def load(words):
-        task = task_of(file, [*words, *SET], tmp_path)
-        assert task.constraints.labels
-        return task
-
-    task, words = remedied(load, given)
-    facts, bare = facts_of(task), task_of(file, [*words, "workspace.clearance=0"], tmp_path)
-    floorless = Judge(task.arm.urdf, task.arm.joint_names, replace(facts, floor=-np.inf))
-    refused, missed = shape_accuracy(bare.constraints, floorless, CONFIGURATIONS)
-    judge = Judge(task.arm.urdf, task.arm.joint_names, facts)
-    run_stages(task.cfg, tmp_path / "run", name)
-    files = sorted((tmp_path / "run" / "trajectories").glob("[0-9]*.csv"))
-    verdicts = pd.DataFrame([judged(judge, path) for path in files])
-    peaks = {kind: f"{verdicts[kind].max():.0%}" for kind in ("velocity", "effort", "acceleration", "jerk")}
-    found = {"falsely refused": f"{refused:.2%}", "missed": f"{missed:.2%}"}
-    valid = f"{verdicts.valid.sum()} of {len(files)}"
-    rows.append({"arm": name, "refusals ask for": asked, **found, "valid at 1 kHz": valid, **peaks})
-    assert [word.partition("=")[0] for word in words[len(given) :]] == [f"robot.{x}" for x in asked.split()]
-    assert missed == 0 and refused <= recorded + MORE
-    assert len(files) == 3 and verdicts.valid.all(), verdicts
-
-
-def judged(judge, path):
-    table = pd.read_csv(path)
-    kinds = ("q", "dq", "ddq")
-    return judge(table.time.to_numpy(), *(table[[f"{k}_{n}" for n in judge.names]].to_numpy() for k in kinds))
+    found = outcome(name if file is None else ROBOTS / file, given, tmp_path)
+    rows.append({"arm": name, **found.row})
+    assert [word.partition("=")[0] for word in found.said] == [f"robot.{x}" for x in asked.split()]
+    assert found.missed == 0 and found.refused <= recorded + MORE
+    assert len(found.verdicts) == 3 and found.verdicts.valid.all(), found.verdicts
 
 
 FILE, JOINTS = _MODELS / "planar2.urdf", ["shoulder", "elbow"]
@@ -137,6 +110,15 @@ def test_the_judge_finds_lying_rates_collisions_and_the_floor():
     assert Judge(FILE, JOINTS, Facts(floor=0.6))(*motion(1.5))["colliding"] > 5
     standing = Facts(floor=0.6, standing=["forearm", "upper_arm"])
     assert Judge(FILE, JOINTS, standing)(*motion(1.5))["valid"]
+
+
+def test_a_xacro_file_has_a_row_too(tmp_path):
+    pytest.importorskip("xacro")
+    file = tmp_path / "arm.urdf.xacro"
+    file.write_text(FILE.read_text().replace('velocity="3.0"', 'velocity="${2 * 1.5}"'))
+    found = outcome(file, ["robot.limits.effort=0.5", "robot.effort=0.6"], tmp_path)
+    assert found.verdicts.valid.all() and found.row["missed"] == "0.00%"
+    assert found.verdicts.effort.max() == pytest.approx(0.6, abs=0.1)  # of what was said, not of the file's
 
 
 # Joints of the arms of humanoids whose hands branch: where the refusals' own remedies end the arm.
