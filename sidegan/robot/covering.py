@@ -70,8 +70,8 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
         most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
-        hollow: 1 where these are cut further, if that leaves out what only hulls hold, 2 where they are
-            divided among the parts of a convex decomposition.
+        hollow: 1 where these are cut further, if that leaves out what only hulls hold, 2 where closed ones
+            are divided among the parts of a convex decomposition.
     """
     _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
     groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
@@ -81,8 +81,9 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     elif hollow:
         from sidegan.robot.decomposition import decomposed
 
-        _log.info("dividing them into convex parts, which takes minutes where meshes are not closed, once")
-        parts = [part for group in groups for part in decomposed(group)]
+        _log.info("dividing them into convex parts, which takes up to a minute, once")
+        each = ((group, decomposed(group)) for group in groups)
+        parts = [part for group, made in each for part in made or cut([group], _HOLLOW, _LITTLE, 0.0)]
     outer = [corners(part.reshape(-1, 3)) for part in parts]
     return [Part(fit(one), *thinned(one, _FINER if hollow else _FINE)) for one in outer]
 

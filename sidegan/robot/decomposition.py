@@ -15,12 +15,15 @@ Planes = Points  # outward unit normals, and heights along them [m], (K, 4)
 def decomposed(triangles: Points) -> list[Points]:
     """Triangles (N, 3, 3) [m] divided among nearly convex parts, each of which has some.
 
-    Parts are a guide alone: what lies in none of them goes to the nearest, so that none is lost.
+    There are none of an open mesh. Parts are a guide alone: what lies in none of them goes to the nearest, so that none is lost. CoACD makes
+    an open mesh anew before it divides it, which may take hours.
     """
     import coacd
     import trimesh
 
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
+    if not mesh.is_watertight:
+        return []
     coacd.set_log_level("error")
     found = coacd.run_coacd(
         coacd.Mesh(mesh.vertices, mesh.faces),
@@ -29,7 +32,7 @@ def decomposed(triangles: Points) -> list[Points]:
     )
     hulls = [hull for vertices, _ in found if (hull := hull_of(np.asarray(vertices))) is not None]
     if not hulls:
-        return [triangles]
+        return []
     return shared_out(triangles, [np.c_[hull.equations[:, :3], -hull.equations[:, 3]] for hull in hulls])
 
 

@@ -27,6 +27,9 @@ _log = logging.getLogger(__name__)
 _CAPSULE = 8, 16  # rings of a capsule's half spheres, and points around it
 
 
+_FLAT = 1e-3  # [m] from z = 0 that a foot's points lie
+
+
 class Part(NamedTuple):
     """A surface that moves with a joint."""
 
@@ -57,7 +60,8 @@ def foot(arm: Arm) -> tuple[float, bool]:
     """Lowest point of what stands still [m], and whether it is known.
 
     A link is as low as its visual shapes or its collision meshes, whichever end higher. Sizes that stand in
-    for a link are no evidence of how low it is, and z = 0 is likelier where they reach below that.
+    for a link are no evidence of how low it is, and z = 0 is likelier where they reach below that. Nor do
+    plugs and cables carry an arm, which hang beside a foot that lies about the origin.
     """
     lowest = [_foot_of(arm, link, frame) for link, frame in _links(arm) if not frame.parentJoint]
     return min((found for found in lowest if found is not None), default=(0.0, False))
@@ -76,12 +80,24 @@ def _foot_of(arm: Arm, link: ET.Element, frame: "pin.Frame") -> tuple[float, boo
 
 
 def _span(arm: Arm, shapes: list[ET.Element], frame: "pin.Frame") -> tuple[float, float] | None:
-    """Lowest and highest point [m] of some shapes; None where there are none, or one cannot be read."""
+    """Lowest and highest point [m] of some shapes; None where there are none, or one cannot be read.
+
+    Lowest is z = 0 where points there enclose the origin and those below lie all on one side of it.
+    """
     try:
-        heights = np.concatenate([_part(arm, shape, frame).vertices[:, 2] for shape in shapes])
-        return float(heights.min()), float(heights.max())
+        points = np.concatenate([_part(arm, shape, frame).vertices for shape in shapes])
+        heights = points[:, 2]
+        low, high = float(heights.min()), float(heights.max())
+        at, below = points[np.abs(heights) <= _FLAT, :2], points[heights < -_FLAT, :2]
+        return (0.0 if low < -_FLAT and _encloses(at) and not _encloses(below) else low), high
     except Exception:  # readers of meshes raise whatever they like
         return None
+
+
+def _encloses(points: NDArray[np.float64]) -> bool:
+    """Whether points (N, 2) lie around the origin: no gap between their directions is half a turn."""
+    angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
+    return len(angles) > 2 and bool(np.diff(angles, append=angles[0] + 2 * np.pi).max() < np.pi)
 
 
 def _links(arm: Arm) -> Iterator[tuple[ET.Element, "pin.Frame"]]:

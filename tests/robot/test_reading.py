@@ -40,6 +40,8 @@ BOX = collision('<box size="0.2 0.2 0.1"/>', 'xyz="0 0 0.05"')
 BALL = collision('<sphere radius="0.12"/>', 'xyz="0 0 0.03"')
 LOST, POINTED = visual('<mesh filename="lost.dae"/>'), visual('<mesh filename="pointer.stl"/>')
 LOW, DRAWN = mesh("block.stl", 'xyz="0 0 -0.05"'), visual('<box size="0.2 0.2 0.1"/>', 'xyz="0 0 0.05"')
+BESIDE = visual('<box size="0.04 0.04 0.04"/>', 'xyz="-0.11 -0.33 -0.03"')
+SOCKET = visual('<box size="0.3 0.3 0.1"/>', 'xyz="0 0 -0.05"')
 FLOORS = {  # what the base is made of, where it stands [m], and whether that is known
     "a visual that is lost, a box": (LOST + BOX, 0.0, False),
     "a visual that is lost, a ball that reaches below": (LOST + BALL, 0.0, False),
@@ -47,6 +49,8 @@ FLOORS = {  # what the base is made of, where it stands [m], and whether that is
     "a visual above a ball that reaches below": (DRAWN + BALL, 0.0, True),
     "a visual above a mesh": (DRAWN + LOW, 0.0, True),
     "a mesh alone": (LOW, -0.05, True),
+    "a plug that hangs beside the foot": (DRAWN + BESIDE, 0.0, True),
+    "a socket around the foot": (DRAWN + SOCKET, -0.1, True),
     "a box far below": (collision('<box size="0.2 0.2 0.1"/>', 'xyz="0 0 -0.2"'), -0.25, False),
     "nothing": ("", 0.0, False),
     "a visual in millimetres": (visual('<mesh filename="block.stl" scale="1e3 1e3 1e3"/>') + BOX, 0.0, False),
