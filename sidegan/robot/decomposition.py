@@ -15,8 +15,8 @@ Planes = Points  # outward unit normals, and heights along them [m], (K, 4)
 def decomposed(triangles: Points) -> list[Points]:
     """Triangles (N, 3, 3) [m] divided among nearly convex parts, each of which has some.
 
-    There are none of an open mesh. Parts are a guide alone: what lies in none of them goes to the nearest, so that none is lost. CoACD makes
-    an open mesh anew before it divides it, which may take hours.
+    Parts are a guide alone: what lies in none of them goes to the nearest, so that none is lost. An open mesh
+    has none: CoACD makes it anew before it divides it, which may take hours.
     """
     import coacd
     import trimesh
