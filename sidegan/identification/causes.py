@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import torch
 from torch import Tensor
@@ -145,9 +146,7 @@ def _load(
 ) -> tuple[float, float, float, int]:
     """Mass in recording k beside the others and its deviation [kg]; the share of errors that it leaves; k."""
     parts = [*without[:k], with_load[k], *without[k + 1 :]]
-    sums = parts[0].sums
-    for part in parts[1:]:
-        sums = sums.plus(part.sums)
+    sums = reduce(Sums.plus, (part.sums for part in parts))
     plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
     fit, before = reweighted(sums, _LEAST), reweighted(plain, _LEAST)
     whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].samples, parts[k].reach)

@@ -99,9 +99,7 @@ class Config:
     replication: ReplicationSettings = _group("replication")
     condition: Condition = _group("condition")
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
-    beside: dict[str, str] | None = (
-        None  # others, with the folder of their outputs, shown where they are made
-    )
+    beside: dict[str, str] | None = None  # others that it shows where they are made, and their outputs
     arms: list[str] = _group("arms")  # that are compared, files of the group robot
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results

@@ -12,10 +12,8 @@ _ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the t
 # gyration along an axis of a plain link, of the nearest to one that is too thin, and of what is too thin.
 _FARTHEST, _PLAIN, _THIN, _TOO_THIN = 10.0, 1 / 6, 1 / 30, 1 / 300
 _DENSITY = 50.0  # [kg/m³] of a plain link in the cube of that distance: water, a quarter as thick as long
-_CENTRED, _ALIKE = (
-    1e-3,
-    1e-6,
-)  # share of that distance between a joint and a mass in it; of numbers that are equal
+_CENTRED = 1e-3  # share of that distance between a joint and a mass in it
+_ALIKE = 1e-6  # share by which numbers differ that are equal
 _FEWEST = 3  # links that are alike by no chance
 _NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass
 

@@ -7,10 +7,8 @@ from sidegan.robot import xml
 from sidegan.robot.setup import override
 from sidegan.robot.tree import Joint, Tree
 
-_NAMES = {
-    "acceleration": ("acceleration", "deceleration"),
-    "jerk": ("jerk",),
-}  # of whatever prefix
+# Attributes of a joint's limit, with whatever prefix.
+_NAMES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
 
 
 def tighten(tree: Tree, moving: Sequence[Joint], stated: Container[str]) -> list[str]:

@@ -79,13 +79,8 @@ def metres_per_unit(file: Path) -> float:
             size = 1.0
         if not 0 < size < float("inf"):
             raise ValueError
-    except (
-        ET.ParseError,
-        OSError,
-        StopIteration,
-        zipfile.BadZipFile,
-    ):  # for readers of its shape
-        return 1.0
+    except (ET.ParseError, OSError, StopIteration, zipfile.BadZipFile):
+        return 1.0  # readers of its shape say what is wrong with it
     except (KeyError, ValueError):
         raise RobotError(f"mesh file {file} is in units of {stated!r}, expected a length") from None
     return size

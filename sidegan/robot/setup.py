@@ -51,15 +51,16 @@ _WORD = re.compile(r"[A-Za-z_/.~][\w/.~-]*")
 _NO_TEXT = {"null", "true", "false", "yes", "no", "on", "off", "nan", "inf"}
 
 
-def override(name: str, values: Mapping[str, object], given: Mapping[str, object] | None = None) -> str:
+def override(name: str, values: Mapping[str, object], given: object = None) -> str:
     """A setting of the robot by joint name as a word on the command line, with those that were given before.
 
     Args:
         name: of the setting within ``robot``.
         values: what is to be set.
-        given: what the user has set already.
+        given: what the user has set already; by joint name, or it is replaced.
     """
-    inner = ", ".join(f"{joint}: {_plain(value)}" for joint, value in {**(given or {}), **values}.items())
+    kept = given if isinstance(given, Mapping) else {}
+    inner = ", ".join(f"{joint}: {_plain(value)}" for joint, value in {**kept, **values}.items())
     return f"'robot.{name}={{{inner}}}'"
 
 

@@ -28,9 +28,7 @@ class Source:
     # Both in the first link's frame.
     planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
     gravity: tuple[float, ...] | None = None  # [m/s²], (3,), where it is stated
-    postures: Mapping[str, Mapping[str, float]] | None = (
-        None  # positions of joints, by name, where it has any
-    )
+    postures: Mapping[str, Mapping[str, float]] | None = None  # positions of joints [rad or m], by name
 
 
 def parse(text: bytes, path: Path) -> ET.Element:

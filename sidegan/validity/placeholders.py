@@ -1,7 +1,6 @@
 """Placeholders in a description: limits that no arm has."""
 
 import math
-from collections.abc import Mapping
 from functools import lru_cache
 
 import torch
@@ -58,11 +57,10 @@ def tell_weak(arm: Arm) -> str:
         return ""
     names, enough = arm.joint_names, enough_effort(arm)
     said = [f"{names[j]} (effort {float(arm.torque_limit[j]):.4g}) in {float(share[j]):.0%}" for j in weak]
-    examples, given = {names[j]: float(f"{float(enough[j]):.2g}") for j in weak}, arm.setup.limits.effort
-    stated = given if isinstance(given, Mapping) else None
+    examples = {names[j]: float(f"{float(enough[j]):.2g}") for j in weak}
     return (
         f"limits that do not hold the arm still in all of its range: {listed(said)}; if they are not its "
-        f"own, state these, for example {override('limits.effort', examples, stated)}"
+        f"own, state these, for example {override('limits.effort', examples, arm.setup.limits.effort)}"
     )
 
 

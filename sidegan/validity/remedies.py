@@ -12,13 +12,7 @@ from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.placeholders import enough_effort
 
-_LARGER = (
-    1.1,
-    1.5,
-    3.0,
-    10.0,
-    30.0,
-)  # times a trajectory's size, one after the other, until some are invalid
+_LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # times a trajectory's size, until some are invalid
 
 Where = tuple[str, str]  # a constraint, and its joint, pair or region
 

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages import baselines, library, measures, seeds, training
+from sidegan.pipeline.stages import stage
 from sidegan.pipeline.task import Task
 
 _STAGES = ("seeds", "surrogates", "gan", "library", "random", "measures")
-_ALL = seeds.STAGES | training.STAGES | library.STAGES | baselines.STAGES | measures.STAGES
 
 
 def of_arms(task: Task) -> dict[str, Task]:
@@ -19,16 +18,16 @@ def of_arms(task: Task) -> dict[str, Task]:
 
 def _arms(task: Task) -> Iterator[Artifact]:
     for name, one in of_arms(task).items():
-        for stage in _STAGES:
-            for artifact in _ALL[stage].artifacts(one):
+        for part in map(stage, _STAGES):
+            for artifact in part.artifacts(one):
                 yield replace(artifact, title=f"{name} {artifact.title}")
 
 
 def _check(task: Task) -> None:
     for one in of_arms(task).values():
         _ = one.constraints
-        for stage in _STAGES:
-            _ALL[stage].check(one)
+        for part in map(stage, _STAGES):
+            part.check(one)
 
 
 STAGES = {"arms": Stage(_arms, check=_check)}
