@@ -27,8 +27,8 @@ def measure(
 
     They only count together: a generator that hardly moves is valid, one with a few distant modes has a large
     mean distance, one that adds the same motion to all of them has a small condition number. ``condition`` is
-    over all samples, ``condition_valid`` over the valid ones (not a number when there are none), and so are
-    the errors of ``expected_errors``.
+    the median over all samples, ``condition_mean`` their mean as in the paper's figure 3, ``condition_valid``
+    the median over the valid ones (not a number when there are none), as are the errors of ``expected_errors``.
     """
     valid = check(constraints, trajectory, c).valid
     excitation = excite(constraints.body, trajectory, c)
@@ -36,6 +36,7 @@ def measure(
     return {
         "success": float(valid.double().mean()),
         "condition": float(condition.median()),
+        "condition_mean": float(condition.mean()),
         "condition_valid": float(condition[valid].median()),
         "diagonal_ratio": float(excitation.diagonal_fitness.median()),
         "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
