@@ -15,6 +15,7 @@ from experiments.verdicts import REPEAT, TRAINING, interval, of_several
 from experiments.words import PAPER
 from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config
+from sidegan.pipeline.stages.replication import FITTED
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 
@@ -124,9 +125,15 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
         rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(TRAINING).covariance_norm.mean()),
             "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
+            _fitted(): plain(part.fitted_norm.mean()),
             "paper": PAPER["table3"].get(name, "—"),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
+
+
+def _fitted() -> str:
+    prior, scale = FITTED
+    return f"‖diag (s Σ + I/p₀)⁻¹‖, p₀ = {prior:g}, s = {scale:.3g}"
 
 
 def errors(results: pd.DataFrame) -> pd.DataFrame:

@@ -40,13 +40,18 @@ class ReplicationSettings:
     readings: list[Reading]
     replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
     noise: Noise  # of noisy measurements
-    repeats: Count
+    repeats: Count  # noise draws of the first reading
+    others: Count  # at most so many of the others
 
     def __post_init__(self) -> None:
         for name in ("replicas", "readings"):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
                 raise ConfigError(f"{name} is {values}, expected one or more, each once")
+
+    def draws(self, reading: Reading) -> int:
+        """Noise draws of a reading."""
+        return self.repeats if reading == self.readings[0] else min(self.repeats, self.others)
 
     def of_seeds(self, reading: Reading) -> Noise:
         """Noise of the seeds' measurements."""

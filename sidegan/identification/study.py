@@ -23,7 +23,7 @@ from sidegan.identification.measurements import Measurements, Noise, disturbed, 
 from sidegan.identification.model import RIGID, TorqueModel
 from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
-from sidegan.identification.sums import Sums, no_sums, sums_of
+from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
@@ -69,15 +69,24 @@ def measured_sums(
     body: RigidBody,
     family: MotionSet,
     settings: StudySettings,
-    random: np.random.SeedSequence,
+    randoms: Sequence[np.random.SeedSequence],
     progress: Report | None = None,
-) -> Sums:
-    """Sums of least squares over all N trajectories of a set, measured once with noise; progress is of N."""
-    model, generator, count = TorqueModel(body, RIGID), np.random.default_rng(random), len(family[1])
-    sums, done = no_sums(model.joints, model.count), 0
+) -> list[Sums]:
+    """Sums of least squares over all N trajectories of a set, once for each draw of noise; progress is of N.
+
+    Draws of noise on torques alone share the regressor.
+    """
+    model, count, done = TorqueModel(body, RIGID), len(family[1]), 0
+    generators = [np.random.default_rng(one) for one in randoms]
+    sums = [no_sums(model.joints, model.count) for _ in generators]
     for some in family[1].split(_TRAJECTORIES_AT_ONCE) if count else ():
-        motion = family[0].roll_out(some, family[0].times(settings.rate))
-        sums = sums.plus(gather(model, measure(body, motion, settings.noise, generator)).sums)
+        exact = measure(body, family[0].roll_out(some, family[0].times(settings.rate)))
+        noisy = (disturbed(exact, settings.noise, one, len(some)) for one in generators)
+        if settings.noise.state:
+            parts = [gather(model, one).sums for one in noisy]
+        else:
+            parts = sums_of_draws(model.regressor(*exact.states), torch.stack([one.torque for one in noisy]))
+        sums = [before.plus(new) for before, new in zip(sums, parts)]
         done += len(some)
         if progress is not None:
             progress(done, count)

@@ -67,6 +67,15 @@ def sums_of(y: Tensor, tau: Tensor, forgetting: float = 1.0) -> Sums:
     return Sums(rows.mT @ rows, moment, tau.square().sum(0), total, decay.sum())
 
 
+def sums_of_draws(y: Tensor, torques: Tensor) -> list[Sums]:
+    """Sums of each of R draws of torques, (R, S, J), over samples that share one regressor (S, J, P)."""
+    rows, count = y.transpose(0, 1), torch.tensor(float(len(y)), dtype=torch.float64)
+    information = rows.mT @ rows
+    moments = rows.mT @ torques.permute(2, 1, 0)  # (J, P, R)
+    each = zip(moments.unbind(-1), torques.square().sum(1), torques.sum(1))
+    return [Sums(information, *one, count) for one in each]
+
+
 def solve(information: Tensor, moment: Tensor, least: float) -> tuple[Tensor, Tensor]:
     """Solution (P,) and inverse (P, P) of information + least · I, also where the former is singular.
 

@@ -99,7 +99,7 @@ def whole():
     facts = pd.DataFrame(samples.items(), columns=["set", "samples"]).assign(training=0, repeat=0)
     return SimpleNamespace(
         whole_errors=errors.assign(nmse=errors.nmse.where(~elbow, 0.5 * errors.nmse)),
-        whole_facts=facts.assign(covariance_norm=2 / facts.samples),
+        whole_facts=facts.assign(covariance_norm=2 / facts.samples, fitted_norm=1.0),
         cfg=tiny("gan=eigen", experiment="exp2"),
     )
 

@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 import torch
 
-from sidegan.identification import study
+from sidegan.identification import RIGID, TorqueModel, measure, study
+from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import NOISE, study_settings
@@ -62,12 +63,28 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
     sets, tests = families
     exact = study_settings(noise=EXACT, prior=1e12)
     random = np.random.SeedSequence(0)
-    seeds, long = (study.measured_sums(body, sets[name], exact, random) for name in ("seeds", "long-6"))
+    (seeds,), (long,) = (
+        study.measured_sums(body, sets[name], exact, [random]) for name in ("seeds", "long-6")
+    )
     results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
     assert results.nmse.max() < 1e-8 and len(results) == 2 * 2 * 2
     facts = facts.set_index("set")
     assert facts.samples.to_dict() == {"one": 322, "both": 322 + 321}
     assert facts.covariance_norm["both"] < facts.covariance_norm["one"]
+
+
+def test_draws_that_share_a_regressor_have_the_sums_of_each_alone(body, families):
+    noisy, draws = (
+        study_settings(noise=replace(NOISE, torque=True, state=False)),
+        np.random.SeedSequence(3).spawn(3),
+    )
+    together = study.measured_sums(body, families[0]["seeds"], noisy, draws)
+    family, c = families[0]["seeds"]
+    motion = family.roll_out(c, family.times(noisy.rate))
+    for sums, draw in zip(together, draws, strict=True):
+        samples = measure(body, motion, noisy.noise, np.random.default_rng(draw))
+        for found, wanted in zip(sums, gather(TorqueModel(body, RIGID), samples).sums):
+            torch.testing.assert_close(found, wanted, rtol=1e-9, atol=1e-9)
 
 
 def test_errors_over_many_draws_are_those_expected(body, families):

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from pathlib import Path
 
 import pandas as pd
+import torch
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
@@ -24,6 +25,7 @@ from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
 SUMS = "sums.pt"
+FITTED = 0.44, 10**-1.8  # p₀ and s, by which the norms come near those of the paper's table III
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Measured:
         if pool.name == SEEDS:
             return cls(settings.of_seeds(reading), settings.repeats, max(settings.replicas))
         noise = settings.of_generated(reading)
-        return cls(noise, 1 if noise.exact else settings.repeats, 1)
+        return cls(noise, 1 if noise.exact else settings.draws(reading), 1)
 
     @property
     def mark(self) -> str:
@@ -68,8 +70,8 @@ def sums(task: Task, pool: Pool, reading: Reading) -> Artifact:
 def replication(task: Task, reading: Reading) -> Artifact:
     """Errors of identification from each combination of whole sets, under a reading."""
     inputs = {f"{one.name} {one.training or 0}": sums(task, one, reading) for one in whole_sets(task)}
-    settings = asdict(task.cfg.replication)
-    del settings["readings"]
+    settings = asdict(task.cfg.replication) | {"repeats": task.cfg.replication.draws(reading)}
+    del settings["readings"], settings["others"]
     return task.artifact(
         "replication",
         "-".join([*task.cfg.gan, reading]),
@@ -98,17 +100,20 @@ def _measure(task: Task, build: Build, pool: Pool, measured: Measured) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
     coefficients = pool.load(task).coefficients
     settings = replace(task.cfg.identification, noise=measured.noise)
-    every = range(measured.repeats)
-    parts = {(r, k): build.work / f"{r}-{k}.pt" for r in every for k in range(measured.replicas)}
-    for done, ((repeat, replica), path) in enumerate(parts.items()):
+    replicas = [(r, k) for r in range(measured.repeats) for k in range(measured.replicas)]
+    jobs, found = [[one] for one in replicas] if measured.noise.state else [replicas], []
+    for done, job in enumerate(jobs):
+        path = build.work / f"{done}.pt"
         if not readable(path):
-            random = task.random(f"measured {pool.name} {repeat} {replica}", pool.training)
+            randoms = [task.random(f"measured {pool.name} {r} {k}", pool.training) for r, k in job]
             family = task.trajectory, coefficients
-            report = partial(_report_part, build.report, done, len(parts))
-            write_torch(path, measured_sums(task.body, family, settings, random, report)._asdict())
-        build.report(done + 1, len(parts))
-    sums_by_draw = [[read_torch(parts[r, k]) for k in range(measured.replicas)] for r in every]
-    write_torch(build.folder / SUMS, sums_by_draw)
+            report = partial(_report_part, build.report, done, len(jobs))
+            every = measured_sums(task.body, family, settings, randoms, report)
+            write_torch(path, [one._asdict() for one in every])
+        found += read_torch(path)
+        build.report(done + 1, len(jobs))
+    by_draw = [found[i : i + measured.replicas] for i in range(0, len(found), measured.replicas)]
+    write_torch(build.folder / SUMS, by_draw)
 
 
 def _report_part(report: Report, before: int, total: int, done: int, count: int) -> None:
@@ -120,17 +125,27 @@ def _combine(task: Task, build: Build, reading: Reading) -> None:
     study = replace(task.cfg.identification, noise=settings.of_seeds(reading))
     seeds, *libraries = ((one, draws(task, one, reading)) for one in whole_sets(task))
     tables: list[tuple[pd.DataFrame, ...]] = []
-    for repeat in range(settings.repeats):
+    for repeat in range(settings.draws(reading)):
         first = seeds[1][repeat]
         jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas})]
         for training in task.cfg.trainings:
             of_training = [(pool, parts) for pool, parts in libraries if pool.training == training]
             jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, study)
-            tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
+            errors, facts = combined(task.body, sets, tests, study)
+            fitted = {name: _fitted_norm(reduce(Sums.plus, x), first[0]) for name, x in sets.items()}
+            facts["fitted_norm"] = facts["set"].map(fitted)
+            tables.append(tuple(one.assign(training=training, repeat=repeat) for one in (errors, facts)))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
+
+
+def _fitted_norm(sums: Sums, seeds: Sums) -> float:
+    """‖diag (s Σ + 1/p₀)⁻¹‖ with Σ the information per sample of the seeds, and two numbers of FITTED."""
+    prior, scale = FITTED
+    information = sums.information.sum(0) / seeds.weight
+    held = scale * information + torch.eye(len(information), dtype=information.dtype) / prior
+    return float(torch.linalg.inv(held).diagonal().norm())
 
 
 def _replications(task: Task) -> Iterator[Artifact]:
