@@ -19,7 +19,10 @@ from experiments.verdicts import (
     not_below,
     of_several,
     together,
+    within,
 )
+
+_COMPARABLE = 1.25  # ratio of errors up to which they are comparable
 
 
 def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
@@ -82,6 +85,18 @@ def _eigen_best(made: Artifacts) -> Judgement:
     return Judgement(above(more), f"error of diagonal over that of {ratios({'eigen': more})}")
 
 
+def _either(made: Artifacts) -> Judgement:
+    """Whether eigen and diagonal lead to comparable errors."""
+    sure = _table1(made, "expected")
+    effects = {
+        "table I, expected": log_ratio(sure["diagonal"], sure["eigen"]),
+        "table II": _gain(made, "eigen", min) - _gain(made, "diagonal", min),
+    }
+    parts = (within(x, np.log(_COMPARABLE)) for x in effects.values())
+    ours = f"error of diagonal over that of eigen: {ratios(effects)}"
+    return Judgement.of_each(parts, ours, {"comparable": _COMPARABLE - 1})
+
+
 def _not_less(made: Artifacts) -> Judgement:
     replicas = made.cfg.replication.replicas
     change = {n: _gain(made, n, max) - _gain(made, n, min) for n in GANS}
@@ -138,6 +153,7 @@ CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "real_generated_beat_seeds": partial(_generated_beat_seeds, frame="plant"),
     "generated_improve": partial(_improve, which=min),
     "more_than_vanilla": _more_than_vanilla,
+    "either": _either,
     "eigen_best": _eigen_best,
     "not_replaced": partial(_improve, which=max),
     "not_less": _not_less,

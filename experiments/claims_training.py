@@ -2,11 +2,17 @@
 
 from collections.abc import Callable
 from functools import partial
+from math import expm1
 
 import numpy as np
 import pandas as pd
+import torch
+from scipy.linalg import qr
 from scipy.special import logit
+from scipy.stats import kendalltau
+from torch import Tensor
 
+from experiments import generality
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.finding import (
     GANS,
@@ -36,6 +42,8 @@ from experiments.verdicts import (
 )
 from experiments.words import PAPER
 from sidegan.base.names import plain
+from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.report.style import seconds
 
 _STRUGGLES = 0.4  # valid share that vanilla stays below
@@ -44,6 +52,8 @@ _COMPARABLE = 0.85  # of the seeds' mean distance, uncentred rank, and coverage 
 _ALONG = 0.1  # mean cosine from which on trajectories share a direction
 _COLLAPSED = 0.5  # of the seeds' directions, below which modes are lost
 _MORE = 1.1  # times the seeds' diversity that is significantly more
+_INDIFFERENT = 0.01  # spread of a ratio that makes no difference
+_CARRIED = 0.1  # valid share on another arm from which on trajectories carry over
 _FAILS = 0.001  # valid share of density estimates that fail completely
 _FEW = 0.2  # valid share that is "about 10 %"
 _TRADING = 30  # epoch from which they trade validity for fitness
@@ -82,13 +92,15 @@ def _odds(made: Artifacts, success: pd.Series) -> pd.Series:
 def _against_vanilla(
     made: Artifacts, key: str, judge: Callable[[pd.Series], str], first: int, last: int | None = None
 ) -> Judgement:
-    """Vanilla's metric over the SIDE-GANs', of all samples and of the valid alone, in the same epochs."""
-    everything, valid = (_gains(made, one, first, last) for one in (key, f"{key}_valid"))
-    valid = {name: x.dropna() for name, x in valid.items()}  # without what was never valid
-    parts, others = (list(map(judge, x.values())) for x in (everything, valid))
-    other = together(others) if all(map(len, valid.values())) else UNKNOWN
-    ours = f"vanilla's over theirs: of all samples {ratios(everything)}; of the valid alone {ratios(valid)}"
-    ours += unless_same(together(parts), other)
+    """Vanilla's metric over the SIDE-GANs' in the same epochs; of the valid alone, and by means, beside."""
+    effects = _gains(made, key, first, last)
+    parts = list(map(judge, effects.values()))
+    ours = f"vanilla's over theirs: of all samples {ratios(effects)}"
+    for other, label in ((f"{key}_mean", "by means over samples"), (f"{key}_valid", "of the valid alone")):
+        if other in made.histories:
+            beside = {n: x.dropna() for n, x in _gains(made, other, first, last).items()}
+            verdict = together(map(judge, beside.values())) if all(map(len, beside.values())) else UNKNOWN
+            ours += f"; {label} {ratios(beside)}" + unless_same(together(parts), verdict)
     return Judgement.of_each(parts, ours, {"epochs": EARLY, "late": LATE})
 
 
@@ -107,12 +119,19 @@ def _traded(made: Artifacts) -> Judgement:
         """Logarithm of how many times smaller a metric is than early on."""
         return np.log(at(made, name, key, EARLY, EARLY)) - np.log(at(made, name, key, _TRADING))
 
-    gained, of_valid = ({n: smaller(n, k) for n in SIDE_GANS} for k in ("condition", "condition_valid"))
-    parts = [verdict for n in SIDE_GANS for verdict in (lost[n], above(gained[n]))]
-    other = together(verdict for n in SIDE_GANS for verdict in (lost[n], above(of_valid[n].dropna())))
-    ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later: "
-    ours += f"of all samples {ratios(gained)}, of the valid alone {ratios(of_valid)}"
-    return Judgement.of_each(parts, ours + unless_same(together(parts), other), {"epochs": EARLY})
+    kinds = {
+        "condition": "of all samples",
+        "condition_mean": "by means",
+        "condition_valid": "of the valid alone",
+    }
+    ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later"
+    parts: list[str] = []
+    for key, label in kinds.items():
+        gained = {n: smaller(n, key).dropna() for n in SIDE_GANS}
+        verdicts = [verdict for n in SIDE_GANS for verdict in (lost[n], above(gained[n]))]
+        parts = parts or verdicts  # by which it is judged
+        ours += f"; {label} {ratios(gained)}" + unless_same(together(parts), together(verdicts))
+    return Judgement.of_each(parts, ours, {"epochs": EARLY})
 
 
 def _comparable(made: Artifacts) -> Judgement:
@@ -167,6 +186,55 @@ def _diverse_union(made: Artifacts) -> Judgement:
         part = frame[frame.name == name].set_index(TRAINING).union_distance_diagonal
         effects[name] = np.log(part.astype(float) / made.seeds["distance_diagonal"])
     return Judgement.of_each(map(above, effects.values()), f"of the seeds': {ratios(effects)}")
+
+
+def _trace(made: Artifacts) -> Judgement:
+    """Whether the trace of YᵀY keeps the order of the seeds in another basis of their parameters."""
+    task = made.task
+    grams = gram(task.body, task.trajectory, task.load(seed_set(task)).coefficients)
+    turned, chosen = other_bases(task.body)
+    kept = {}
+    for name, change in (("a rotation", turned), ("another choice of base parameters", chosen)):
+        other = change.mT @ grams @ change
+        before, after = (x.diagonal(dim1=1, dim2=2).sum(1).log() for x in (grams, other))
+        kept[name] = float((after - before).std()), kendalltau(before, after).statistic
+    said = "{}: spread of the ratio {:.2g}, Kendall's τ of their order {:.3g}"
+    ours = "; ".join(said.format(name, expm1(x), tau) for name, (x, tau) in kept.items())
+    parts = [HOLDS if x < _INDIFFERENT else NOT for x, _ in kept.values()]
+    return Judgement.of_each(parts, ours, {"indifferent": _INDIFFERENT})
+
+
+def other_bases(body: RigidBody) -> tuple[Tensor, Tensor]:
+    """Changes of the base parameters, (p, p) each, Y′ = Y · change: a rotation; other independent columns."""
+    mapping, count = body.base.mapping, body.parameters_count
+    random = torch.Generator().manual_seed(0)
+    turned = torch.linalg.qr(torch.randn(count, count, generator=random, dtype=torch.float64)).Q
+    _, _, order = qr(mapping.numpy(), mode="economic", pivoting=True)
+    return turned, mapping[:, order[:count].copy()]
+
+
+def _other_arms(made: Artifacts) -> Judgement:
+    """Whether the same recipe works on other arms, as the page on generality says."""
+    arms = generality.of_arms()
+    if arms is None:
+        return Judgement(UNKNOWN, UNKNOWN)
+    others = arms.xs("eigen", level="generator").drop(made.task.arm.name, errors="ignore")
+    parts, said = list[str](), list[str]()
+    for name, row in others.iterrows():
+        valid, distance, error = row[[generality.VALID, *generality.JUDGED]]
+        kept = valid >= RELIABLE, distance >= _COMPARABLE, error <= 1
+        parts += [HOLDS if one else NOT for one in kept]
+        said.append(f"{name} {valid:.3g} valid, distance {distance:.3g}, error {error:.3g} times the seeds'")
+    return Judgement.of_each(parts, "; ".join(said), {"reliable": RELIABLE, "comparable": _COMPARABLE})
+
+
+def _no_transfer(made: Artifacts) -> Judgement:
+    """Whether trajectories of one arm are hardly ever valid on another, as the page on generality says."""
+    shares_of = generality.of_others()
+    if shares_of is None:
+        return Judgement(UNKNOWN, UNKNOWN)
+    ours = f"at most {shares_of.max():.1%} of an arm's trajectories are valid on another"
+    return Judgement(HOLDS if shares_of.max() < _CARRIED else NOT, ours, {"carried": _CARRIED})
 
 
 def _density_fails(made: Artifacts) -> Judgement:
@@ -246,6 +314,9 @@ CRITERIA: dict[str, Callable[[Artifacts], Judgement]] = {
     "diverse_diagonals": _diverse_diagonals,
     "diverse_union": _diverse_union,
     "density_fails": _density_fails,
+    "trace": _trace,
+    "other_arms": _other_arms,
+    "no_transfer": _no_transfer,
     "few_seeds_fail": _few_seeds_fail,
     "few_seeds_excite": _few_seeds_excite,
     "faster": _faster,

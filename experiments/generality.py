@@ -8,11 +8,12 @@ import pandas as pd
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
 from sidegan.base.names import plain
-from sidegan.pipeline.stages.arms import of_arms
+from sidegan.pipeline.stages.arms import of_arms as tasks_of_arms
 from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.document import write_page
+from sidegan.report.export import read_tables
 
 NAME = "generality"  # of the page and its template
 _TRIED = 200  # trajectories of one arm that are tried on another
@@ -32,13 +33,14 @@ _OVER = {
     "gain_constant": "error, constant noise",
     "gain_constant_geometric": "… geometric, constant",
 }
+JUDGED = _OVER["distance"], _OVER["gain_geometric"]
 
 Arms = Mapping[str, Artifacts]
 
 
 def collect(task: Task) -> dict[str, Artifacts]:
     """Artifacts of every arm, by its name among the settings."""
-    return {name: Artifacts(one) for name, one in of_arms(task).items()}
+    return {name: Artifacts(one) for name, one in tasks_of_arms(task).items()}
 
 
 def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
@@ -72,6 +74,34 @@ def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
     )
     order = [name for name in tables.ordered(means.index) if name in (SEEDS, *_BASELINES, *trained)]
     return table.loc[order].rename_axis("generator")
+
+
+def of_arms() -> pd.DataFrame | None:
+    """The published numbers by arm and generator; None where the page is not there."""
+    table = _published("arm")
+    return None if table is None else table.set_index(["arm", "generator"]).astype(float)
+
+
+def of_others() -> pd.Series | None:
+    """Published shares of an arm's trajectories that are valid on another arm; None without the page."""
+    table = _published("generated for")
+    if table is None:
+        return None
+    long = table.melt("generated for", var_name="on").dropna()
+    return long[long["on"] != long["generated for"]].value.astype(float)
+
+
+def page() -> str | None:
+    """The published page, where it is there."""
+    path = Path(__file__).parent.parent / "docs" / f"{NAME}.md"
+    return path.read_text(encoding="utf-8") if path.exists() else None
+
+
+def _published(first: str) -> pd.DataFrame | None:
+    """The last table of the published page whose first column has this name."""
+    text = page()
+    tables = [] if text is None else read_tables(text)
+    return next((table for table in reversed(tables) if table.columns[0] == first), None)
 
 
 def transfer(arms: Arms) -> pd.DataFrame:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 NAME = "reproduction"  # of the page, its template, and the folder of its tables and figures
-_TRACES = 8  # of generated trajectories, as in the paper's figure 2
+_TRACES, _POSES = 8, 6  # generated trajectories, and poses along one of them, as in the paper's figure 2
 
 # Tables of all conditions together, with the rows of them that are on the page; all where none are named.
 _JOINED: dict[str, tuple[str, ...]] = {
@@ -89,10 +89,16 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
         "described": {name: described(made) for name, made in conditions.items()},
         "checked": checked(conditions),
         "readings": exp2.READINGS,
-        "verdicts": {
-            name: claims.counted(claim.findings[name].verdict for claim in judged) for name in conditions
-        },
+        "verdicts": {name: _verdicts(judged, name) for name in conditions},
     }
+
+
+def _verdicts(judged: list[claims.Claim], condition: str) -> str:
+    """How many claims hold under a condition, and how many of those on figure 3, in words."""
+    every = {claim.key: claim.findings[condition].verdict for claim in judged}
+    of_training = [every[claim.key] for claim in judged if claim.where.startswith("figure 3")]
+    figure = f"of the {len(of_training)} on figure 3: {claims.counted(of_training)}"
+    return f"{claims.counted(every.values())}; {figure}"
 
 
 def described(artifacts: Artifacts) -> str:
@@ -201,7 +207,11 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
         Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, colour(name))
         for name, bundle in sets.items()
     ]
-    return {"traces": motion.paths(task.arm, traces), "stacked": motion.paths(task.arm, stacked)}
+    return {
+        "traces": motion.paths(task.arm, traces),
+        "poses": motion.poses(task.arm, family, generated[0], _POSES),
+        "stacked": motion.paths(task.arm, stacked),
+    }
 
 
 def _described(family: Trajectory, coefficients: Tensor) -> str:

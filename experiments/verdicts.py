@@ -106,6 +106,12 @@ def not_below(effect: pd.Series) -> str:
     return HOLDS if low > -_NEGLIGIBLE else NOT if high < 0 else UNDECIDED
 
 
+def within(effect: pd.Series, bound: float) -> str:
+    """Whether an effect is shown to lie within a bound of zero, on either side."""
+    low, _, high = interval(effect)
+    return HOLDS if -bound < low and high < bound else NOT if low > bound or high < -bound else OPEN
+
+
 def beside(measured: Interval, bound: float) -> str:
     """Whether an interval lies below a bound."""
     return HOLDS if measured.high < bound else NOT if measured.low > bound else OPEN

@@ -64,3 +64,12 @@ def show(table: pd.DataFrame, caption: str) -> None:
     console = Console(file=sys.stdout, width=width, markup=False)  # "[s]" is a unit and no style
     console.print(caption, style="bold", soft_wrap=True, highlight=False)  # paths stay whole
     console.print(drawn)
+
+
+def read_tables(text: str) -> list[pd.DataFrame]:
+    """Tables of a Markdown text, as ``markdown`` writes them: cells are text, or None for a dash."""
+    tables = []
+    for part in re.findall(r"(?:^\|.*\|\n)+", f"{text}\n", re.M):
+        header, _, *rows = ([cell.strip() for cell in line[1:-1].split("|")] for line in part.splitlines())
+        tables.append(pd.DataFrame(rows, columns=header).replace({"—": None}))
+    return tables

@@ -14,8 +14,8 @@ from sidegan.report.canvas import blank, legend, logarithmic, tidy
 from sidegan.report.style import colour
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
-METRICS = ["success", "condition", "error", "error_constant", "distance", "cosine"]  # of a generator
-METRICS += ["rank_uncentred", "nearest", "distance_diagonal"]
+METRICS = ["success", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
+METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
 _LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
 _FEW = 10  # points of a line that are marked
 
@@ -45,7 +45,7 @@ def panels(
         for name, values in references.items():
             if values.get(metric) is not None:
                 handles[name] = axis.axhline(values[metric], color=colour(name), ls="--", lw=1.3)
-        if metric in ("condition", "error", "error_constant"):
+        if metric in ("condition", "condition_mean", "error", "error_constant"):
             logarithmic(axis)
         if metric == "success":
             axis.set_ylim(min(axis.get_ylim()[0], _LOW), _HIGH)

@@ -25,7 +25,7 @@ from sidegan.validity.capsules import place_points
 _RATE = 25.0  # [Hz] of a drawn path
 _ROOM = 0.02  # [m] around what is drawn, at least
 _COLUMNS = 4
-_TIME = "viridis"
+_TIME, _BONES = "viridis", "#8a8f98"
 _VIEW = {"elev": 22.0, "azim": -58.0}
 _WIDTH, _HEIGHT = 2.9, 2.697  # [inch] of a panel
 
@@ -57,6 +57,30 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
         else:
             lines = Line3DCollection(list(some), colors=bundle.colour, linewidths=0.5, alpha=0.75)
             axis.add_collection3d(lines, autolim=False)
+    return figure
+
+
+def poses(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Figure:
+    """The arm at ``count`` times along one trajectory (J, H, 2), a panel each, with its end effector's path.
+
+    Raises:
+        ShapeError: when the trajectory does not fit its family or is not finite.
+    """
+    (path,) = tip_paths(arm, family, coefficients[None])
+    every = np.linspace(0, len(path) - 1, count, endpoint=False).round().astype(int)
+    motion = family.roll_out(coefficients[None].to("cpu", torch.float64), family.times(_RATE))
+    q = motion.position[0, every].T
+    origins = torch.cat([torch.zeros(arm.joints, 3, dtype=torch.float64), arm.tip[None]])
+    links = torch.cat([torch.arange(arm.joints), torch.tensor([arm.joints - 1])])
+    joints = place_points(arm, q, origins, links).permute(2, 1, 0).numpy()  # (count, J + 1, 3)
+    joints = np.concatenate([np.zeros((count, 1, 3)), joints], 1)  # from the arm's foot
+    figure = Figure()
+    titles = [f"{float(motion.time[k]):.3g} s" for k in every]
+    for axis, k, bones in zip(_panels(figure, titles, bounds([path, joints])), every, joints):
+        _timed(axis, path)
+        axis.plot(*bones.T, "-", color=_BONES, lw=4, solid_capstyle="round", zorder=5)
+        axis.plot(*bones.T, "o", color="black", markersize=2.5, zorder=6)
+        axis.plot(*path[k : k + 1].T, "o", color=DESK, markeredgecolor="black", markersize=4, zorder=7)
     return figure
 
 
@@ -94,8 +118,8 @@ def _timed(axis: Axes3D, path: Numbers) -> None:
 def _panels(figure: Figure, titles: Sequence[str], limits: Numbers) -> Iterator[Axes3D]:
     """Panels in space, axes of equal scale within limits [m], the desk drawn."""
     # Without automatic layout, which knows nothing of the labels of axes in space.
-    columns = min(_COLUMNS, len(titles))
-    rows = -(-len(titles) // columns)
+    rows = -(-len(titles) // _COLUMNS)
+    columns = -(-len(titles) // rows)
     figure.set_size_inches(columns * _WIDTH + 0.3, rows * _HEIGHT + 0.2)
     above, right = 0.36 / (rows * _HEIGHT), 0.5 / (columns * _WIDTH)
     figure.subplots_adjust(0.01, 0.12 / rows, 1 - right, 1 - above, wspace=0.14, hspace=0.24)

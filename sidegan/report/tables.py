@@ -22,6 +22,7 @@ NAMES = {
     "success": "valid share",
     "valid_share": "valid share",
     "condition": "median cond(YᵀY)",
+    "condition_mean": "mean cond(YᵀY)",
     "condition_valid": "… of the valid",
     "error": "expected nMSE, noise of 10 % of the torque",
     "error_constant": "expected nMSE, constant noise",

@@ -3,10 +3,11 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 from scipy import stats
 
-from experiments import verdicts
-from experiments.claims_training import CRITERIA
+from experiments import generality, verdicts
+from experiments.claims_training import CRITERIA, other_bases
 from experiments.finding import ratios, shares
 from experiments.verdicts import (
     HOLDS,
@@ -24,7 +25,9 @@ from experiments.verdicts import (
     not_below,
     tally,
     together,
+    within,
 )
+from sidegan.motion.dynamics import RigidBody
 
 
 def effect(mean, spread=0.1, trainings=10):
@@ -65,6 +68,11 @@ def test_that_nothing_is_lost_has_to_be_shown():
     assert not_below(effect(-1.0)) == NOT
 
 
+def test_that_two_are_comparable_has_to_be_shown():
+    assert within(effect(0.1, 0.01), 0.2) == HOLDS and within(effect(-1.0), 0.2) == NOT
+    assert within(effect(0.1, 1.0), 0.2) == OPEN == within(effect(0.0, trainings=1), 0.2)
+
+
 def test_what_lies_about_a_bound_is_not_decided():
     assert above(effect(0.8), 0.8) == OPEN and below(effect(0.8), 0.8) == OPEN
     assert above(effect(1.0), 0.8) == HOLDS and below(effect(1.0), 0.8) == NOT
@@ -100,6 +108,27 @@ def test_a_verdict_says_where_the_valid_alone_would_give_another():
     assert one.verdict == torn.verdict == nothing.verdict == HOLDS and "by which" not in one.ours
     assert torn.ours.endswith(f"by which the verdict would be: {NOT}")
     assert nothing.ours.endswith(UNKNOWN) and "nothing to measure" in nothing.ours
+
+
+def test_another_basis_gives_the_same_torques_and_only_a_rotation_the_same_trace(arm):
+    body, random = RigidBody(arm), torch.Generator().manual_seed(0)
+    q, dq, ddq = torch.randn(3, 20, arm.joints, generator=random, dtype=torch.float64)
+    y, torque = body.base_regressor(q, dq, ddq), body.torque(q, dq, ddq)
+    for change, same in zip(other_bases(body), (True, False)):
+        other = torch.linalg.solve(change, body.base.values)
+        torch.testing.assert_close(y @ change @ other, torque)
+        assert torch.isclose((y @ change).square().sum(), y.square().sum()) == same
+
+
+def test_arms_are_judged_by_the_page_on_them(monkeypatch):
+    text = "| arm | generator | valid | mean distance | … geometric |\n| --- | --- | --- | --- | --- |\n"
+    text += "| a | eigen | 0.9 | 1 | 0.5 |\n| b | eigen | 0.9 | 1 | 2 |\n"
+    others = "\n| generated for | a | b |\n| --- | --- | --- |\n| a | 1 | 0.005 |\n| b | — | 1 |\n"
+    made = SimpleNamespace(task=SimpleNamespace(arm=SimpleNamespace(name="c")))
+    monkeypatch.setattr(generality, "page", lambda: text + others)
+    assert CRITERIA["other_arms"](made).verdict == MIXED and CRITERIA["no_transfer"](made).verdict == HOLDS
+    monkeypatch.setattr(generality, "page", lambda: None)
+    assert CRITERIA["other_arms"](made).verdict == CRITERIA["no_transfer"](made).verdict == UNKNOWN
 
 
 def test_a_share_of_draws_has_an_exact_interval():

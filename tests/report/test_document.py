@@ -4,7 +4,7 @@ import pandas as pd
 
 from sidegan.report.canvas import blank
 from sidegan.report.document import write_page
-from sidegan.report.export import markdown, show
+from sidegan.report.export import markdown, read_tables, show
 
 TABLE = pd.DataFrame(
     {"a|b": ["1 ± 2", None], "note": ["<b>", "x\ny"]}, index=pd.Index(["p", "q"], name="set")
@@ -44,6 +44,14 @@ def test_a_table_has_numbers_on_the_right_and_dashes_for_what_is_unknown():
     frame = pd.DataFrame({"n": ["1.5e-3 ± 0.1", None], "a|b": ["a\xa01", "2|\n3"]})
     lines = [r"| n | a\|b |", "| ---: | --- |", "| 1.5e-3 ± 0.1 | a\xa01 |", r"| — | 2\| 3 |"]
     assert markdown(frame).split("\n") == lines
+
+
+def test_tables_of_a_page_are_read_as_they_were_written():
+    table = pd.DataFrame({"arm": ["a", "b"], "valid": ["0.5", None]})
+    text = f"# Page\n\n{markdown(table)}\n\nWords.\n\n{markdown(table[['valid']])}"
+    first, second = read_tables(text)
+    assert first.arm.tolist() == ["a", "b"] and first.valid.tolist() == ["0.5", None]
+    assert second.columns.tolist() == ["valid"] and second.valid.tolist() == ["0.5", None]
 
 
 def test_a_shown_table_is_whole_on_standard_output(capsys):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pinocchio
+import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -9,7 +10,7 @@ from matplotlib.image import imread
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.canvas import save
-from sidegan.report.motion import Bundle, bounds, paths, tip_paths
+from sidegan.report.motion import Bundle, bounds, paths, poses, tip_paths
 from sidegan.robot.looks import capsule_surface
 from tests.oracle import chain_model
 from tests.report.builders import some
@@ -30,6 +31,19 @@ def test_a_path_is_where_pinocchio_has_the_end_effector(arm):
         pinocchio.forwardKinematics(model, data, positions[k, step].numpy())
         np.testing.assert_allclose(traces[k, step], data.oMi[arm.joints].act(arm.tip.numpy()), atol=1e-12)
     np.testing.assert_allclose(traces[:, 0], traces[:, -1], atol=1e-12)  # home at both ends
+
+
+def test_poses_stand_where_pinocchio_has_the_joints(arm):
+    (c,), model = some(SEVEN, 1), chain_model(arm)
+    data = model.createData()
+    figure, times = poses(arm, SEVEN, c, 6), SEVEN.times(25.0)
+    for axis in figure.axes:
+        time = times[(times - float(axis.get_title()[:-2])).abs().argmin()]
+        pinocchio.forwardKinematics(model, data, SEVEN.derivative(c[None], time[None], 0)[0, 0].numpy())
+        bones = np.array(axis.lines[1].get_data_3d()).T
+        joints = [np.zeros(3), *(x.translation for x in list(data.oMi)[1:]), data.oMi[7].act(arm.tip.numpy())]
+        np.testing.assert_allclose(bones, joints, atol=1e-12)
+    assert len(figure.axes) == 6
 
 
 @given(POINTS, POINTS, st.floats(0.01, 0.5))
