@@ -1,4 +1,4 @@
-"""Groups of settings that only the pipeline knows: arm, trajectories, plants, comparisons, and workers."""
+"""Groups of settings that only the pipeline knows: arm, plants, comparisons, and workers."""
 
 import re
 from dataclasses import dataclass, fields
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, Number, Part, Positive, Seconds, Size
+from sidegan.base.typed import Count, Natural, Number, Part, Positive
 from sidegan.errors import ConfigError
 from sidegan.identification import Terms
 from sidegan.plant.recorded import Sensors
@@ -47,15 +47,6 @@ class Robot(Setup):
     def setup(self) -> Setup:
         """Statements of the user beside the description."""
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
-
-
-@dataclass(frozen=True)
-class TrajectoryFamily:
-    """The short cyclic trajectories."""
-
-    harmonics: Size
-    period: Seconds  # [s]
-    home: list[Number] | None  # [rad or m]; null: the robot's zero position
 
 
 @dataclass(frozen=True)

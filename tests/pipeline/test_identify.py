@@ -178,11 +178,11 @@ def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its
             model.predict(table.drop(columns="q_elbow"))
 
 
-def test_another_recording_of_the_same_name_is_another_model(task, files, tmp_path):
+def test_another_recording_of_the_same_name_is_another_model(context, files, tmp_path):
     copy = tmp_path / files[2].name
     copy.write_text("".join(files[2].read_text().splitlines(keepends=True)[:-1]))
     one, other = (
-        identify.model(task(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
+        identify.model(context(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
     )
     assert one.digest != other.digest
 

@@ -5,8 +5,8 @@ import shlex
 import pytest
 
 from sidegan.errors import ConfigError
-from sidegan.pipeline.artifact import VERSIONS, flatten
-from sidegan.pipeline.compose import CONF
+from sidegan.pipeline.artifact import flatten
+from sidegan.pipeline.places import CONF, VERSIONS
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, words
 from tests import tiny

@@ -8,15 +8,15 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-from sidegan.base.storage import read_json, reading, replacing
+from sidegan.base.storage import file_digest, read_json, reading, replacing
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.lacking import BIASED
 from sidegan.identification.workflow import identify_arm
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.store import PARAMS, file_digest
-from sidegan.pipeline.task import Task
+from sidegan.pipeline.store import PARAMS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
 from sidegan.recording.load import files_of
@@ -30,10 +30,10 @@ from sidegan.robot import Arm, load_robot, tell_doubtful, words
 log = logging.getLogger(__name__)
 
 
-def model(task: Task) -> Artifact:
+def model(run: RunContext) -> Artifact:
     """The model identified from the configured recordings."""
-    cfg = task.cfg
-    arm = recorded_arm(task)
+    cfg = run.cfg
+    arm = recorded_arm(run)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     sent = [] if cfg.recording.sent is None else sent_files(Path(cfg.recording.sent))
@@ -55,20 +55,20 @@ def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:
     return found
 
 
-def recorded_arm(task: Task) -> Arm:
+def recorded_arm(run: RunContext) -> Arm:
     """The arm of the recordings; joints whose torque they do not have are locked, where they do not move."""
-    cfg = task.cfg
+    cfg = run.cfg
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
     if not cfg.recordings:
         raise ConfigError("recordings is empty, expected files of the arm: 'recordings=[a.csv,b.csv]'")
-    arm = task.whole_arm
+    arm = run.cell.recorded_arm
     if not cfg.recording.without:
         return arm
     loaded = cfg.loaded if cfg.has("loaded") else []
     places = standing(arm, [*cfg.recordings, *cfg.held_out, *loaded], cfg.recording)
     locked = {**(arm.setup.locked or {}), **places}
-    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=task.planning)
+    return load_robot(cfg.robot.name, replace(cfg.robot.setup, locked=locked), planning=run.planning)
 
 
 def checked(cfg: Config, arm: Arm) -> tuple[list[CheckedRecording], list[CheckedRecording]]:
@@ -112,9 +112,9 @@ def _error(folder: Path) -> Metrics:
     return {"nmse": read_json(folder / VERDICT)["validation"]["nmse_mean"]}
 
 
-def _show(task: Task, tracker: Tracker) -> None:
+def _show(run: RunContext, tracker: Tracker) -> None:
     """Leave all results in the run's folder, and sum up for people."""
-    folder, target = task.store.require(model(task)), task.store.run_folder
+    folder, target = run.store.require(model(run)), run.store.run_folder
     for path in sorted(folder.iterdir()):
         if path.name != PARAMS:
             with replacing(target / path.name) as neighbour:
@@ -139,19 +139,19 @@ def _digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _show_check(task: Task, tracker: Tracker) -> None:
+def _show_check(run: RunContext, tracker: Tracker) -> None:
     """Read and check the configured recordings, and leave what the check says in the run's folder."""
-    training, validation = checked(task.cfg, recorded_arm(task))
-    path = write_checks([*training, *validation], task.store.run_folder)
+    training, validation = checked(run.cfg, recorded_arm(run))
+    path = write_checks([*training, *validation], run.store.run_folder)
     tracker.log_artifact(path, "identify")
 
 
-def _tell_doubtful(task: Task) -> None:
-    if doubtful := tell_doubtful(recorded_arm(task)):
+def _tell_doubtful(run: RunContext) -> None:
+    if doubtful := tell_doubtful(recorded_arm(run)):
         log.warning("%s; identification starts from the nearest that can be", doubtful)
 
 
 STAGES = {
     "check": Stage(show=_show_check, check=recorded_arm),
-    "identify": Stage(lambda task: [model(task)], _show, _tell_doubtful),
+    "identify": Stage(lambda run: [model(run)], _show, _tell_doubtful),
 }
