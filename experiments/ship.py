@@ -11,8 +11,8 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages.seeds import origin, seed_set
 from sidegan.pipeline.store import Store
-from sidegan.seeds.result import SeedBatch
-from sidegan.seeds.shipped import ship
+from sidegan.seeding.result import SeedBatch
+from sidegan.seeding.shipped import ship
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ DOORS = {
     "coal": {"robot"},
     "coacd": {"robot"},
     "hppfcl": {"robot"},
-    "pygmo": {"seeds"},
+    "pygmo": {"seeding"},
     "pytorch_lightning": {"gan"},
     "joblib": {"base", "robot"},
     "distributed": {"base"},
@@ -32,7 +32,7 @@ DOORS = {
     "cvxpy": {"identification"},
     "rosbags": {"recording"},
 }
-ORDER = ["errors", "base", "robot", "kernels", "motion", "validity", "design", "cell", "library", "seeds"]
+ORDER = ["errors", "base", "robot", "kernels", "motion", "validity", "design", "cell", "library", "seeding"]
 ORDER += ["gan", "plant", "recording", "identification", "controllers", "report", "pipeline", "run"]
 STRANGERS = [{"gan"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
 

@@ -1,6 +1,6 @@
 """The schema of ``conf/``: which settings a run has, which dataclass of which room each group of them is.
 
-Values live in the YAML files only. A command composes the groups that it uses; the others are absent.
+Their defaults are those of ``conf/`` at scale quick, which a test holds. A command composes the groups that it uses; the others are absent.
 """
 
 import re
@@ -34,7 +34,7 @@ from sidegan.pipeline.dangling import dangling
 from sidegan.pipeline.schema import Condition, Discussion, Parallel, Plants, Robot
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
-from sidegan.seeds.settings import Long, Seeds
+from sidegan.seeding.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")

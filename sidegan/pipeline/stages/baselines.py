@@ -20,14 +20,14 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import LIBRARY, REPORT, RunContext
 from sidegan.pipeline.stage import Stage
-from sidegan.seeds import Gradient, make_long
+from sidegan.seeding import Gradient, make_long
 
 REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
 _TRIES = 1000  # draws for each random trajectory, most of them
 _DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, the share of them that is valid, its precision
 _SEARCHED = 200  # trajectories of each search
 _EVALUATIONS = (10, 40, 160)
-_SEARCH = SearchSettings(evaluations=10, patience=130, samples=40, reserve=0.03)
+_SEARCH = SearchSettings(evaluations=10)
 
 
 def random_set(run: RunContext) -> Artifact:
@@ -39,7 +39,7 @@ def random_set(run: RunContext) -> Artifact:
 def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH) -> Draws:
     """Random valid trajectories, (count, J, H, 2), of the run's own draws for a purpose."""
     generator = torch.Generator().manual_seed(run.number(purpose))
-    settings = Expansion(count, batch=count, draws=_TRIES * count, least=count)
+    settings = Expansion(count=count, batch=count, draws=_TRIES * count, least=count)
     return draw_valid(
         lambda n: run.cell.problem.start(n, generator, reach),
         run.cell.check,

@@ -12,8 +12,8 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import LIBRARY, REPORT, RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stage import Stage
-from sidegan.seeds import Tasks, make_seeds
-from sidegan.seeds.shipped import shipped
+from sidegan.seeding import Tasks, make_seeds
+from sidegan.seeding.shipped import shipped
 from sidegan.validity import summarise_faults
 
 FEATURES = "features.pt"  # the authors' own of their seeds

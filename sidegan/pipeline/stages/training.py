@@ -18,7 +18,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import GENERATOR, HISTORY, REPORT, RunContext
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
-from sidegan.seeds.published import WEIGHTS, Layout
+from sidegan.seeding.published import WEIGHTS, Layout
 
 _CHECKED = 500  # trajectories whose validity is found at once
 SAMPLES = "samples.pt"  # of every epoch
