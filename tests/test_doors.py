@@ -33,7 +33,8 @@ DOORS = {
     "rosbags": {"recording"},
 }
 ORDER = ["errors", "base", "robot", "kernels", "motion", "validity", "design", "cell", "library", "seeding"]
-ORDER += ["gan", "plant", "recording", "identification", "controllers", "report", "pipeline", "run"]
+ORDER += ["gan", "plant", "recording", "identification", "controllers", "report", "steps", "pipeline"]
+ORDER += ["run"]
 STRANGERS = [{"gan"}, {"plant"}, {"recording"}]  # side by side: the pipeline hands arrays across
 
 

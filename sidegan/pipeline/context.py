@@ -12,11 +12,12 @@ import pandas as pd
 import psutil
 
 from sidegan.base.names import folder_name
+from sidegan.base.random import number, stream
 from sidegan.base.storage import read_json
 from sidegan.cell import Cell
 from sidegan.cell.cell import described
 from sidegan.errors import ConfigError
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
@@ -25,7 +26,7 @@ from sidegan.robot import tell_placeholder_links
 
 log = logging.getLogger(__name__)
 
-LIBRARY, GENERATOR, HISTORY, REPORT = "library.parquet", "generator.pt", "history.json", "report.json"
+GENERATOR, HISTORY, REPORT = "generator.pt", "history.json", "report.json"
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
 
@@ -82,11 +83,11 @@ class RunContext:
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
         """The random numbers of one purpose, independent of all others."""
-        return np.random.SeedSequence([self.cfg.seed, *purpose.encode(), *([training] if training else [])])
+        return stream(self.cfg.seed, purpose, training)
 
     def number(self, purpose: str, training: int | None = None) -> int:
         """One random seed for ``purpose``."""
-        return int(self.random(purpose, training).generate_state(1)[0] & 0x7FFF_FFFF)
+        return number(self.cfg.seed, purpose, training)
 
     def artifact(
         self,

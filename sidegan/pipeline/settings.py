@@ -1,6 +1,7 @@
 """The schema of ``conf/``: which settings a run has, which dataclass of which room each group of them is.
 
-Their defaults are those of ``conf/`` at scale quick, which a test holds. A command composes the groups that it uses; the others are absent.
+Their defaults are those of ``conf/`` at scale quick, which a test holds. A command composes the groups
+that it uses; the others are absent.
 """
 
 import re

@@ -14,8 +14,8 @@ import torch
 from sidegan.design import search as searching
 from sidegan.design.search import Condition, design_set, search
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages.worth import tell_worthless
 from sidegan.robot import inconsistent_links, placeholder_links, possible_links
+from sidegan.steps.worth import tell_worthless
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
 from tests.robot.arms import task_of
@@ -96,10 +96,10 @@ def test_each_constraint_has_a_remedy(excited, where, said):
 def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
     context = excited(GAP, "robot.limits.velocity={joint0: 0.5, joint1: 0.5, joint2: 0.5, joint3: 0.5}")
     c = found_for(context).coefficients[None]
-    said = tell_worthless(context, Condition(context.cell.problem), 0.05 * c, 1e7)
+    said = tell_worthless(context.cell, Condition(context.cell.problem), 0.05 * c, 1e7)
     assert "it uses 5% of the limits on motion, its condition is 1e7; what stands in its way is " in said
     assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: 0.\d", said)
-    assert tell_worthless(context, Condition(context.cell.problem), c, 100.0) == ""
+    assert tell_worthless(context.cell, Condition(context.cell.problem), c, 100.0) == ""
 
 
 @pytest.mark.parametrize(

@@ -13,9 +13,9 @@ import torch
 
 from sidegan.base.storage import read_json
 from sidegan.identification import study
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
-from sidegan.pipeline.context import LIBRARY, REPORT, RESULTS, RunContext
+from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stages import baselines
 from sidegan.pipeline.stages import density as densities
 from sidegan.pipeline.stages import identification as plants

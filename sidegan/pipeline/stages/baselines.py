@@ -14,11 +14,12 @@ from sidegan.design.problem import Problem
 from sidegan.design.search import search
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
+from sidegan.library import LIBRARY
 from sidegan.library.draw import Draws, Expansion, draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
-from sidegan.pipeline.context import LIBRARY, REPORT, RunContext
+from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.seeding import Gradient, make_long
 

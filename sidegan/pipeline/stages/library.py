@@ -7,11 +7,11 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import write_json
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.library.draw import draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.artifact import Artifact, Build
-from sidegan.pipeline.context import GENERATOR, LIBRARY, REPORT, RunContext
+from sidegan.pipeline.context import GENERATOR, REPORT, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator, generators

@@ -3,21 +3,21 @@
 import math
 
 import pandas as pd
-from torch import Tensor
 
-from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.context import RunContext
 from sidegan.plant import Executed, Plant
+from sidegan.steps.trajectories import TrajectorySet
 
 _EVERY = 0.02  # [s] between the configurations whose distances are looked at
 
 
-def rehearsed(run: RunContext, family: Trajectory, coefficients: Tensor) -> pd.DataFrame:
-    """Tracking error, largest torque and closest approach of trajectories (n, J, H, 2), as they are run."""
+def rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
+    """Tracking error, largest torque and closest approach of trajectories, as they are run."""
     plant = Plant(run.cell.whole_arm, run.cfg.plant)
-    times = family.times(plant.settings.rate)
+    family, times = slowed.family, slowed.family.times(plant.settings.rate)
     rows = []
-    for c in coefficients.split(1):
+    for c in slowed.library.coefficients.split(1):
         planned = family.roll_out(c, times)
         rows.append(_facts(run, planned, plant.follow(planned)))
     return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))

@@ -7,13 +7,14 @@ import torch
 
 from sidegan.base.storage import write_json, write_torch
 from sidegan.errors import InfeasibleError
+from sidegan.library import LIBRARY
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.artifact import Artifact, Build
-from sidegan.pipeline.context import LIBRARY, REPORT, RunContext
+from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stage import Stage
-from sidegan.seeding import Tasks, make_seeds
 from sidegan.seeding.shipped import shipped
+from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 
 FEATURES = "features.pt"  # the authors' own of their seeds
@@ -57,14 +58,11 @@ def _read(run: RunContext, build: Build) -> None:
 
 
 def _make(run: RunContext, build: Build) -> None:
-    settings, workers = run.cfg.seeds, run.cfg.parallel.workers
-    batch = None
+    settings, batch = run.cfg.seeds, None
     if settings.shipped is not None:
         batch = shipped(CONF / "seeds" / settings.shipped, origin(run), settings.count)
     if batch is None:
-        problem = settings.problem(run.cell.constraints, run.cell.trajectory)
-        tasks = Tasks(settings.count, settings.batch, build.work, workers)
-        batch = make_seeds(problem, settings.optimiser, tasks, run.random("seeds"))
+        batch = optimised(run.cell, settings, run.cfg.seed, build.work, run.cfg.parallel.workers)
     else:
         log.info("the first %d seeds of %s, made by these settings before", len(batch), settings.shipped)
     library = measured(run.cell.constraints, run.cell.trajectory, batch.coefficients, settings.method)

@@ -6,10 +6,10 @@ from functools import partial
 from torch import Tensor
 
 from sidegan.design.selection import choose
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
-from sidegan.pipeline.context import LIBRARY, RunContext
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.baselines import long_family, long_trajectory, random_set
 from sidegan.pipeline.stages.library import library

@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -106,29 +106,31 @@ def taught(run: RunContext) -> dict[str, Any]:
 
 
 def _train(run: RunContext, build: Build, name: str, training: int, variant: Variant) -> None:
-    from sidegan.gan.pretraining import load_surrogates
-    from sidegan.gan.side_gan import Data
-    from sidegan.gan.training import Run, random_trajectories, train
+    from sidegan.gan.training import Run
+    from sidegan.steps.trained import trained
 
-    seed, evaluation = run.number(f"gan {name}", training), run.cfg.evaluation
-    box = _box(run, variant)
+    seeds, folder = None, None
     if variant.seeded:
         seeds = training_seeds(run).coefficients
         run.cfg.seeds.refuse_beyond(seeds)
-    else:
-        seeds = random_trajectories(run.cell.constraints, run.cell.trajectory, seed, box)
-    data = Data(run.cell.constraints, run.cell.trajectory, seeds, box=box, start=_start(run, variant))
     if variant.features:
         folder = run.store.require(surrogates(run))
-        predictor, converter = load_surrogates(folder, variant, run.cell.arm, run.cell.trajectory)
-        data = replace(data, success_predictor=predictor, converter=converter)
-    samples, device = _samples(run, variant), run.cfg.device
-    trained = train(variant, data, Run(name, seed, build.work, evaluation, samples, device, build.report))
-    trained.generator.save(build.folder / GENERATOR)
+    samples = _samples(run, variant)
+    how = Run(
+        name,
+        run.number(f"gan {name}", training),
+        build.work,
+        run.cfg.evaluation,
+        samples,
+        run.cfg.device,
+        build.report,
+    )
+    made = trained(run.cell, variant, seeds, how, folder, _box(run, variant), _start(run, variant))
+    made.generator.save(build.folder / GENERATOR)
     if samples:
-        write_torch(build.folder / SAMPLES, trained.samples)
-    write_json(build.folder / HISTORY, [finite(row) for row in trained.history])
-    write_json(build.folder / REPORT, finite(trained.history[-1]))
+        write_torch(build.folder / SAMPLES, made.samples)
+    write_json(build.folder / HISTORY, [finite(row) for row in made.history])
+    write_json(build.folder / REPORT, finite(made.history[-1]))
 
 
 def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrogates) -> None:
@@ -155,20 +157,12 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
 
 def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> None:
     from sidegan.gan import TrajectoryGenerator
-    from sidegan.gan.labels import Labelled
-    from sidegan.gan.pretraining import SHARES, Pretraining, negatives_count
+    from sidegan.steps.surrogates import pretrain
 
-    workers = run.cfg.parallel.workers
     vanilla = TrajectoryGenerator.load(run.store.require(negatives(run)) / GENERATOR, run.cell.arm)
-    seeds = training_seeds(run).coefficients
-    faulty = vanilla.sample(negatives_count(settings.samples), run.number("negatives"))
-    pretraining = Pretraining(run.cell.constraints, run.cell.trajectory, settings, seeds, faulty)
-    shares = [partial(pretraining.label, run.number(f"labels {share}")) for share in range(SHARES)]
-    labelled = Labelled.join(run_jobs("labels", shares, workers, settings.samples))
-    jobs: list[Job] = [partial(pretraining.train_success, labelled, build.folder, run.number("success"))]
-    for name in ("spectrum", "diagonal", "energies"):
-        jobs.append(partial(pretraining.train_features, name, labelled, build.folder, run.number(name)))
-    _report(build, run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs)))
+    seeds, workers = training_seeds(run).coefficients, run.cfg.parallel.workers
+    report = pretrain(run.cell, seeds, vanilla, settings, build.folder, run.cfg.seed, workers)
+    write_json(build.folder / REPORT, finite(report))
 
 
 def _report(build: Build, parts: Iterable[Mapping[str, Any]]) -> None:
