@@ -190,9 +190,9 @@ def _diverse_union(made: Artifacts) -> Judgement:
 
 def _trace(made: Artifacts) -> Judgement:
     """Whether the trace of YᵀY keeps the order of the seeds in another basis of their parameters."""
-    task = made.task
-    grams = gram(task.body, task.trajectory, task.load(seed_set(task)).coefficients)
-    turned, chosen = other_bases(task.body)
+    run, cell = made.run, made.run.cell
+    grams = gram(cell.body, cell.trajectory, run.load(seed_set(run)).coefficients)
+    turned, chosen = other_bases(cell.body)
     kept = {}
     for name, change in (("a rotation", turned), ("another choice of base parameters", chosen)):
         other = change.mT @ grams @ change
@@ -218,7 +218,7 @@ def _other_arms(made: Artifacts) -> Judgement:
     arms = generality.of_arms()
     if arms is None:
         return Judgement(UNKNOWN, UNKNOWN)
-    others = arms.xs("eigen", level="generator").drop(made.task.arm.name, errors="ignore")
+    others = arms.xs("eigen", level="generator").drop(made.run.cell.arm.name, errors="ignore")
     parts, said = list[str](), list[str]()
     for name, row in others.iterrows():
         valid, distance, error = row[[generality.VALID, *generality.JUDGED]]

@@ -124,7 +124,8 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch):
     text = "| arm | generator | valid | mean distance | … geometric |\n| --- | --- | --- | --- | --- |\n"
     text += "| a | eigen | 0.9 | 1 | 0.5 |\n| b | eigen | 0.9 | 1 | 2 |\n"
     others = "\n| generated for | a | b |\n| --- | --- | --- |\n| a | 1 | 0.005 |\n| b | — | 1 |\n"
-    made = SimpleNamespace(task=SimpleNamespace(arm=SimpleNamespace(name="c")))
+    arm = SimpleNamespace(name="c")
+    made = SimpleNamespace(run=SimpleNamespace(cell=SimpleNamespace(arm=arm)))
     monkeypatch.setattr(generality, "page", lambda: text + others)
     assert CRITERIA["other_arms"](made).verdict == MIXED and CRITERIA["no_transfer"](made).verdict == HOLDS
     monkeypatch.setattr(generality, "page", lambda: None)

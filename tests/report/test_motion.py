@@ -2,7 +2,6 @@
 
 import numpy as np
 import pinocchio
-import torch
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
