@@ -90,7 +90,7 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
         "checked": checked(conditions),
         "readings": exp2.READINGS,
         "verdicts": {
-            name: claims.counted(claim.findings[name].verdict for claim in judged) for name in conditions
+            name: claims.totals(claim.findings[name].verdict for claim in judged) for name in conditions
         },
     }
 

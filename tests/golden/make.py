@@ -135,7 +135,7 @@ def picks(problem: Problem, gain: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def record(c: Tensor, home: np.ndarray) -> None:
-    """Write the recording that is in the repository: trajectories of an arm with friction in MuJoCo, at 50 Hz."""
+    """Write the recording of the repository: an arm with friction in MuJoCo, at 50 Hz."""
     arm = load_robot(RECORDED["made"][0])
     family = Trajectory(arm.joints, 4, 8.0, home.tolist())
     settings = replace(IDEAL, coulomb=[3.0], viscous=[2.0], rotor_inertia=[0.2])
