@@ -15,6 +15,7 @@ from experiments.artifacts import Artifacts
 from experiments.finding import Judgement
 from experiments.verdicts import HOLDS, MIXED, NOT, OPEN, PART, UNDECIDED, UNKNOWN
 from experiments.words import PAPER
+from sidegan.base.names import counted
 
 _SIGNS = {HOLDS: "🟢", PART: "🟡", MIXED: "🟠", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
 _PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
@@ -72,8 +73,8 @@ def signed(finding: Judgement) -> str:
     return f"{_SIGNS[finding.verdict]} {finding.verdict}"
 
 
-def counted(verdicts: Iterable[str]) -> str:
+def totals(verdicts: Iterable[str]) -> str:
     """Numbers of claims that hold and that do not, in words."""
     counts = Counter(verdicts)
     parts = {verdict: counts[verdict] for verdict in _SIGNS if counts[verdict]}
-    return ", ".join(f"{n} {_PLURAL.get(v, v) if n > 1 else v}" for v, n in parts.items())
+    return ", ".join(counted(n, v, _PLURAL.get(v, v)) for v, n in parts.items())

@@ -20,7 +20,7 @@ from experiments.finding import (
     Judgement,
     at,
     by_epoch,
-    listed,
+    intervals,
     ratios,
     shares,
     unless_same,
@@ -144,7 +144,7 @@ def _comparable(made: Artifacts) -> Judgement:
     shares_of |= {f"{name}, coverage": np.log(x) for name, x in _coverage(made).items()}
     cosines = {name: at(made, name, "cosine", LATE) for name in SIDE_GANS}
     alike = (above(x, np.log(_COMPARABLE)) for x in shares_of.values())
-    ours = f"shares of the seeds': {ratios(shares_of)}; mean cosine: {listed(cosines)}"
+    ours = f"shares of the seeds': {ratios(shares_of)}; mean cosine: {intervals(cosines)}"
     numbers = {"comparable": _COMPARABLE, "along": _ALONG, "late": LATE}
     return Judgement.of_each([*alike, *(below(x, _ALONG) for x in cosines.values())], ours, numbers)
 
@@ -153,7 +153,7 @@ def _no_collapse(made: Artifacts) -> Judgement:
     few = made.few_seeds["rank_uncentred"]
     ranks = {name: np.log(at(made, name, "rank_uncentred", LATE) / few) for name in GANS}
     cosines = {name: at(made, name, "cosine", LATE) for name in GANS}
-    ours = f"share of the seeds' directions: {ratios(ranks)}; mean cosine: {listed(cosines)}"
+    ours = f"share of the seeds' directions: {ratios(ranks)}; mean cosine: {intervals(cosines)}"
     parts = (above(x, np.log(_COLLAPSED)) for x in ranks.values())
     return Judgement.of_each(parts, ours, {"collapsed": _COLLAPSED, "late": LATE})
 

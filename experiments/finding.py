@@ -66,7 +66,7 @@ def unless_same(verdict: str, other: str) -> str:
     return "" if other == verdict else f", by which the verdict would be: {other}"
 
 
-def listed(values: Mapping[str, pd.Series]) -> str:
+def intervals(values: Mapping[str, pd.Series]) -> str:
     """Means and intervals by name."""
     return "; ".join(f"{name} {words(interval(x))}" for name, x in values.items())
 

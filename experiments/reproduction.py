@@ -97,8 +97,8 @@ def _verdicts(judged: list[claims.Claim], condition: str) -> str:
     """How many claims hold under a condition, and how many of those on figure 3, in words."""
     every = {claim.key: claim.findings[condition].verdict for claim in judged}
     of_training = [every[claim.key] for claim in judged if claim.where.startswith("figure 3")]
-    figure = f"of the {len(of_training)} on figure 3: {claims.counted(of_training)}"
-    return f"{claims.counted(every.values())}; {figure}"
+    figure = f"of the {len(of_training)} on figure 3: {claims.totals(of_training)}"
+    return f"{claims.totals(every.values())}; {figure}"
 
 
 def described(artifacts: Artifacts) -> str:

@@ -1,5 +1,6 @@
 import logging
 import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,22 @@ hypothesis.settings.load_profile("usual")
 
 # Files that take longest: a parallel run begins with them, or one process works at its end while others idle.
 LONGEST = ("test_lab_day.py", "experiments/", "hostile/", "pipeline/", "validity/", "base/test_parallel.py")
+
+# Why a test may be skipped: an extra, a program or a recording that is not on this machine.
+SKIPS = re.compile(
+    r"no CUDA device|not at hand|its recordings are not in|example-robot-data"
+    r"|needs a browser|needs root|no clone"
+    r"|could not import '(dvc|xacro|xacrodoc|hydra_plugins\.hydra_submitit_launcher)\b"
+)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    """A test that is skipped for any other reason fails."""
+    report = yield
+    if report.skipped and isinstance(report.longrepr, tuple) and not SKIPS.search(report.longrepr[2]):
+        report.outcome, report.longrepr = "failed", f"unexpected skip: {report.longrepr[2]}"
+    return report
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

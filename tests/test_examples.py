@@ -11,6 +11,7 @@ PRINTED = {
     "validity": "trajectory 1: valid\ntrajectory 2: position of joint_2",
     "excitation_set": "picked [",
     "train_eigen": "% are valid",
+    "online": "trajectory 4: the condition number of all so far is ",
     "identify_table": "nMSE of the other half: shoulder ",
 }
 

@@ -79,7 +79,8 @@ def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
     for name, limit in constraints.higher.items():
         states = trajectory.derivative(c, trajectory.times(1000.0), ORDERS[name])
         used.append(float((states.abs() / limit).max()))
-    assert not used or 0.3 < max(used) <= 1  # they are what holds it back
+    if used:
+        assert 0.3 < max(used) <= 1  # they are what holds it back
     model, geometry = chain_model(arm), scene(constraints)
     data, shapes = model.createData(), geometry.createData()
     for k in range(len(q)):
@@ -88,7 +89,8 @@ def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
             viscous, coulomb, rotor = (x.numpy() for x in vars(drives).values())
             torque += viscous * dq[k] + coulomb * np.sign(dq[k]) + rotor * ddq[k]
         torque = np.abs(torque)
-        assert (torque <= arm.torque_limit.numpy()).all() or not constraints.torque
+        if constraints.torque:
+            assert (torque <= arm.torque_limit.numpy()).all()
         pin.computeDistances(model, data, geometry, shapes, q[k])
         assert min(x.min_distance for x in shapes.distanceResults) >= -1e-6
 

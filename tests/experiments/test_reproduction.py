@@ -19,10 +19,9 @@ from tests.experiments.conftest import OWN
 from tests.tiny import SMALL, TINY, tiny
 
 
-def judged(artifacts, **changed):
-    """What was found of every claim, by its key, where the run or some frames are others."""
-    planted = Artifacts(artifacts.run)
-    planted.__dict__.update(artifacts.__dict__ | changed)
+def judged(run, **changed):
+    """What was found of every claim, by its key, where some frames are others."""
+    planted = type("Planted", (Artifacts,), changed)(run)
     return {claim.key: claim.findings["ours"] for claim in claims({"ours": planted})}
 
 
@@ -70,8 +69,7 @@ def test_verdicts_follow_from_the_numbers(artifacts, factor, beaten, share, draw
     success = histories.success.where(histories.variant != "vanilla", best)
     fewer = replace(artifacts.cfg.discussion, draws=draws)
     found = judged(
-        artifacts,
-        run=artifacts.run.with_settings(discussion=fewer),
+        artifacts.run.with_settings(discussion=fewer),
         density=artifacts.density.assign(success=share),
         errors=errors.assign(nmse=nmse),
         histories=histories.assign(success=success),

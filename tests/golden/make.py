@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import torch
 from torch import Tensor
 
@@ -29,6 +30,7 @@ from sidegan.design.problem import Problem
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
 from sidegan.motion.trajectory import Trajectory
+from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import read_and_check, split
 from sidegan.recording.settings import RecordingSettings
 from sidegan.report.identification.results import verdict
@@ -36,7 +38,7 @@ from sidegan.robot import load_robot
 from sidegan.validity import Box, Constraints, Plane, Sphere, check, default_home
 
 FOLDER = Path(__file__).parent
-NUMBERS, IDENTIFIED = FOLDER / "numbers.npz", FOLDER / "identified.json"
+NUMBERS, IDENTIFIED, MADE = FOLDER / "numbers.npz", FOLDER / "identified.json", FOLDER / "recording.csv"
 DATA = Path(os.environ.get("SIDEGAN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 CHAINS = tuple(f"chain{seed}" for seed in range(1, 11))
 ARMS = (*CHAINS, "ur10_like", "panda_like", "kuka_lwr4")
@@ -50,6 +52,7 @@ RECORDED = {
     "ur10e_first": (*UR10E, "ur10e/recorded_20s8h.csv", "ur10e/recorded_20s10h.csv"),
     "ur10e_second": (*UR10E, "ur10e/recorded_20s10h.csv", "ur10e/recorded_20s8h.csv"),
     "lwr4": ("kuka_lwr4", {"cutoff": 2}, Terms(), None, "kuka_lwr4/recorded_hw1_50hz.csv", None),
+    "made": (str(FOLDER / "arms" / "ur10_like.urdf"), {}, Terms(), None, MADE, None),
 }
 
 
@@ -131,6 +134,18 @@ def picks(problem: Problem, gain: np.ndarray) -> dict[str, np.ndarray]:
     return {key: x.numpy() for key, x in found.items()}
 
 
+def record(c: Tensor, home: np.ndarray) -> None:
+    """Write the recording of the repository: an arm with friction in MuJoCo, at 50 Hz."""
+    arm = load_robot(RECORDED["made"][0])
+    family = Trajectory(arm.joints, 4, 8.0, home.tolist())
+    settings = replace(IDEAL, coulomb=[3.0], viscous=[2.0], rotor_inertia=[0.2])
+    executed = Plant(arm, settings).execute(family.roll_out(c, family.times(settings.rate)), 0, 0.5)
+    signals = dict(zip(("q", "dq", "tau"), executed[1:]))
+    table = {f"{key}{j + 1}": x[:, j] for key, x in signals.items() for j in range(arm.joints)}
+    frame = pd.DataFrame({"t": executed.time, **table})[::20]
+    frame.to_csv(MADE, index=False, float_format="%.4f")
+
+
 def identified(name: str) -> dict[str, Any]:
     """Verdict on a recorded arm, flat, without sentences; see ``RECORDED``."""
     robot, recording, model, gains, first, other = RECORDED[name]
@@ -194,6 +209,8 @@ def main() -> None:
         if name == "kuka_lwr4":
             own |= picks(problem, gain)
         found |= {f"{name}/{key}": x for key, x in own.items()}
+        if name == "ur10_like":
+            record(0.35 * torch.from_numpy(c), home)  # within limits
     np.savez_compressed(NUMBERS, **found)
     IDENTIFIED.write_text(json.dumps({name: identified(name) for name in RECORDED}, indent=1) + "\n")
 

@@ -6,18 +6,23 @@ import os
 import subprocess
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 from sidegan.library.measure import measured
 from sidegan.pipeline.artifact import Build
-from sidegan.pipeline.context import RESULTS, RunContext
-from sidegan.pipeline.stages.baselines import random_set, random_valid
+from sidegan.pipeline.context import LIBRARY, RESULTS, RunContext
+from sidegan.pipeline.stages.baselines import random_valid
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.selection import ExcitationSet
 from sidegan.pipeline.store import Store
 from tests.tiny import tiny
 
 GARBAGE = {"MALLOC_PERTURB_": "165"}  # in every byte that is allocated, and in every one that is freed
+
+
+def _save(library, task, build):
+    library.save(build.folder / LIBRARY)
 
 
 def digests(*names: str) -> dict[str, str]:
@@ -32,8 +37,9 @@ def digests(*names: str) -> dict[str, str]:
                 random_valid(context, 4, name).coefficients,
                 name,
             )
-            context.__dict__["load"] = lambda artifact, library=library: library
-            one = ExcitationSet(name, None, context.cell.trajectory, random_set(context))
+            source = context.artifact("random", name, partial(_save, library), {"name": name})
+            context.store.produce(source)
+            one = ExcitationSet(name, None, context.cell.trajectory, source)
             for stage in (plant, identification):
                 build = Build(Path(folder, stage.__name__), Path(folder), lambda done, total: None)
                 build.folder.mkdir()

@@ -50,8 +50,9 @@ def test_distance_of_hulls_is_that_of_coal(seed: int) -> None:
         expected = coal.distance(first, still, second, there, *own)
         matrix, room = tuple(map(tuple, turn)), np.zeros((6, 4))
         found = kernel.apart(hulls, (0, 1), matrix, tuple(place), tuple(-place), np.inf, room)
-        assert not expected < -1e-6 or np.isneginf(found)
-        if expected > 1e-6:
+        if expected < -1e-6:
+            assert np.isneginf(found)
+        elif expected > 1e-6:
             assert found == pytest.approx(expected, rel=0, abs=2e-6)  # coal's own is 1e-6
             enough = kernel.apart(hulls, (0, 1), matrix, tuple(place), tuple(-place), found / 2, room)
             assert found / 2 - 1e-12 <= enough <= found + 2e-8
