@@ -5,6 +5,7 @@ from typing import Any
 
 import torch
 
+from sidegan.base.extras import require
 from sidegan.base.storage import write_json, write_torch
 from sidegan.errors import InfeasibleError
 from sidegan.library.measure import measured, summary
@@ -13,6 +14,7 @@ from sidegan.pipeline.compose import CONF
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.task import LIBRARY, REPORT, Task
 from sidegan.seeds import Tasks, make_seeds
+from sidegan.seeds.result import SeedBatch
 from sidegan.seeds.shipped import shipped
 from sidegan.validity import summarise_faults
 
@@ -56,11 +58,24 @@ def _read(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(valid), **attempts})
 
 
+def _shipped(task: Task) -> SeedBatch | None:
+    """The seeds where they come with the package; None where they have to be made."""
+    settings = task.cfg.seeds
+    if settings.shipped is None:
+        return None
+    return shipped(CONF / "seeds" / settings.shipped, origin(task), settings.count)
+
+
+def _check(task: Task) -> None:
+    settings = task.cfg.seeds
+    task.require_room(settings.count, "seeds.count")
+    if settings.method == "paper" and _shipped(task) is None:
+        require("paper", "pygmo")
+
+
 def _make(task: Task, build: Build) -> None:
     settings, workers = task.cfg.seeds, task.cfg.parallel.workers
-    batch = None
-    if settings.shipped is not None:
-        batch = shipped(CONF / "seeds" / settings.shipped, origin(task), settings.count)
+    batch = _shipped(task)
     if batch is None:
         problem = settings.problem(task.constraints, task.trajectory)
         tasks = Tasks(settings.count, settings.batch, build.work, workers)
@@ -74,9 +89,4 @@ def _make(task: Task, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(library), **attempts})
 
 
-STAGES = {
-    "seeds": Stage(
-        lambda task: [seed_set(task)],
-        check=lambda task: task.require_room(task.cfg.seeds.count, "seeds.count"),
-    )
-}
+STAGES = {"seeds": Stage(lambda task: [seed_set(task)], check=_check)}

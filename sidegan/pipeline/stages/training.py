@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 
+from sidegan.base.extras import require
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import read_torch, reading, write_json, write_torch
 from sidegan.gan import Variant
@@ -202,8 +203,14 @@ def _surrogates(task: Task) -> list[Artifact]:
     return needed
 
 
-def _require_weights(task: Task) -> None:
-    """Refuse a folder without the weights that are wanted from it."""
+def _check(task: Task) -> None:
+    """Refuse to begin without what trains."""
+    require("paper", "pytorch_lightning")
+
+
+def _check_surrogates(task: Task) -> None:
+    """Refuse a folder without the weights that are wanted from it, too."""
+    _check(task)
     chosen = task.cfg.surrogates
     if isinstance(chosen, PublishedSurrogates) and chosen.shipped:
         for name in WEIGHTS:
@@ -211,7 +218,7 @@ def _require_weights(task: Task) -> None:
 
 
 STAGES = {
-    "surrogates": Stage(_surrogates, check=_require_weights),
-    "gan": Stage(_gan),
-    "subsets": Stage(_subsets),
+    "surrogates": Stage(_surrogates, check=_check_surrogates),
+    "gan": Stage(_gan, check=_check),
+    "subsets": Stage(_subsets, check=_check),
 }
