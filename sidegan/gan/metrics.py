@@ -26,9 +26,10 @@ def measure(
     """Validity, fitness, diversity and worth of generated coefficients (N, J, H, 2), beside seeds.
 
     They only count together: a generator that hardly moves is valid, one with a few distant modes has a large
-    mean distance, one that adds the same motion to all of them has a small condition number. ``condition`` is
-    the median over all samples, ``condition_mean`` their mean as in the paper's figure 3, ``condition_valid``
-    the median over the valid ones (not a number when there are none), as are those of ``expected_errors``.
+    mean distance, one that adds the same motion to all of them has a small condition number. ``condition``
+    is the median over all samples and ``condition_mean`` their mean, as in figure 3 of the paper;
+    ``condition_valid`` is the median over the valid ones (not a number when there are none), and those alone
+    count for the errors of ``expected_errors``.
     """
     valid = check(constraints, trajectory, c).valid
     excitation = excite(constraints.body, trajectory, c)
