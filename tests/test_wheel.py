@@ -1,55 +1,94 @@
-"""A wheel holds what the commands need where there is no clone."""
+"""A wheel holds what the commands need where there is no clone, and says what it is."""
 
+import os
+import re
 import subprocess
 import sys
+import tomllib
+import zipfile
+from email.parser import Parser
+from itertools import chain
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+import sidegan
 
 ROOT = Path(__file__).parents[1]
 HELD = ("sidegan", "conf", "params.yaml")
 
 
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """The wheel, unpacked into a folder far from the clone."""
+    builders = pytest.importorskip("hatchling.builders.wheel")
+    folder = tmp_path_factory.mktemp("wheel")
+    (built,) = builders.WheelBuilder(str(ROOT)).build(directory=str(folder), versions=["standard"])
+    with zipfile.ZipFile(built) as archive:
+        archive.extractall(folder / "site")
+    return folder / "site"
+
+
 def tracked():
     """Files of the repository that a wheel is to hold, where it holds them."""
     listed = subprocess.run(["git", "ls-files", *HELD], cwd=ROOT, capture_output=True, text=True)
-    files = listed.stdout.split()
+    files = [file for file in listed.stdout.split() if (ROOT / file).exists()]
     if not files:
         pytest.skip("this is no clone")
     return {file if file.startswith("sidegan/") else f"sidegan/{file}" for file in files}
 
 
-def test_every_file_of_ours_is_in_the_wheel_and_nothing_else():
-    wheel = pytest.importorskip("hatchling.builders.wheel")
-    builder = wheel.WheelBuilder(str(ROOT))
-    with builder.config.set_build_data({"artifacts": [], "force_include": {}}):
-        held = {one.distribution_path for one in builder.recurse_included_files()}
-    there = {f for f in tracked() if (ROOT / f).exists() or (ROOT / f.removeprefix("sidegan/")).exists()}
-    assert there <= held
-    assert {path.split("/")[0] for path in held} == {"sidegan"}
+def test_every_file_of_ours_is_in_the_wheel_and_nothing_else(wheel):
+    held = {path.relative_to(wheel).as_posix() for path in wheel.rglob("*") if path.is_file()}
+    assert tracked() | {"sidegan/py.typed"} <= held
+    assert {path.split("/")[0] for path in held} == {"sidegan", f"sidegan-{sidegan.__version__}.dist-info"}
     assert not [path for path in held if path.endswith((".nbc", ".nbi", ".pyc"))]
 
 
-CODE = """
-import shutil, sys
-from pathlib import Path
-root = Path(sys.argv[1])
-shutil.copytree(root / "sidegan", "sidegan", ignore=shutil.ignore_patterns("__pycache__"))
-shutil.copytree(root / "conf", "sidegan/conf")
-shutil.copy(root / "params.yaml", "sidegan/params.yaml")
-sys.path.insert(0, ".")
-from sidegan.pipeline.places import CONF
+def test_the_wheel_says_what_it_is(wheel):
+    (info,) = wheel.glob("*.dist-info")
+    said = Parser().parsestr((info / "METADATA").read_text(encoding="utf-8"))
+    assert (said["Version"], said["License-Expression"]) == (sidegan.__version__, "Apache-2.0")
+    assert (info / "licenses" / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
+    assert {"paper", "tracking", "dev"} <= set(said.get_all("Provides-Extra"))
+    base = {one.partition(">")[0] for one in said.get_all("Requires-Dist") if "extra ==" not in one}
+    assert "pin" in base and not base & {"pygmo", "pytorch-lightning", "mlflow"}
+    cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nversion: {sidegan.__version__}\n" in cited
+
+
+WHERE = """
 from sidegan.pipeline.artifact import version
-from sidegan.run import main
-assert CONF == Path("sidegan/conf").resolve() and version("gan"), CONF
-sys.argv = ["sidegan", "+experiment=excite", "--cfg", "job"]
-sys.exit(main())
+from sidegan.pipeline.places import CONF
+print(CONF, version("gan") > 0)
 """
 
 
-def test_settings_are_found_in_the_wheel_where_there_is_no_clone(tmp_path):
-    """The package's own copy of conf/, as the wheel has it, goes before the one beside the package."""
-    command = [sys.executable, "-I", "-c", CODE, str(ROOT)]
-    ran = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
-    assert ran.returncode == 0, ran.stderr
-    assert "experiment: excite" in ran.stdout
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-c", WHERE], "site/sidegan/conf True"),
+        (["-m", "sidegan.run", "--help"], "+experiment=excite"),
+        (["-m", "sidegan.run", "+experiment=excite", "--cfg", "job"], "experiment: excite"),
+    ],
+)
+def test_the_command_runs_from_the_wheel_where_there_is_no_clone(wheel, tmp_path, arguments, words):
+    """Settings are the package's own copy of conf/, which goes before the one beside the package."""
+    elsewhere = os.environ | {"PYTHONPATH": str(wheel)}
+    command = [sys.executable, "-P", *arguments]
+    ran = subprocess.run(command, cwd=tmp_path, env=elsewhere, capture_output=True, text=True, timeout=300)
+    assert ran.returncode == 0 and words in ran.stdout, ran.stderr
+
+
+def test_all_that_is_required_is_pinned_to_a_version_that_will_do():
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pins = dict(re.match(r"([\w.-]+)==([^ ;]+)", line).groups() for line in lines if line[0] != "#")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    groups = [project["dependencies"], *project["optional-dependencies"].values()]
+    for one in map(Requirement, chain.from_iterable(groups)):
+        if one.name != "sidegan":
+            assert one.specifier.contains(pins[canonicalize_name(one.name)]), one
+    torchs = [name for name in pins if name.startswith(("nvidia", "cuda"))]
+    assert not torchs, "torch names these itself, those of each of its builds"

@@ -16,6 +16,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sidegan.base.extras import extra
 from sidegan.base.progress import bar
 from sidegan.base.threads import one_thread
 from sidegan.errors import ConfigError, SideganError, StorageError
@@ -53,7 +54,9 @@ def engine(name: str, scheduler: str | None = None, workers: int | None = None) 
 
 def cores(workers: int | None) -> int:
     """Number of worker processes: ``workers``, or one per core that this process may use."""
-    return workers or len(os.sched_getaffinity(0))
+    from joblib import cpu_count
+
+    return workers or cpu_count()
 
 
 def cpu_seconds() -> float:
@@ -157,10 +160,8 @@ def _lost(error: Exception) -> str:
 @contextmanager
 def _cluster(scheduler: str | None, workers: int) -> "Iterator[Client]":
     """Client of a Dask cluster; one on this machine is started, and ends with the block."""
-    try:
+    with extra("dask"):
         from distributed import Client, LocalCluster
-    except ImportError as error:
-        raise ConfigError("parallel=dask needs Dask: pip install 'sidegan[dask]'") from error
 
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong comes as an error
     if scheduler is None:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
@@ -13,6 +12,7 @@ from sidegan.base.parallel import Report
 from sidegan.base.storage import read_torch, write_task
 from sidegan.errors import ArtifactError
 from sidegan.gan.labels import Labelled, blend, label
+from sidegan.gan.lightning import pl
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant

@@ -7,12 +7,12 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import write_task
+from sidegan.gan.lightning import pl
 from sidegan.gan.published_networks import IMAGE
 from sidegan.gan.trainer import Progress, fit
 

@@ -3,10 +3,10 @@
 from itertools import chain
 from typing import Any
 
-import pytorch_lightning as pl
 import torch
 
 from sidegan.gan.labels import Labelled, label
+from sidegan.gan.lightning import pl
 from sidegan.gan.settings import Refresh
 from sidegan.gan.side_gan import SideGAN
 

@@ -8,12 +8,12 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.lightning import pl
 from sidegan.gan.limits import Box
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import Generator

@@ -7,13 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import pytorch_lightning as pl
 import torch
-from pytorch_lightning.callbacks import ModelCheckpoint
 from torch import Tensor
 
 from sidegan.base.parallel import Report
 from sidegan.base.storage import readable
+from sidegan.gan.lightning import pl
 
 _log = logging.getLogger(__name__)
 
@@ -43,7 +42,8 @@ def fit(
     kind, _, index = device.partition(":")
     saving: list[pl.Callback] = []
     if work is not None:
-        saving = [ModelCheckpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)]
+        checkpoint = pl.callbacks.ModelCheckpoint
+        saving = [checkpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)]
     handler = signal.getsignal(signal.SIGINT)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_NOISE)

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import pytorch_lightning as pl
 import torch
 from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
@@ -14,6 +13,7 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.lightning import pl
 from sidegan.gan.limits import Box
 from sidegan.gan.metrics import measure
 from sidegan.gan.refresh import Refreshed

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from filelock import FileLock
 
+from sidegan.base.extras import extra
 from sidegan.pipeline.artifact import flatten
 
 if TYPE_CHECKING:
@@ -39,7 +40,7 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
                 return method(self, *args, **kwargs)
             except Exception as error:  # whatever goes wrong at the other end, the work goes on
                 self.enabled = False
-                log.warning("MLflow records no more of this run, which goes on: %s", _reason(error))
+                log.warning("the run goes on without being recorded by MLflow: %s", _reason(error))
         return None
 
     return call
@@ -77,7 +78,8 @@ class Tracker:
         for key, value in _ENVIRONMENT.items():
             os.environ.setdefault(key, value)
         root.mkdir(parents=True, exist_ok=True)
-        from mlflow import MlflowClient
+        with extra("tracking"):
+            from mlflow import MlflowClient
 
         logging.getLogger("alembic").setLevel(logging.ERROR)
         for noisy in ("mlflow", "urllib3"):  # what goes wrong is raised as well

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.extras import extra
 from sidegan.design.problem import Problem
 from sidegan.seeding.result import Optimiser
 
@@ -81,7 +82,8 @@ class Paper(Optimiser):
         return torch.cat([self._search(udp, child) for child in source.spawn(count)])
 
     def _search(self, udp: ConditionProblem, source: np.random.SeedSequence) -> Tensor:
-        import pygmo as pg
+        with extra("paper"):
+            import pygmo as pg
 
         first, second = (int(number) % _SEED_LIMIT for number in source.generate_state(2))
         population = pg.population(pg.problem(udp), self.ants, seed=first, b=pg.bfe(pg.member_bfe()))

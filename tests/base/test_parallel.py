@@ -91,7 +91,7 @@ def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processe
 def test_nothing_to_do_and_nothing_to_count():
     assert run_jobs("none", [], 2) == []
     assert run_jobs("one", [lambda report: report(0, 0)], 2) == [None]
-    assert (cores(3), cores(None)) == (3, len(os.sched_getaffinity(0)))
+    assert cores(3) == 3 and 1 <= cores(None) <= (os.cpu_count() or 1)
 
 
 def test_errors_of_jobs_are_told_and_the_next_jobs_run(workers):

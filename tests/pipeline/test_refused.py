@@ -138,7 +138,20 @@ def test_a_wrong_command_ends_with_its_code_and_one_line(command, capsys, tmp_pa
     assert not (tmp_path / "outputs" / "seeds").exists()
 
 
-def test_an_engine_that_is_not_installed_is_told_before_any_work(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(ConfigError, match=r"parallel=dask needs Dask: pip install 'sidegan\[dask\]'"):
-        run_stages(tiny.tiny(f"outputs={tmp_path}", "parallel=dask"), tmp_path / "run", "dask")
+@pytest.mark.parametrize(
+    ("settings", "package", "extra"),
+    [
+        (["seeds=paper"], "pygmo", "paper"),
+        (["stages=[random,gan]"], "pytorch_lightning", "paper"),
+        (["stages=[random,surrogates]"], "pytorch_lightning", "paper"),
+        (["parallel=dask"], "distributed", "dask"),
+    ],
+)
+def test_a_package_that_is_not_installed_is_told_before_any_work(
+    tmp_path, monkeypatch, settings, package, extra
+):
+    monkeypatch.setitem(sys.modules, package, None)
+    words = rf"{package} is not installed; it comes with pip install 'sidegan\[{extra}\]'"
+    with pytest.raises(ConfigError, match=words):
+        run_stages(tiny.tiny(f"outputs={tmp_path}", *settings), tmp_path / "run", "bare")
+    assert not (tmp_path / "random").exists()

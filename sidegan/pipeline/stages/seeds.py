@@ -5,6 +5,7 @@ from typing import Any
 
 import torch
 
+from sidegan.base.extras import require
 from sidegan.base.storage import write_json, write_torch
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
@@ -13,6 +14,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stage import Stage
+from sidegan.seeding.result import SeedBatch
 from sidegan.seeding.shipped import shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
@@ -57,10 +59,23 @@ def _read(run: RunContext, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(valid), **attempts})
 
 
+def _shipped(run: RunContext) -> SeedBatch | None:
+    """The seeds where they come with the package; None where they have to be made."""
+    settings = run.cfg.seeds
+    if settings.shipped is None:
+        return None
+    return shipped(CONF / "seeds" / settings.shipped, origin(run), settings.count)
+
+
+def _check(run: RunContext) -> None:
+    settings = run.cfg.seeds
+    run.require_room(settings.count, "seeds.count")
+    if settings.method == "paper" and _shipped(run) is None:
+        require("paper", "pygmo")
+
+
 def _make(run: RunContext, build: Build) -> None:
-    settings, batch = run.cfg.seeds, None
-    if settings.shipped is not None:
-        batch = shipped(CONF / "seeds" / settings.shipped, origin(run), settings.count)
+    settings, batch = run.cfg.seeds, _shipped(run)
     if batch is None:
         batch = optimised(run.cell, settings, run.cfg.seed, build.work, run.cfg.parallel.workers)
     else:
@@ -72,9 +87,4 @@ def _make(run: RunContext, build: Build) -> None:
     write_json(build.folder / REPORT, {**summary(library), **attempts})
 
 
-STAGES = {
-    "seeds": Stage(
-        lambda run: [seed_set(run)],
-        check=lambda run: run.require_room(run.cfg.seeds.count, "seeds.count"),
-    )
-}
+STAGES = {"seeds": Stage(lambda run: [seed_set(run)], check=_check)}

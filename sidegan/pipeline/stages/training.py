@@ -9,6 +9,7 @@ from typing import Any
 
 import torch
 
+from sidegan.base.extras import require
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.storage import file_digest, read_torch, reading, write_json, write_torch
 from sidegan.gan import Variant
@@ -195,8 +196,14 @@ def _surrogates(run: RunContext) -> list[Artifact]:
     return needed
 
 
-def _require_weights(run: RunContext) -> None:
-    """Refuse a folder without the weights that are wanted from it."""
+def _check(run: RunContext) -> None:
+    """Refuse to begin without what trains."""
+    require("paper", "pytorch_lightning")
+
+
+def _check_surrogates(run: RunContext) -> None:
+    """Refuse a folder without the weights that are wanted from it, too."""
+    _check(run)
     chosen = run.cfg.surrogates
     if isinstance(chosen, PublishedSurrogates) and chosen.shipped:
         for name in WEIGHTS:
@@ -204,7 +211,7 @@ def _require_weights(run: RunContext) -> None:
 
 
 STAGES = {
-    "surrogates": Stage(_surrogates, check=_require_weights),
-    "gan": Stage(_gan),
-    "subsets": Stage(_subsets),
+    "surrogates": Stage(_surrogates, check=_check_surrogates),
+    "gan": Stage(_gan, check=_check),
+    "subsets": Stage(_subsets, check=_check),
 }

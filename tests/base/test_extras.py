@@ -1,0 +1,65 @@
+"""What an installation without the extras does: all but what needs them, which says what installs it."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+from tests.tiny import TINY
+
+ROOT = Path(__file__).parents[2]
+BARE = """
+import sys
+for package in ("pygmo", "pytorch_lightning", "mlflow"):
+    sys.modules[package] = None  # importing it fails as where it is not installed
+"""
+COMMAND = BARE + "from sidegan.run import main; sys.exit(main())"
+MISSING = "{} is not installed; it comes with pip install 'sidegan[{}]'".format
+
+
+def bare(folder, code, *arguments):
+    """Code in a process that has none of the packages that extras bring."""
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
+
+
+def test_a_run_without_mlflow_is_not_recorded_and_says_so_once(tmp_path):
+    settings = [one for one in TINY if not one.startswith("tracking")]
+    done = bare(tmp_path, COMMAND, "+experiment=exp1", "stages=[seeds,random]", "seeds.count=4", *settings)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.count(MISSING("mlflow", "tracking")) == 1
+    assert "without being recorded" in done.stderr and not list(tmp_path.rglob("mlflow.db"))
+    assert list(tmp_path.glob("outputs/seeds/planar2-*")) and list(tmp_path.glob("outputs/random/planar2-*"))
+
+
+DOORS = """
+import importlib
+from sidegan.errors import ConfigError
+for name in ("training", "pretraining", "variants"):
+    try:
+        importlib.import_module(f"sidegan.gan.{name}")
+    except ConfigError as error:
+        print(error)
+from sidegan import gan
+from sidegan.pipeline.stages import STAGES, stage
+for name in STAGES:
+    stage(name)
+gan.TrajectoryGenerator.load
+"""
+
+
+def test_what_is_imported_without_lightning_is_all_but_what_trains(tmp_path):
+    done = bare(tmp_path, BARE + DOORS)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines() == 3 * [MISSING("pytorch_lightning", "paper")]
+
+
+def test_an_extra_that_is_named_anywhere_is_one_of_the_package():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    files = [ROOT / "README.md", *ROOT.glob("docs/*.md"), *ROOT.glob("sidegan/**/*.py")]
+    texts = [file.read_text(encoding="utf-8") for file in files]
+    named = {name for text in texts for name in re.findall(r"sidegan\[([\w,]+)\]", text)}
+    named |= {name for text in texts for name in re.findall(r"\b(?:extra|require)\(\"(\w+)\"", text)}
+    assert {"paper", "tracking", "dask"} <= named
+    assert {part for name in named for part in name.split(",")} <= project["optional-dependencies"].keys()
