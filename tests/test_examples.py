@@ -9,9 +9,9 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 PRINTED = {
     "regressor": "43 base parameters",
     "validity": "trajectory 1: valid\ntrajectory 2: position of joint_2",
-    "excitation_set": "picked [",
+    "excitation_set": "3 trajectories, condition number ",
     "train_eigen": "% are valid",
-    "identify_table": "nMSE of the other half: shoulder ",
+    "identify_table": "nMSE of what was held out: {'shoulder': ",
 }
 
 

@@ -172,6 +172,13 @@ class Cell:
         """
         return check(self.constraints, self.trajectory, as_tensor(coefficients, dtype=float64))
 
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> NDArray[Any]:
+        """Torque [N·m or N], (…, J), by the description, with the friction and rotors that it states.
+
+        At positions [rad or m], velocities and accelerations, (…, J) each.
+        """
+        return self.body.drive_torque(*(as_tensor(x, dtype=float64) for x in (q, dq, ddq))).numpy()
+
     def stamped(self) -> dict[str, Any]:
         """Plain values by which what is made for this cell is known, beside the arm's own digest."""
         home = None if self._home is None else list(self._home)
