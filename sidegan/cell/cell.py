@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, as_tensor, float64
 
@@ -177,7 +178,7 @@ class Cell:
 
         At positions [rad or m], velocities and accelerations, (…, J) each.
         """
-        return self.body.drive_torque(*(as_tensor(x, dtype=float64) for x in (q, dq, ddq))).numpy()
+        return self.body.drive_torque(*(as_tensor(np.array(x, dtype=float)) for x in (q, dq, ddq))).numpy()
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which what is made for this cell is known, beside the arm's own digest."""
