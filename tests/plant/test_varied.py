@@ -28,7 +28,7 @@ SEED = 3
 def settings():
     files = (
         OmegaConf.load(CONF / "base" / "sets.yaml").plants,
-        OmegaConf.load(CONF / "torque_sensor/link.yaml"),
+        OmegaConf.load(CONF / "plants/link.yaml"),
     )
     values = OmegaConf.merge(*(file.plant for file in files))
     return build(VariedSettings, OmegaConf.to_container(values, resolve=True))
