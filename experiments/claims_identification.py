@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from experiments import exp2
+from experiments import exp1, exp2
 from experiments.artifacts import Artifacts
 from experiments.finding import GANS, SIDE_GANS, Judgement, ratios, words
 from experiments.verdicts import (
@@ -50,6 +50,13 @@ def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
         sure = _table1(made, "expected")
         over_all = {n: log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
         ours += f"; expected over all noise: {ratios(over_all)}"
+    if frame == "plant":
+        weighted = made.plant[made.plant.weighted.astype(bool)]
+        others = {"geometric over joints": exp1.geometric(made.plant[~made.plant.weighted.astype(bool)])}
+        others |= {"weighted per joint": weighted, "both": exp1.geometric(weighted)}
+        for name, part in others.items():
+            logs = exp1.over_others(part, made.cfg.gan)
+            ours += f"; {name}: {ratios({n: logs[n] for n in SIDE_GANS})}"
     return Judgement.of_each(map(above, effects.values()), ours, {"count": made.cfg.selection.count})
 
 

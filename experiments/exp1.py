@@ -15,9 +15,12 @@ from experiments.finding import SIDE_GANS, words
 from experiments.pages import leave
 from experiments.verdicts import (
     CONFIDENCE,
+    HOLDS,
+    NOT,
     REPEAT,
     TRAINING,
     Interval,
+    above,
     by_set,
     interval,
     log_ratio,
@@ -29,9 +32,10 @@ from sidegan.report import figures, tables
 
 SIMULATOR, WEIGHTED = "Simulator", "Simulator, weighted RLS"
 EXPECTED, EXPECTED_WEIGHTED = "Simulator, expected", "Simulator, weighted, expected"
-GEOMETRIC = "Simulator, expected, geometric mean"
+GEOMETRIC = f"{EXPECTED}, geometric mean"
 CONSTANT = "Simulator, constant noise, weighted, expected"
 PLANT, PLANT_WEIGHTED = "MuJoCo plants", "MuJoCo plants, weighted"
+ON_PLANTS = tuple(f"{key}{mean}" for key in (PLANT, PLANT_WEIGHTED) for mean in ("", ", geometric mean"))
 
 NOISES = {
     "error": "noise of the torque's size, unweighted",
@@ -39,6 +43,7 @@ NOISES = {
     "error_constant": "constant noise, weighted per joint",
 }
 DRAWS = "Expected nMSE of sets drawn at random, mean over joints, with the range of nine in ten of them"
+FACTORS = "Error of the seeds over that of the others, draw by draw and plant by plant"
 _NINE_IN_TEN = 0.05, 0.95
 
 collect = Artifacts
@@ -55,8 +60,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "table1": (table1(raw, artifacts.plant, artifacts.expected, artifacts.constant), caption),
         "draws": (draws(artifacts.draws), f"{DRAWS}{finding(artifacts.draws)}"),
         "factors": (
-            factors(raw, artifacts.expected, config.gan),
-            f"Error of the seeds over that of seeds and generated ones, with {CONFIDENCE:.0%} intervals",
+            factors(raw, artifacts.expected, artifacts.plant, config.gan),
+            f"{FACTORS} ({CONFIDENCE:.0%} intervals). On plants, {on_plants(artifacts.plant, config.gan)}",
         ),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
@@ -73,8 +78,8 @@ def table1(
 ) -> pd.DataFrame:
     """Table I with the paper's rows beside ours; the spread is taken over trainings and noise draws.
 
-    Errors that are expected over all noise draws stand below those of some, where there are any, by the mean
-    over joints and by the geometric one; then those under a constant noise.
+    Errors that are expected over all noise draws stand below those of some, where there are any; then those
+    under a constant noise, and on plants. Where one joint has most of the error, also the geometric mean.
     """
     rows, parts = {}, {SIMULATOR: raw[~raw.weighted], WEIGHTED: raw[raw.weighted]}
     if len(expected):
@@ -85,11 +90,8 @@ def table1(
     for label, part in parts.items():
         levels = [key for key in (TRAINING, REPEAT) if key in part]
         rows[label] = _by_set(part.groupby(["set", *levels]).nmse.mean())
-        if (
-            label == EXPECTED
-        ):  # in which a joint that moves little counts as much as one that has all of the error
-            logs = np.log(part.nmse).groupby([part[key] for key in ("set", *levels)]).mean()
-            rows[GEOMETRIC] = _by_set(np.exp(logs))
+        if label in (EXPECTED, PLANT, PLANT_WEIGHTED):
+            rows[f"{label}, geometric mean"] = _by_set(geometric(part).set_index("set").nmse)
     columns = tables.ordered(raw["set"].unique())
     for label, paper in PAPER["table1"].items():
         rows[label] = {name: paper.get(_kind(name), "—") for name in columns}
@@ -127,20 +129,52 @@ def finding(frame: pd.DataFrame) -> str:
     return f"; {left}: where noise is a share of the torque, more motion is more noise"
 
 
-def factors(raw: pd.DataFrame, expected: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
-    """Error of the seeds over that of each generated set, drawn and expected: above one where it is better.
+def factors(
+    raw: pd.DataFrame, expected: pd.DataFrame, plant: pd.DataFrame, trained: Collection[str]
+) -> pd.DataFrame:
+    """Error of the seeds over that of each other set: above one where it is better.
 
-    The intervals are over noise draws, and over trainings where there are several.
+    Drawn, expected and on plants, each by the mean over joints and by the geometric one. The intervals are
+    over noise draws or plants, and over trainings where there are several.
     """
     rows = {}
-    for drawn, frame in ((SIMULATOR, raw), (EXPECTED, expected)):
+    for drawn, frame in ((SIMULATOR, raw), (EXPECTED, expected), (PLANT, plant)):
         for weighted, part in frame.groupby(frame.weighted.astype(bool)):
-            errors = by_set(part, "nmse", trained)
             name = f"{drawn}, weighted" if weighted else drawn
-            generated = [key for key in tables.ordered(list(errors)) if key in trained]
-            ratios = {key: of_several(log_ratio(errors["seeds"], errors[key])) for key in generated}
-            rows[name] = {tables.title(key): words(interval(x).turned(np.exp)) for key, x in ratios.items()}
+            for label, errors in ((name, part), (f"{name}, geometric mean", geometric(part))):
+                ratios = over_others(errors, trained)
+                rows[label] = {
+                    tables.title(key): words(interval(x).turned(np.exp)) for key, x in ratios.items()
+                }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeds over")
+
+
+def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
+    """How many sets with generated ones identify plants better, and worse, than the seeds, in words."""
+    said = []
+    for weighted, part in plant.groupby(plant.weighted.astype(bool)):
+        effects = [x for key, x in over_others(part, trained).items() if key in trained]
+        verdicts = [above(x) for x in effects]
+        more, worse = sum(interval(x).mean < 0 for x in effects), verdicts.count(NOT)
+        said.append(
+            f"{tables.weighting(bool(weighted))}: {more} of {len(effects)} sets with generated ones have more"
+            f" error than the seeds, {worse} beyond doubt, {verdicts.count(HOLDS)} less beyond doubt"
+        )
+    return ". ".join(said)
+
+
+def over_others(frame: pd.DataFrame, trained: Collection[str]) -> dict[str, pd.Series]:
+    """Logarithm of the seeds' nMSE over that of each set of as many trajectories, draw by draw, by set."""
+    errors = by_set(frame, "nmse", trained)
+    others = [key for key in tables.ordered(errors) if key != "seeds" and not key.startswith("long-")]
+    return {key: of_several(log_ratio(errors["seeds"], errors[key])) for key in others}
+
+
+def geometric(frame: pd.DataFrame) -> pd.DataFrame:
+    """The geometric mean of nMSE over joints, in which a joint that moves little counts as much as others."""
+    levels = [key for key in ("set", TRAINING, REPEAT, "weighted") if key in frame]
+    logs = np.log(frame.nmse).groupby([frame[key] for key in levels]).mean()
+    return np.exp(logs).reset_index()
 
 
 def _kind(name: str) -> str:

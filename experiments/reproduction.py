@@ -34,8 +34,8 @@ _JOINED: dict[str, tuple[str, ...]] = {
     "generators": (),
     "likeness": (),
     "draws": (),
-    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.GEOMETRIC, exp1.PLANT, exp1.PLANT_WEIGHTED),
-    "factors": (exp1.SIMULATOR, exp1.EXPECTED),
+    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.GEOMETRIC, *exp1.ON_PLANTS),
+    "factors": (exp1.SIMULATOR, exp1.EXPECTED, *exp1.ON_PLANTS),
     "table2": (),
     "readings": (),
     "table3": (),
@@ -89,6 +89,7 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
         "described": {name: described(made) for name, made in conditions.items()},
         "checked": checked(conditions),
         "readings": exp2.READINGS,
+        "plants": {name: exp1.on_plants(made.plant, made.cfg.gan) for name, made in conditions.items()},
         "verdicts": {name: _verdicts(judged, name) for name in conditions},
     }
 
@@ -168,7 +169,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "draws": exp1.draws(made.draws),
         "epochs": training.speed(made.histories),
         "table1": exp1.table1(made.errors, made.plant, made.expected, made.constant),
-        "factors": exp1.factors(made.errors, made.expected, made.cfg.gan),
+        "factors": exp1.factors(made.errors, made.expected, made.plant, made.cfg.gan),
         "sets": tables.excitation_sets(made.errors),
         "long": comparisons.longs(made),
         "readings": exp2.readings(made),

@@ -31,7 +31,7 @@ class Plants:
     count: Count = 2
     plant: VariedSettings = VariedSettings()
     sensors: Sensors = Sensors()
-    model: Terms = Terms(rotor_inertia=True)  # beside the rigid bodies
+    model: Terms = Terms()  # beside the rigid bodies
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ from sidegan.plant.varied import VariedPlant
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors:
-    """Noise of torques, in shares of each joint's torque, and how signals are processed."""
+    """Noise of torques, in shares of each sensor's range, and how signals are processed."""
 
-    noise: NonNegative = 0.05  # standard deviation
+    noise: NonNegative = 3e-4  # standard deviation
     correlation: Seconds = 0.03  # time over which noise keeps its sign
     cutoff: Hertz = 10.0  # of the filter without delay that positions and torques go through
     rate: Hertz = 50.0  # of the samples that are identified from
@@ -38,7 +38,7 @@ def recorded(
     signals = plant.follow(family.roll_out(coefficients, clock))
     states = _filtered(*signals, rate, sensors)
     if random is not None:
-        states[3] = states[3] + torch.stack([_noise(x, plant.scale, sensors, random) for x in states[3]])
+        states[3] = states[3] + torch.stack([_noise(x, plant.range, sensors, random) for x in states[3]])
     return states
 
 
@@ -56,11 +56,11 @@ def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> 
     return [torch.from_numpy(np.ascontiguousarray(x)) for x in kept]
 
 
-def _noise(torque: Tensor, scale: Array, sensors: Sensors, random: np.random.Generator) -> Tensor:
+def _noise(torque: Tensor, full: Array, sensors: Sensors, random: np.random.Generator) -> Tensor:
     """Gaussian noise on the torques of one recording, (S, J), that keeps its sign for a while."""
     from scipy.signal import lfilter
 
     keep = np.exp(-1 / (sensors.rate * sensors.correlation))
     draw = random.standard_normal(torque.shape)
     draw[1:] *= np.sqrt(1 - keep**2)
-    return torch.from_numpy(sensors.noise * scale * lfilter([1.0], [1.0, -keep], draw, axis=0))
+    return torch.from_numpy(sensors.noise * full * lfilter([1.0], [1.0, -keep], draw, axis=0))

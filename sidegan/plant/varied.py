@@ -2,11 +2,12 @@
 
 Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are heavier or lighter than the
 description says, the servos feed forward what the description says, and friction is not of a model's form.
+Torque is told by the motor, or by a sensor behind rotor and gear, as an LWR has it.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy  # its parts are imported when they are used
@@ -18,6 +19,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
 from sidegan.plant.friction import Array, FrictionSettings, Law
+from sidegan.plant.hysteresis import lagging
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
 from sidegan.robot import Arm
@@ -32,7 +34,10 @@ _STIFF = 1.5  # steps that friction near rest takes at least to stop a rotor: an
 
 @dataclass(frozen=True, kw_only=True)
 class VariedSettings:
-    """Differences of a plant from its description; shares of torque are of ``torque_scale``."""
+    """Differences of a plant from its description; shares of torque are of ``torque_scale``.
+
+    Those of a torque sensor are of its range: the joint's torque limit where it is at the link.
+    """
 
     rate: Hertz = 500.0  # of the servos and of the physics
     bandwidth: Hertz = 6.0  # of the servos
@@ -45,7 +50,13 @@ class VariedSettings:
     compliance: NonNegative = 2e-3  # wind-up of a joint at its torque [rad], which encoders at the motors see
     backlash: NonNegative = 4e-4  # [rad], which they see too
     encoder: NonNegative = 2.4e-5  # resolution [rad]
-    resolution: NonNegative = 2e-3  # of measured torques, as a share
+    # where torque is sensed: before friction and rotor, or behind those of motor and gear
+    sensor: Literal["motor", "link"] = "link"
+    # range of the Coulomb friction behind a sensor at the link, of its range
+    bearings: tuple[Share, Share] = (0.003, 0.013)
+    hysteresis: Share = 0.005  # of the sensor, half the width of its loop
+    offset: Share = 0.008  # of the sensor, at most
+    resolution: NonNegative = 5e-4  # of measured torques
     delay: NonNegative = 2e-3  # of torques behind positions [s]
 
 
@@ -66,7 +77,16 @@ def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
 
 
 class VariedPlant:
-    """One plant, drawn from a seed."""
+    """One plant, drawn from a seed.
+
+    Attributes:
+        true: the arm that moves.
+        law: friction of motors and gears.
+        bearings: friction behind the sensors.
+        rotor: inertia at the joints [kg·m²], (J,).
+        range: of the torque sensors, which their errors are shares of [N·m or N], (J,).
+        offset: of the torque sensors [N·m or N], (J,).
+    """
 
     def __init__(self, arm: Arm, settings: VariedSettings, seed: np.random.SeedSequence) -> None:
         self.arm, self.settings = arm, settings
@@ -79,9 +99,16 @@ class VariedPlant:
         self.true = replace(arm, inertial_parameters=own)
         top = arm.velocity_limit.numpy()
         self.law = Law.drawn(settings.friction, self.scale, top, random)
+        limit = np.where(arm.torque_limit.isfinite(), arm.torque_limit, self.scale)
+        self.range = limit if settings.sensor == "link" else self.scale
+        behind = replace(settings.friction, coulomb=settings.bearings, load=0.0, ripple=0.0)
+        self.bearings = Law.drawn(behind, self.range, top, random)
+        self.offset = settings.offset * self.range * random.uniform(-1, 1, arm.joints)
         largest = Plant(arm, IDEAL).largest_inertia().numpy()
-        steep = (1 + settings.friction.stribeck + settings.friction.asymmetry) * self.law.coulomb
-        slope = steep / settings.friction.width + self.law.viscous
+        steep = 1 + settings.friction.stribeck + settings.friction.asymmetry
+        slope = sum(
+            steep / settings.friction.width * x.coulomb + x.viscous for x in (self.law, self.bearings)
+        )
         self.rotor = np.maximum(settings.rotor * largest, _STIFF * slope / settings.rate)
         speed = 2 * np.pi * settings.bandwidth
         self._gains = (largest + self.rotor) * speed**2, 2 * (largest + self.rotor) * speed
@@ -99,7 +126,7 @@ class VariedPlant:
         return model
 
     def follow(self, motion: Motion) -> tuple[Array, Array]:
-        """Positions as the encoders see them and motor torques without noise, (B, T, J), along B motions.
+        """Positions as the encoders see them and torques without noise, (B, T, J), along B motions.
 
         Each begins at rest; the controller feeds forward the description's torques, without friction.
 
@@ -111,47 +138,50 @@ class VariedPlant:
         if abs(float(motion.time[1] - motion.time[0]) * self.settings.rate - 1) > 1e-3:
             raise ShapeError(f"the motion is not at the plant's {self.settings.rate:g} Hz")
         ahead = self.body.torque(*motion[1:]).numpy() + self.rotor * motion.acceleration.numpy()
-        q, torque, friction = self._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
+        q, motor, load = self._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
         late = np.abs(q - motion.position.numpy()).max((0, 1)) if np.isfinite(q).all() else [np.inf]
         if max(late) > self.settings.tolerance:
             raise InfeasibleError(f"joints of a plant do not follow: they are up to {max(late):.3g} rad off")
-        return self._sensed(q, torque, friction)
+        return self._sensed(q, motor, load)
 
     def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """Positions, motor torques and friction, (B, T, J), of servos along references (B, T, J)."""
+        """Positions, motor torques and those behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
 
         (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
         machines = [MjData(self.model) for _ in q]
         for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
             machine.qpos[:], machine.qvel[:] = start, speed
-        qpos, qvel = [machine.qpos for machine in machines], [machine.qvel for machine in machines]
-        pushes = [machine.qfrc_applied for machine in machines]
+        qpos, qvel, qacc, pushes = (
+            [getattr(machine, name) for machine in machines]
+            for name in ("qpos", "qvel", "qacc", "qfrc_applied")
+        )
         out = np.empty((3, *q.shape))
-        push, before = np.zeros_like(q[:, 0]), dq[:, 0]
+        load = np.zeros_like(q[:, 0])
         with mujoco_logged(self.arm.name), np.errstate(all="ignore"):  # what does not follow is refused later
             for i in range(q.shape[1]):
                 position, velocity = np.array(qpos), np.array(qvel)
                 servo = stiffness * (q[:, i] - position) + damping * (dq[:, i] - velocity)
                 motor = np.minimum(np.maximum(ahead[:, i] + servo, -limit), limit)
-                load = push - self.rotor * (velocity - before) * self.settings.rate
-                friction = self.law(position, velocity, load)
-                out[:, :, i] = position, motor, friction
-                push, before = motor - friction, velocity
-                for machine, applied, one in zip(machines, pushes, push):
+                driven = motor - self.law(position, velocity, load)
+                behind = self.bearings(position, velocity, np.zeros_like(load))
+                for machine, applied, one in zip(machines, pushes, driven - behind):
                     applied[:] = one
                     mj_step(self.model, machine)
+                load = driven - self.rotor * np.array(qacc)
+                out[:, :, i] = position, motor, load
         return out[0], out[1], out[2]
 
-    def _sensed(self, q: Array, torque: Array, friction: Array) -> tuple[Array, Array]:
+    def _sensed(self, q: Array, motor: Array, load: Array) -> tuple[Array, Array]:
         """Positions of encoders at the motors, and torques of sensors."""
-        acceleration = np.gradient(np.gradient(q, axis=1), axis=1) * self.settings.rate**2
-        load = (torque - friction - self.rotor * acceleration) / self.scale
-        seen = q + self.settings.compliance * load + self.settings.backlash / 2 * np.tanh(20 * load)
+        share = load / self.scale
+        seen = q + self.settings.compliance * share + self.settings.backlash / 2 * np.tanh(20 * share)
         seen = _rounded(seen, self.settings.encoder)
+        torque = load if self.settings.sensor == "link" else motor
+        torque = self.offset + lagging(torque, self.range, self.settings.hysteresis)
         late = 0, self.settings.delay * self.settings.rate, 0  # samples, in between linearly
         torque = scipy.ndimage.shift(torque, late, order=1, mode="nearest")
-        return seen, _rounded(torque, self.settings.resolution * self.scale)
+        return seen, _rounded(torque, self.settings.resolution * self.range)
 
 
 def _tool(random: np.random.Generator, most: float) -> Array:

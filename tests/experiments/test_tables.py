@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -80,13 +81,36 @@ def test_factors_are_ratios_of_errors_draw_by_draw_with_their_intervals():
     sure = results(lambda name, repeat: base[name], repeats=1).drop(columns="repeat")
     worse = sure[sure["set"] == "eigen"].assign(training=1)
     both = pd.concat([sure, worse.assign(nmse=4 * worse.nmse)])
-    assert exp1.factors(raw, sure, ["eigen"]).loc[exp1.SIMULATOR].item() == "2 (2 … 2)"  # over draws
+    assert exp1.factors(raw, sure, raw, ["eigen"]).loc[exp1.SIMULATOR].item() == "2 (2 … 2)"  # over draws
     raw = pd.concat([raw, raw[raw["set"] == "eigen"].assign(training=1)])
-    table = exp1.factors(raw, both, ["eigen"])
+    table = exp1.factors(raw, both, raw, ["eigen"])
     assert list(table.columns) == ["seeds + eigen"] and table.loc[exp1.SIMULATOR].item() == "2 (2 … 2)"
-    alone = exp1.factors(raw, sure, ["eigen"]).loc[exp1.EXPECTED].item()
+    alone = exp1.factors(raw, sure, raw, ["eigen"]).loc[exp1.EXPECTED].item()
     assert alone == "2 (no interval: one alone)"
     assert table.loc[exp1.EXPECTED].item().startswith("1 (")  # 2 in one training, 1/2 in the other
+
+
+def test_plants_are_compared_one_by_one_by_both_means_and_weightings():
+    """Of seeds and random trajectories, and of two joints, one of which a generator makes worse."""
+    sets = ("eigen", "vanilla", "random", "seeds", "long-6")
+    ratio = {"eigen": [1.0, 1.1, 0.9], "vanilla": [2.2, 2.0, 1.8]}
+    plants = results(lambda name, k: ratio.get(name, [1.0] * 3)[k] * 10**k, repeats=3, sets=sets)
+    worse = (plants["set"] == "eigen") & (plants.joint == "elbow") & plants.weighted
+    plants = plants.assign(nmse=plants.nmse * np.where(worse, 4, 1))
+    table = exp1.factors(plants, plants.iloc[:0], plants, ["eigen", "vanilla"])
+    assert list(table.columns) == ["random valid", "seeds + vanilla", "seeds + eigen"]
+    assert table.loc[exp1.PLANT, "random valid"] == "1 (1 … 1)"
+    low, mean, high = (
+        np.exp(-np.log(ratio["vanilla"]).mean() + k * 0.1 * 4.303 / 3**0.5) for k in (-1, 0, 1)
+    )
+    told = [float(x.strip("()")) for x in table.loc[exp1.PLANT, "seeds + vanilla"].split(" ") if x != "…"]
+    assert told == pytest.approx([mean, low, high], rel=0.01)  # Student's t of three, logarithms 0.1 apart
+    means = [float(table.loc[key, "seeds + eigen"].split(" ")[0]) for key in exp1.ON_PLANTS]
+    alone = np.exp(-np.log(ratio["eigen"]).mean())
+    assert means == pytest.approx([alone, alone, alone / 3.25, alone / 2], rel=0.01)
+    said = exp1.on_plants(plants, ["eigen", "vanilla"]).split(". ")
+    assert "1 of 2 sets with generated ones have more error than the seeds, 1 beyond doubt, 0 less" in said[0]
+    assert "2 of 2 sets with generated ones have more error than the seeds, 2 beyond doubt, 0 less" in said[1]
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 
+import mujoco
 import numpy as np
 import pytest
 import torch
@@ -10,11 +11,13 @@ import torch
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
+from sidegan.plant import mujoco_model
 from sidegan.plant.recorded import Sensors, recorded
 from sidegan.plant.varied import VariedPlant, VariedSettings
 from sidegan.robot import load_robot
 
 OFF = dict.fromkeys(("stribeck", "load", "asymmetry", "position", "ripple"), 0.0)
+SENSORS = ("compliance", "backlash", "encoder", "resolution", "delay", "hysteresis", "offset")
 SEED = 3
 
 
@@ -26,8 +29,8 @@ def settings():
 @pytest.fixture(scope="module")
 def plain(settings):
     """Friction of one law alone, sensors without errors."""
-    sensors = dict.fromkeys(("compliance", "backlash", "encoder", "resolution", "delay"), 0.0)
-    return replace(settings, friction=replace(settings.friction, **OFF), **sensors)
+    sensors = dict.fromkeys(SENSORS, 0.0)
+    return replace(settings, friction=replace(settings.friction, **OFF), bearings=(0.0, 0.0), **sensors)
 
 
 @pytest.fixture(scope="module")
@@ -39,20 +42,64 @@ def plant(arm, settings, seed=SEED):
     return VariedPlant(arm, settings, np.random.SeedSequence(seed))
 
 
+def ahead(made, motion):
+    """Torques that the servos feed forward."""
+    return RigidBody(made.arm).torque(*motion[1:]).numpy() + made.rotor * motion.acceleration.numpy()
+
+
+def simulated(made, motion):
+    """Positions, velocities and accelerations of a plant's steps along a motion, motor torques and loads."""
+    q, motor, load = made._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead(made, motion))
+    end = np.diff(q, axis=1) * made.settings.rate  # semi-implicit steps: the speed at the end of each
+    return q[:, 1:-1], end[:, :-1], np.diff(end, axis=1) * made.settings.rate, motor[:, 1:-1], load[:, 1:-1]
+
+
+def inverse(arm, *states):
+    """MuJoCo's own inverse dynamics of an arm's links alone, (B, T, J)."""
+    model = mujoco_model(arm)
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    data, out = mujoco.MjData(model), np.empty_like(states[0])
+    for at in np.ndindex(out.shape[:2]):
+        data.qpos[:], data.qvel[:], data.qacc[:] = (x[at] for x in states)
+        mujoco.mj_inverse(model, data)
+        out[at] = data.qfrc_inverse
+    return out
+
+
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_motors_move_the_true_arm_its_rotors_and_friction(name, plain, motions):
+def test_a_sensor_at_the_link_without_errors_tells_what_moves_the_true_links(name, plain, motions):
     arm = load_robot(name)
-    made, motion = plant(arm, plain), motions(arm, 3, rate=500.0)
+    made, motion = plant(arm, plain), motions(arm, 2, rate=500.0)
     assert (made.true.inertial_parameters - arm.inertial_parameters).abs().max() > 0.01
-    ahead = RigidBody(arm).torque(*motion[1:]).numpy()
-    q, motor, friction = map(
-        torch.from_numpy, made._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
-    )
-    before = (q[:, 1:-1] - q[:, :-2]) * plain.rate  # semi-implicit steps: the speed at which a step begins
-    acceleration = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * plain.rate**2
-    rigid = RigidBody(made.true).torque(q[:, 1:-1], before, acceleration)
-    expected = rigid + torch.from_numpy(made.rotor) * acceleration
-    torch.testing.assert_close((motor - friction)[:, 1:-1], expected, rtol=0, atol=1e-5)
+    *states, motor, _ = simulated(made, motion)
+    told, links = made.follow(motion)[1][:, 1:-1], inverse(made.true, *states)
+    np.testing.assert_allclose(told, links, rtol=0, atol=1e-5)  # N·m
+    assert (np.abs(told - motor) > 0.05 * made.scale).any((0, 1)).all()  # gears and rotors take their part
+    rubbing = plant(arm, replace(plain, bearings=(0.003, 0.013)))
+    *states, _, load = simulated(rubbing, motion)
+    friction = load - inverse(made.true, *states)
+    np.testing.assert_allclose(friction, rubbing.bearings(*states[:2], np.zeros(1)), rtol=0, atol=1e-5)
+    assert np.median(np.abs(friction), (0, 1)) == pytest.approx(rubbing.bearings.coulomb, rel=0.9)
+
+
+def test_motors_overcome_gears_and_rotors_besides(planar, plain, motion):
+    made = plant(planar, replace(plain, sensor="motor"))
+    *states, motor, load = simulated(made, motion)
+    friction = motor - load - made.rotor * states[2]
+    np.testing.assert_array_equal(made.follow(motion)[1][:, 1:-1], motor)
+    np.testing.assert_allclose(friction[:, 1:], made.law(*states[:2], 0 * load)[:, 1:], rtol=0, atol=1e-5)
+
+
+def test_sensors_err_by_no_more_than_is_said(planar, plain, motion):
+    _, exact = plant(planar, plain).follow(motion)
+    for name, share, most in (
+        ("hysteresis", 0.01, 0.01),
+        ("offset", 0.02, 0.02),
+        ("resolution", 0.004, 0.002),
+    ):
+        made = plant(planar, replace(plain, **{name: share}))
+        error = np.abs(made.follow(motion)[1] - exact).max((0, 1)) / planar.torque_limit.numpy()
+        assert (error > 0).all() and (error <= most * (1 + 1e-9)).all(), name
 
 
 def test_one_seed_is_one_plant(planar, settings, motion):
@@ -61,31 +108,30 @@ def test_one_seed_is_one_plant(planar, settings, motion):
     assert not np.array_equal(plant(planar, settings, seed=4).law.coulomb, one.law.coulomb)
 
 
-@pytest.mark.parametrize("switch", [*OFF, "compliance", "backlash", "delay", "resolution", "encoder"])
+@pytest.mark.parametrize("switch", [*OFF, *SENSORS, "bearings", "sensor"])
 def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, switch):
     if switch in OFF:
         size = getattr(settings.friction, switch)
         changed = replace(plain, friction=replace(plain.friction, **{switch: size}))
     else:
-        changed = replace(plain, **{switch: getattr(settings, switch)})
+        size = "motor" if switch == "sensor" else getattr(settings, switch)
+        changed = replace(plain, **{switch: size})
     one, other = (plant(planar, x).follow(motion) for x in (plain, changed))
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
 
 
 def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion):
     """The law of friction at every step, given the load of the step before; the servos give the rest."""
-    made, rate = plant(planar, settings), settings.rate
-    wanted, speed, ahead = (x.numpy() for x in (motion[1], motion[2], RigidBody(planar).torque(*motion[1:])))
-    q, motor, friction = made._simulate(wanted, speed.copy(), ahead)
-    dq = np.diff(q, axis=1) * rate  # semi-implicit steps: the speed at the end of each
-    push, rotor = (motor - friction)[:, 1:-1], made.rotor * np.diff(dq, axis=1) * rate
-    expected = made.law(q[:, 2:], dq[:, 1:], push - rotor)
-    np.testing.assert_allclose(friction[:, 2:], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    made = plant(planar, settings)
+    q, dq, acceleration, motor, load = simulated(made, motion)
+    friction = motor - load - made.rotor * acceleration
+    expected = made.law(q[:, 1:], dq[:, 1:], load[:, :-1])
+    np.testing.assert_allclose(friction[:, 1:], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    wanted, speed = motion.position.numpy()[:, 1:-1], motion.velocity.numpy()[:, 1:-1]
     stiffness, damping = made._gains
-    servo = ahead + stiffness * (wanted - q) + damping * (speed - np.insert(dq, 0, speed[:, 0], axis=1))
+    servo = ahead(made, motion)[:, 1:-1] + stiffness * (wanted - q) + damping * (speed - dq)
     limit = planar.torque_limit.numpy()
-    scale = np.abs(motor).max()
-    np.testing.assert_allclose(motor[:, 1:], servo.clip(-limit, limit)[:, 1:], rtol=0, atol=1e-6 * scale)
+    np.testing.assert_allclose(motor, servo.clip(-limit, limit), rtol=0, atol=1e-6 * np.abs(motor).max())
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 0.05])
@@ -98,7 +144,7 @@ def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, corre
     c[..., 0, 0] = 0.3
     exact, noisy = (recorded(made, family, c, sensors, random) for random in (None, np.random.default_rng(0)))
     assert all(torch.equal(*pair) for pair in zip(exact[:3], noisy[:3]))
-    noise = (noisy[3] - exact[3])[0].numpy() / made.scale
+    noise = (noisy[3] - exact[3])[0].numpy() / made.range
     keep = np.exp(-1 / (100.0 * correlation))
     assert noise.std() == pytest.approx(0.1, rel=0.1)
     assert (noise[1:] * noise[:-1]).mean() / noise.var() == pytest.approx(keep, abs=0.05)
