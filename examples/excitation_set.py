@@ -7,7 +7,7 @@ from sidegan.design.greedy import greedy
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
-from sidegan.seeds import Gradient
+from sidegan.seeding import Gradient
 from sidegan.validity import Constraints, Plane, check
 
 arm = load_robot("planar2")

@@ -19,7 +19,7 @@ def simulated() -> pd.DataFrame:
     """A table as one might log it, with noisy torques."""
     family = Trajectory(arm.joints, harmonics=4, period=8.0)
     c = 0.5 * torch.randn(2, *family.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    noise = Noise(0.1, torque=True, state=False)
+    noise = Noise()
     samples = measure(body, family.roll_out(c, family.times(rate=100)), noise, 0)
     signals = zip(columns.values(), (*samples.states, samples.torque))
     return pd.concat([pd.DataFrame(x.numpy(), columns=names) for names, x in signals], axis=1)

@@ -14,7 +14,7 @@ from sidegan.gan.side_gan import Data
 from sidegan.gan.training import Run, train
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
-from sidegan.seeds import Gradient
+from sidegan.seeding import Gradient
 from sidegan.validity import Constraints, check
 
 arm = load_robot("planar2")

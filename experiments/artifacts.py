@@ -16,6 +16,7 @@ from sidegan.errors import SideganError
 from sidegan.gan.metrics import measure
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact
+from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
@@ -30,7 +31,6 @@ from sidegan.pipeline.stages.selection import SEEDS, ExcitationSet, excitation_s
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, on_subset, surrogates
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 
 log = logging.getLogger(__name__)
 
@@ -44,10 +44,10 @@ Report = dict[str, Any]
 
 @dataclass(frozen=True)
 class Artifacts:
-    """Artifacts of one task, read when they are first needed.
+    """Artifacts of one run, read when they are first needed.
 
     Attributes:
-        task: the settings and where their artifacts are.
+        run: the settings and where their artifacts are.
         expected: NMSE of every excitation set expected over all noise, by set, training, weighted and joint.
         constant: the same under a constant noise, weighted.
         draws: expected NMSE of random draws of every measured set, by set, training and noise.
@@ -64,24 +64,24 @@ class Artifacts:
         ArtifactError: by every member, when what it reads was not made.
     """
 
-    task: Task
+    run: RunContext
 
     expected = cached_property(lambda self: self._expected("paper"))
     constant = cached_property(lambda self: self._expected("constant"))
-    draws = cached_property(lambda self: pd.concat([self.task.frame(one) for one in self._measures.values()]))
+    draws = cached_property(lambda self: pd.concat([self.run.frame(one) for one in self._measures.values()]))
     plant = cached_property(lambda self: self._of_sets(plant))
     whole_errors = cached_property(lambda self: self._replicated(0))
     whole_facts = cached_property(lambda self: self._replicated(0, FACTS))
-    density = cached_property(lambda self: self.task.frame(density(self.task)))
-    seeds = cached_property(lambda self: self.report(seed_set(self.task)))
-    random = cached_property(lambda self: self.report(random_set(self.task)))
-    surrogates = cached_property(lambda self: self.report(surrogates(self.task)))
-    speed = cached_property(lambda self: self.costs(timing(self.task, "eigen")))
+    density = cached_property(lambda self: self.run.frame(density(self.run)))
+    seeds = cached_property(lambda self: self.report(seed_set(self.run)))
+    random = cached_property(lambda self: self.report(random_set(self.run)))
+    surrogates = cached_property(lambda self: self.report(surrogates(self.run)))
+    speed = cached_property(lambda self: self.costs(timing(self.run, "eigen")))
 
     @property
     def cfg(self) -> Config:
         """The run's configuration."""
-        return self.task.cfg
+        return self.run.cfg
 
     @cached_property
     def errors(self) -> pd.DataFrame:
@@ -92,13 +92,13 @@ class Artifacts:
     @cached_property
     def histories(self) -> pd.DataFrame:
         """Metrics of each variant after every epoch of every training, a row per variant, training, epoch."""
-        return self._histories(self.task)
+        return self._histories(self.run)
 
     @cached_property
     def subsets(self) -> pd.DataFrame:
         """Metrics after every epoch of the variants trained on fewer seeds, and on all of them."""
         sizes = sorted({*self.cfg.discussion.sizes, self.cfg.seeds.count})
-        return pd.concat([self._histories(on_subset(self.task, n)).assign(seeds=n) for n in sizes])
+        return pd.concat([self._histories(on_subset(self.run, n)).assign(seeds=n) for n in sizes])
 
     @cached_property
     def generators(self) -> pd.DataFrame:
@@ -107,29 +107,29 @@ class Artifacts:
         Gains are errors of random draws of the seeds over those of the others.
         """
         rows: list[Report] = [{"name": SEEDS, "training": 0, **self.seeds}]
-        for name, one in baselines(self.task).items():
-            rows.append({"name": name, "training": 0, **self.task.report(one)})
+        for name, one in baselines(self.run).items():
+            rows.append({"name": name, "training": 0, **self.run.report(one)})
         ends = self.histories[self.histories.kept].drop(columns=["epoch", "kept"])
         for row in ends.rename(columns={"variant": "name"}).to_dict("records"):
-            kept = self.task.report(library(self.task, row["name"], row["training"]))
+            kept = self.run.report(library(self.run, row["name"], row["training"]))
             # A library holds what is valid: its condition number is not that of all that the generator makes.
             both = {"condition": row["condition"], "condition_valid": kept.get("condition", math.nan)}
             rows.append({str(key): value for key, value in row.items()} | kept | both)
         made = self._measures
-        frame = pd.DataFrame([row | self.task.report(made[row["name"], row["training"]]) for row in rows])
+        frame = pd.DataFrame([row | self.run.report(made[row["name"], row["training"]]) for row in rows])
         errors = frame.filter(like="error").astype(float)
         return frame.join((errors.loc[0] / errors).rename(columns=lambda key: key.replace("error", "gain")))
 
     @cached_property
     def _measures(self) -> dict[tuple[str, int], Artifact]:
         """Measures of each set, by its name and training."""
-        return {(one.name, one.training or 0): measures(self.task, one) for one in measured_pools(self.task)}
+        return {(one.name, one.training or 0): measures(self.run, one) for one in measured_pools(self.run)}
 
     @cached_property
     def longs(self) -> dict[str, tuple[Report, Library]]:
         """Report and library of every single long trajectory."""
-        made = {f"long-{h}": long_trajectory(self.task, h) for h in self.cfg.long.harmonics}
-        return {name: (self.report(one), self.task.load(one)) for name, one in made.items()}
+        made = {f"long-{h}": long_trajectory(self.run, h) for h in self.cfg.long.harmonics}
+        return {name: (self.report(one), self.run.load(one)) for name, one in made.items()}
 
     @cached_property
     def readings(self) -> dict[str, pd.DataFrame]:
@@ -137,7 +137,7 @@ class Artifacts:
         return {name: self._replicated(k) for k, name in enumerate(self.cfg.replication.readings)}
 
     def _replicated(self, k: int, file: str = RESULTS) -> pd.DataFrame:
-        return self.task.frame(replication(self.task, self.cfg.replication.readings[k]), file)
+        return self.run.frame(replication(self.run, self.cfg.replication.readings[k]), file)
 
     @property
     def seed_seconds(self) -> float:
@@ -149,9 +149,9 @@ class Artifacts:
     def training_seconds(self, name: str, training: int) -> float:
         """CPU time of a variant's library, its training, and the surrogates that it learned from [s]."""
         variant = self.cfg.gan[name]
-        made = [surrogates(self.task), generator(self.task, name, training, variant)]
+        made = [surrogates(self.run), generator(self.run, name, training, variant)]
         return sum(
-            float(self.costs(one)["cpu_seconds"]) for one in [*made, library(self.task, name, training)]
+            float(self.costs(one)["cpu_seconds"]) for one in [*made, library(self.run, name, training)]
         )
 
     @cached_property
@@ -160,55 +160,57 @@ class Artifacts:
 
         Rank and nearest distance depend on how many there are.
         """
-        seeds = self.task.load(seed_set(self.task)).coefficients[: self.cfg.evaluation]
-        return measure(self.task.constraints, self.task.trajectory, seeds)
+        seeds = self.run.load(seed_set(self.run)).coefficients[: self.cfg.evaluation]
+        return measure(self.run.cell.constraints, self.run.cell.trajectory, seeds)
 
     def generated(self, name: str, training: int) -> Library:
         """A variant's own library."""
-        return self.task.load(library(self.task, name, training))
+        return self.run.load(library(self.run, name, training))
 
     def selected(self, name: str, training: int) -> Library:
         """The excitation set that was picked from one pool."""
-        (pool,) = (one for one in pools(self.task) if (one.name, one.training or 0) == (name, training))
-        return self.task.load(selection(self.task, pool))
+        (pool,) = (one for one in pools(self.run) if (one.name, one.training or 0) == (name, training))
+        return self.run.load(selection(self.run, pool))
 
     def report(self, artifact: Artifact) -> Report:
         """Report of an artifact, with its costs."""
-        return self.task.report(artifact) | self.costs(artifact)
+        return self.run.report(artifact) | self.costs(artifact)
 
     def costs(self, artifact: Artifact) -> Report:
         """Costs of making an artifact; not a number where they were not kept."""
-        return defaultdict(lambda: math.nan, self.task.store.costs(artifact))
+        return defaultdict(lambda: math.nan, self.run.store.costs(artifact))
 
-    def _of_sets(self, made: Callable[[Task, ExcitationSet], Artifact], file: str = RESULTS) -> pd.DataFrame:
-        frames = [self.task.frame(made(self.task, one), file) for one in excitation_sets(self.task)]
+    def _of_sets(
+        self, made: Callable[[RunContext, ExcitationSet], Artifact], file: str = RESULTS
+    ) -> pd.DataFrame:
+        frames = [self.run.frame(made(self.run, one), file) for one in excitation_sets(self.run)]
         return pd.concat(frames, ignore_index=True)
 
     def _expected(self, noise: str) -> pd.DataFrame:
         frame = self._of_sets(identification, EXPECTED)
         return frame[frame.noise == noise]
 
-    def _histories(self, task: Task) -> pd.DataFrame:
+    def _histories(self, run: RunContext) -> pd.DataFrame:
         parts = []
-        for name, variant in task.cfg.gan.items():
-            for k in task.cfg.trainings:
-                artifact = generator(task, name, k, variant)
-                rows = pd.DataFrame(task.history(artifact)).astype(float)
+        for name, variant in run.cfg.gan.items():
+            for k in run.cfg.trainings:
+                artifact = generator(run, name, k, variant)
+                rows = pd.DataFrame(run.history(artifact)).astype(float)
                 rows.insert(0, "epoch", np.arange(1, len(rows) + 1))
                 kept = rows.epoch == len(rows)
                 parts.append(rows.assign(kept=kept, variant=name, training=k))
         return pd.concat(parts, ignore_index=True)
 
 
-def comparison(task: Task) -> dict[str, Artifacts]:
+def comparison(run: RunContext) -> dict[str, Artifacts]:
     """Artifacts of every condition that the page compares, by its name; of those beside them what is made."""
-    own = task.cfg.condition.name
-    names = task.cfg.conditions or [own]
-    tasks = {name: task if name == own else task.with_other("condition", name) for name in names}
-    for name, folder in (task.cfg.beside or {}).items():
+    own = run.cfg.condition.name
+    names = run.cfg.conditions or [own]
+    tasks = {name: run if name == own else run.with_other("condition", name) for name in names}
+    for name, folder in (run.cfg.beside or {}).items():
         if Path(folder).is_dir():
-            store = Store(Path(folder), task.store.run_folder)
-            other = replace(task.with_other("condition", name), store=store)
+            store = Store(Path(folder), run.store.run_folder)
+            other = replace(run.with_other("condition", name), store=store)
             missing = [stage for stage in _SHOWN if not _made(other, stage)]
         else:
             missing = ["seeds"]
@@ -219,9 +221,9 @@ def comparison(task: Task) -> dict[str, Artifacts]:
     return {name: Artifacts(one) for name, one in tasks.items()}
 
 
-def _made(task: Task, name: str) -> bool:
+def _made(run: RunContext, name: str) -> bool:
     """Whether all that a stage makes is there."""
     try:
-        return all(task.store.find(one) is not None for one in stage(name).artifacts(task))
+        return all(run.store.find(one) is not None for one in stage(name).artifacts(run))
     except SideganError:  # not even what it would be made from
         return False

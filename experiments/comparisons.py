@@ -25,7 +25,7 @@ def seed_sets(artifacts: Mapping[str, Artifacts]) -> pd.DataFrame:
 
 def seed_facts(artifacts: Artifacts) -> dict[str, float]:
     """Numbers in which two seed sets differ."""
-    library = artifacts.task.load(seed_set(artifacts.task))
+    library = artifacts.run.load(seed_set(artifacts.run))
     c, margin = library.coefficients.numpy(), library.margins["position"].numpy()
     on_box = np.abs(c) > (1 - _ON_BOX) * np.abs(c).max()
     lower, middle, upper = np.quantile(library.fitness, [0.25, 0.5, 0.75])
@@ -56,14 +56,14 @@ def longs(artifacts: Artifacts) -> pd.DataFrame:
 
 def timing(artifacts: Artifacts) -> pd.DataFrame:
     """Each time of the paper's text beside ours, for people."""
-    speed, task, seed = artifacts.speed, artifacts.task, artifacts.seed_seconds
-    trainings = [artifacts.costs(trained(task, *one))["cpu_seconds"] for one in generators(task)]
+    speed, run, seed = artifacts.speed, artifacts.run, artifacts.seed_seconds
+    trainings = [artifacts.costs(trained(run, *one))["cpu_seconds"] for one in generators(run)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
     rows = {
         "long": ("the single long trajectory, CPU", long),
         "seed": ("one seed, CPU", seed),
-        "seeds": ("the seed set, CPU", seed * task.cfg.seeds.count),
-        "surrogates": ("the surrogates, CPU", artifacts.costs(surrogates(task))["cpu_seconds"]),
+        "seeds": ("the seed set, CPU", seed * run.cfg.seeds.count),
+        "surrogates": ("the surrogates, CPU", artifacts.costs(surrogates(run))["cpu_seconds"]),
         "training": ("one training, CPU", float(np.mean(trainings))),
         "generation": ("one generated trajectory", speed["generation_seconds"]),
         "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),

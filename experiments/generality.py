@@ -8,8 +8,8 @@ import pandas as pd
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
 from sidegan.base.names import plain
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.arms import of_arms
-from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.document import write_page
@@ -36,9 +36,9 @@ _OVER = {
 Arms = Mapping[str, Artifacts]
 
 
-def collect(task: Task) -> dict[str, Artifacts]:
+def collect(run: RunContext) -> dict[str, Artifacts]:
     """Artifacts of every arm, by its name among the settings."""
-    return {name: Artifacts(one) for name, one in of_arms(task).items()}
+    return {name: Artifacts(one) for name, one in of_arms(run).items()}
 
 
 def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
@@ -80,6 +80,6 @@ def transfer(arms: Arms) -> pd.DataFrame:
     for name, made in arms.items():
         variant = next(one for one, kind in made.cfg.gan.items() if kind.features)
         c = made.generated(variant, made.cfg.trainings[0]).coefficients[:_TRIED]
-        others = {key: one.task for key, one in arms.items() if one.task.trajectory.shape == c.shape[1:]}
-        rows[name] = {key: float(task.check(c).valid.double().mean()) for key, task in others.items()}
+        others = {key: one.run for key, one in arms.items() if one.run.cell.trajectory.shape == c.shape[1:]}
+        rows[name] = {key: float(run.cell.check(c).valid.double().mean()) for key, run in others.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("generated for")

@@ -14,9 +14,9 @@ from experiments.verdicts import CONFIDENCE
 from experiments.words import PAPER
 from sidegan.base.storage import write_json
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
@@ -52,9 +52,9 @@ Conditions = Mapping[str, Artifacts]
 collect = comparison
 
 
-def check(task: Task) -> None:
+def check(run: RunContext) -> None:
     """Refuse conditions that are not there, before any work."""
-    comparison(task)
+    comparison(run)
 
 
 def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
@@ -108,7 +108,7 @@ def checked(conditions: Conditions) -> dict[str, list[str]]:
     """Definitions of valid, each with the conditions that use it."""
     words: dict[str, list[str]] = {}
     for name, made in conditions.items():
-        words.setdefault(made.task.constraints.described(), []).append(name)
+        words.setdefault(made.run.cell.constraints.described(), []).append(name)
     return words
 
 
@@ -132,7 +132,7 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
     own = {name: _tables(made) for name, made in conditions.items()}
     of_seeds: dict[str, str] = {}  # the first condition of each seed set
     for name, made in conditions.items():
-        of_seeds.setdefault(seed_set(made.task).digest, name)
+        of_seeds.setdefault(seed_set(made.run).digest, name)
     return {
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
@@ -190,18 +190,18 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
 
 def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
     """The figures in space, by name."""
-    task, family, first = artifacts.task, artifacts.task.trajectory, artifacts.cfg.trainings[0]
+    run, family, first = artifacts.run, artifacts.run.cell.trajectory, artifacts.cfg.trainings[0]
     generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
     traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
     longs = zip(artifacts.cfg.long.harmonics, artifacts.longs.items())
-    sets = {name: (long_family(task, h), library.coefficients) for h, (name, (_, library)) in longs}
+    sets = {name: (long_family(run, h), library.coefficients) for h, (name, (_, library)) in longs}
     for name in (SEEDS, "eigen"):
         sets[name] = family, artifacts.selected(name, first).coefficients
     stacked = [
         Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, colour(name))
         for name, bundle in sets.items()
     ]
-    return {"traces": motion.paths(task.arm, traces), "stacked": motion.paths(task.arm, stacked)}
+    return {"traces": motion.paths(run.cell.arm, traces), "stacked": motion.paths(run.cell.arm, stacked)}
 
 
 def _described(family: Trajectory, coefficients: Tensor) -> str:

@@ -64,7 +64,7 @@ def means(generators: pd.DataFrame) -> pd.DataFrame:
 def pictures(artifacts: Artifacts) -> dict[str, "Figure"]:
     """Coefficients of seeds beside those of each generator, first training, by name."""
     first = artifacts.cfg.trainings[0]
-    sets = {SEEDS: artifacts.task.load(seed_set(artifacts.task))}
+    sets = {SEEDS: artifacts.run.load(seed_set(artifacts.run))}
     sets |= {name: artifacts.generated(name, first) for name in artifacts.cfg.gan}
     shown = {name: one.coefficients[:_SHOWN].flatten(1).numpy() for name, one in sets.items()}
     return {"coefficients": figures.coefficients(shown)}

@@ -15,7 +15,8 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.pipeline.callbacks import end_sweep
-from sidegan.pipeline.compose import CONF, explain
+from sidegan.pipeline.compose import explain
+from sidegan.pipeline.places import CONF
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
 
 _UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs

@@ -38,7 +38,7 @@ shutil.copytree(root / "sidegan", "sidegan", ignore=shutil.ignore_patterns("__py
 shutil.copytree(root / "conf", "sidegan/conf")
 shutil.copy(root / "params.yaml", "sidegan/params.yaml")
 sys.path.insert(0, ".")
-from sidegan.pipeline.compose import CONF
+from sidegan.pipeline.places import CONF
 from sidegan.pipeline.artifact import version
 from sidegan.run import main
 assert CONF == Path("sidegan/conf").resolve() and version("gan"), CONF

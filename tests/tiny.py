@@ -7,7 +7,7 @@ from hydra import compose, initialize_config_dir
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from sidegan.pipeline.compose import CONF
+from sidegan.pipeline.places import CONF
 from sidegan.pipeline.settings import validate
 
 TINY = (

@@ -1,5 +1,6 @@
 """Files that appear whole or not at all, and readers that run no code from them."""
 
+import hashlib
 import io
 import json
 import os
@@ -7,6 +8,7 @@ import shutil
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -172,3 +174,15 @@ def reading(path: Path, kind: str, refusal: type[SideganError] = ArtifactError) 
             raise StorageError(f"cannot read {path}: {error.strerror or error}") from error
         reason = str(error).split("\n", 1)[0] or type(error).__name__
         raise refusal(f"{path} is not a whole {kind} file: {reason}") from error
+
+
+def file_digest(path: Path) -> str:
+    """Hexadecimal SHA-256 of a file; taken once as long as the file stays untouched."""
+    status = path.stat()
+    return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
+
+
+@lru_cache(4096)
+def _digest(path: Path, size: int, changed: int, inode: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

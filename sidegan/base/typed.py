@@ -59,13 +59,29 @@ _KINDS = {
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
     """A dataclass from nested plain values; a ConfigError has one line for every wrong or missing setting."""
-    text = json.dumps(values)
+    text = json.dumps(values, default=_plain)
     try:
         return TypeAdapter(kind).validate_json(text, strict=True, extra="forbid")
     except ValidationError as error:
         problems = _problems(kind, error, json.loads(text))
     head = [] if len(problems) == 1 else [f"{len(problems)} settings are wrong"]
     raise ConfigError("\n  ".join([*head, *problems]))
+
+
+def settings_of(kind: type[T], given: T | Mapping[str, Any] | None) -> T:
+    """Settings as they are given: a dataclass, or plain values of its fields; the others have defaults.
+
+    Raises:
+        ConfigError: when a value is unknown or out of range; names it.
+    """
+    return given if isinstance(given, kind) else build(kind, given or {})  # type: ignore[arg-type]
+
+
+def _plain(value: Any) -> Any:
+    """Arrays, dataclasses and paths as JSON has them."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return dataclasses.asdict(value)
+    return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def _problems(kind: type, error: ValidationError, values: Any) -> list[str]:

@@ -14,13 +14,14 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Selection:
     """How many trajectories are picked from a pool, and by what."""
 
-    count: Count
-    method: Literal["greedy", "d_optimal", "a_optimal"]
-    noise: list[Positive] | None  # of each joint's torque [N·m], by which the joints count; not for greedy
+    count: Count = 35
+    method: Literal["greedy", "d_optimal", "a_optimal"] = "greedy"
+    # of each joint's torque [N·m], by which the joints count; not for greedy
+    noise: list[Positive] | None = None
 
     def __post_init__(self) -> None:
         if self.method == "greedy" and self.noise is not None:

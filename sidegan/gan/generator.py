@@ -15,7 +15,7 @@ from sidegan.gan.published_networks import ConvolutionalGenerator
 from sidegan.gan.scaling import Scaling
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.seeds.published import Layout
+from sidegan.seeding.published import Layout
 
 _FORMAT = 8
 

@@ -28,7 +28,7 @@ def measure(
     They only count together: a generator that hardly moves is valid, one with a few distant modes has a large
     mean distance, one that adds the same motion to all of them has a small condition number. ``condition`` is
     the median over all samples, ``condition_mean`` their mean as in the paper's figure 3, ``condition_valid``
-    the median over the valid ones (not a number when there are none), as are the errors of ``expected_errors``.
+    the median over the valid ones (not a number when there are none), as are those of ``expected_errors``.
     """
     valid = check(constraints, trajectory, c).valid
     excitation = excite(constraints.body, trajectory, c)

@@ -1,7 +1,7 @@
 """The variants of SIDE-GAN by the losses that they add: ours, then those that the paper's authors published.
 
 The latter are written by the facts of the code that accompanies Jegorova et al. 2020
-(``seeds.published.REPOSITORY``); where that and the text differ, by the code.
+(``seeding.published.REPOSITORY``); where that and the text differ, by the code.
 """
 
 from typing import Any
@@ -22,7 +22,7 @@ from sidegan.gan.reward import Energies, Worth, noises
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.motion.dynamics import gram
-from sidegan.seeds.published import Layout
+from sidegan.seeding.published import Layout
 
 _EASE, _EASED = 0.1, 0.4  # share from which the weight of violations grows, and of a training over which
 _CLEARANCE = 4.0  # times the reserve, in units of 0.25 m

@@ -79,13 +79,13 @@ def pieces(measurements: Samples) -> Iterator[Measurements]:
         yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Noise:
     """Uniform measurement noise in proportion to the signal, x · (1 + level · U(−1, 1))."""
 
-    level: NonNegative  # 0.1 for the paper's "10 % uniform random noise"
-    torque: bool  # whether measured torques are noisy
-    state: bool  # whether measured positions, velocities and accelerations are noisy
+    level: NonNegative = 0.1  # 0.1 for the paper's "10 % uniform random noise"
+    torque: bool = True  # whether measured torques are noisy
+    state: bool = False  # whether measured positions, velocities and accelerations are noisy
 
     @property
     def exact(self) -> bool:

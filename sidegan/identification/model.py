@@ -26,15 +26,15 @@ _DIGITS = 4  # of a share in a formula
 _LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Terms:
     """Terms of a joint's torque beside rigid bodies."""
 
-    rotor_inertia: bool  # Ia · ddq, where the rigid bodies do not explain it already
-    viscous: bool  # fv · dq
-    coulomb: bool  # fc · tanh(dq / sign_width)
-    offset: bool  # fo
-    sign_width: Positive  # velocity [rad/s or m/s] at which the smooth sign is at 76 %
+    rotor_inertia: bool = False  # Ia · ddq, where the rigid bodies do not explain it already
+    viscous: bool = True  # fv · dq
+    coulomb: bool = True  # fc · tanh(dq / sign_width)
+    offset: bool = True  # fo
+    sign_width: Positive = 0.03  # velocity [rad/s or m/s] at which the smooth sign is at 76 %
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -53,8 +53,8 @@ class Terms:
 
 
 # Of torques from motor currents, and of rigid bodies alone, as simulated measurements are.
-FULL = Terms(rotor_inertia=True, viscous=True, coulomb=True, offset=True, sign_width=0.01)
-RIGID = Terms(False, False, False, False, sign_width=0.01)
+FULL = Terms(rotor_inertia=True, sign_width=0.01)
+RIGID = Terms(viscous=False, coulomb=False, offset=False, sign_width=0.01)
 
 
 class TorqueModel:

@@ -1,6 +1,6 @@
 """Settings of identification, as ``conf/`` has them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import torch
@@ -11,36 +11,37 @@ from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class StudySettings:
     """Simulated measurements and recursive least squares: how excitation sets are executed and compared."""
 
-    rate: Hertz  # of sampling [Hz]
-    prior: Positive  # P₀ = prior · I
-    noise: Noise  # of the simulated measurements; test torques are free of it
+    rate: Hertz = 100.0  # of sampling [Hz]
+    prior: Positive = 1e6  # P₀ = prior · I
+    noise: Noise = Noise()  # of the simulated measurements; test torques are free of it
     # deviation of a noise of one size, as real sensors have it, under which errors are expected as well: a
     # share of each joint's torque limit, of its largest torque over random states where there is none
-    constant: Positive
-    repeats: Count  # noise realisations
-    tests: Count  # test trajectories
+    constant: Positive = 0.01
+    repeats: Count = 10  # noise realisations
+    tests: Count = 10  # test trajectories
     # of test trajectories: share of its tightest limit that each of them uses
-    reach: Part
+    reach: Part = 0.8
 
 
 # What is noisy: measurements of the seeds alone; all of them; torques alone; torques, and the seeds' states.
 Reading = Literal["seeds", "all", "torques", "seeds_states"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ReplicationSettings:
     """Whole sets measured with noise, the seeds several times over."""
 
     # Of "each replication is done with 10% uniform random noise on both the robot state and on the output
     # torques", all of which are made side by side; tables II and III and verdicts are by the first.
-    readings: list[Reading]
-    replicas: list[Count]  # how often the seeds are measured; one column of Table II for each
-    noise: Noise  # of noisy measurements
-    repeats: Count
+    readings: list[Reading] = field(default_factory=lambda: ["seeds"])
+    # how often the seeds are measured; one column of Table II for each
+    replicas: list[Count] = field(default_factory=lambda: [1, 4, 10])
+    noise: Noise = Noise(state=True)  # of noisy measurements
+    repeats: Count = 10
 
     def __post_init__(self) -> None:
         for name in ("replicas", "readings"):
@@ -59,14 +60,14 @@ class ReplicationSettings:
         return self.noise if reading == "all" else replace(self.noise, state=False)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class KnownLoad:
     """A known load of an arm, in the frame of the last link that moves."""
 
-    mass: NonNegative  # [kg]
-    centre: tuple[Number, Number, Number]  # of mass [m]
+    mass: NonNegative = 0.0  # [kg]
+    centre: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)  # of mass [m]
     # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
-    inertia: tuple[Number, Number, Number, Number, Number, Number] | None
+    inertia: tuple[Number, Number, Number, Number, Number, Number] | None = None
 
     @property
     def parameters(self) -> Tensor:
@@ -84,20 +85,20 @@ class KnownLoad:
         return torch.cat([torch.tensor([self.mass], dtype=torch.float64), self.mass * c, moved])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GoalSettings:
     """Goal of a set of trajectories, and what it is measured with."""
 
-    count: Count  # trajectories
+    count: Count = 10  # trajectories
     # what is small with the set: variances of torques on tasks, of the model's parameters or, a list, of some
     # links' parameters, of a tool's; or the condition number of rigid bodies
-    objective: Literal["prediction", "parameters", "payload", "condition"] | list[str]
+    objective: Literal["prediction", "parameters", "payload", "condition"] | list[str] = "prediction"
     # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N];
     # null: that of the recordings where a model is known, else the share that is assumed
-    noise: Positive | list[Positive] | None
-    assumed: Positive
-    correlation: Seconds  # time over which that noise keeps its sign
-    believed: Positive  # deviation of the description's parameters, in their typical sizes
+    noise: Positive | list[Positive] | None = None
+    assumed: Positive = 0.05
+    correlation: Seconds = 0.03  # time over which that noise keeps its sign
+    believed: Positive = 1.0  # deviation of the description's parameters, in their typical sizes
 
     def deviation(self, usual: Tensor) -> Tensor:
         """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N].
@@ -117,9 +118,9 @@ class GoalSettings:
         return 1 / (2 * self.correlation)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class EstimationSettings:
     """Estimation of parameters from recordings."""
 
-    method: Literal["ols", "weighted"]
-    strength: Positive | None  # of the pull towards the description; null: the most probable one
+    method: Literal["ols", "weighted"] = "weighted"
+    strength: Positive | None = None  # of the pull towards the description; null: the most probable one

@@ -1,5 +1,5 @@
 """Trajectory libraries: draw until enough are valid, measure, keep, save, load."""
 
-from sidegan.library.collection import Library
+from sidegan.library.collection import LIBRARY, Library
 
-__all__ = ["Library"]
+__all__ = ["LIBRARY", "Library"]

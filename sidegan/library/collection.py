@@ -15,6 +15,8 @@ from sidegan.library.parquet import MARGIN, OPTIONS, Family, content_of, table_o
 if TYPE_CHECKING:
     from sidegan.robot import Arm
 
+LIBRARY = "library.parquet"  # name of its file in a folder
+
 
 @dataclass(frozen=True, eq=False)
 class Library:

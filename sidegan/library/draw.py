@@ -15,14 +15,14 @@ from sidegan.validity import Validity, summarise_faults
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Expansion:
     """Growth of the library from the generator."""
 
-    count: Count
-    batch: Size
-    draws: Count  # most samples drawn before giving up
-    least: Natural  # valid ones, with fewer of which a generator is refused
+    count: Count = 933
+    batch: Size = 500
+    draws: Count = 600_000  # most samples drawn before giving up
+    least: Natural = 1  # valid ones, with fewer of which a generator is refused
 
 
 @dataclass(frozen=True)

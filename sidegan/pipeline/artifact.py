@@ -16,9 +16,7 @@ import yaml
 from sidegan.base.names import folder_name
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
-from sidegan.pipeline.compose import CONF
-
-VERSIONS = CONF.with_name("params.yaml")  # beside conf/ in a clone, and in a wheel
+from sidegan.pipeline.places import VERSIONS
 
 Metrics = Mapping[str, float | Sequence[float | None]]
 

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hydra
@@ -14,13 +13,12 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.names import folder_name
 from sidegan.errors import ConfigError
+from sidegan.pipeline.dangling import dangling
+from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages import STAGES
 
 if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
-
-_HERE = Path(__file__).resolve().parents[1]
-CONF = next((path for path in (_HERE / "conf", _HERE.parent / "conf") if path.is_dir()), _HERE / "conf")
 
 
 def times(*factors: Any) -> float | None:
@@ -56,8 +54,7 @@ def explain(error: Exception, arguments: Sequence[str] = ()) -> str:
     """Complaint about a command with such arguments, in our words where Hydra's advice leads astray."""
     text = str(error)
     if isinstance(error, OmegaConfBaseException):  # an interpolation that leads nowhere
-        reason = str(error.msg or error).splitlines()[0]
-        return f"{error.full_key}: {reason}" if error.full_key else reason
+        return dangling(error)
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
         return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])

@@ -37,30 +37,30 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     Its logs and tables go into its folder; other conditions are composed from the command's overrides. What
     cannot work is refused by a ConfigError before any work.
     """
+    from sidegan.pipeline.context import RunContext
     from sidegan.pipeline.stage import run_stage
     from sidegan.pipeline.stages import stage
-    from sidegan.pipeline.task import Task
 
     if not config.stages:
         raise ConfigError(
             f"there is nothing to run: give +experiment=…, or 'stages=[…]' of {', '.join(STAGES)}"
         )
     stages = {one: stage(one) for one in config.stages}
-    task = Task(config, Store(Path(config.outputs), run_folder), tuple(overrides))
+    run = RunContext(config, Store(Path(config.outputs), run_folder), tuple(overrides))
     for one in stages.values():  # what cannot work is refused before anything has been made
-        list(one.artifacts(task))
-        one.check(task)
+        list(one.artifacts(run))
+        one.check(run)
     parallel = config.parallel
     tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
-    tracker = Tracker(task.store.root, config.experiment, name, config.tracking, tags)
+    tracker = Tracker(run.store.root, config.experiment, name, config.tracking, tags)
     with tracker, engine(parallel.backend, parallel.scheduler, parallel.workers):
         tracker.log_params(config.plain())
         if config.has("robot"):
-            task.tell()
+            run.tell()
         for title, one in stages.items():
             log.info("%s …", title)
             began = time.monotonic()
-            run_stage(title, one, task, tracker)
+            run_stage(title, one, run, tracker)
             seconds = time.monotonic() - began
             log.info("%s: done in %s", title, duration(seconds))
             tracker.log_metrics({f"stage seconds/{title}": seconds})

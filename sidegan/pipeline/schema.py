@@ -1,12 +1,12 @@
-"""Groups of settings that only the pipeline knows: arm, trajectories, plants, comparisons, and workers."""
+"""Groups of settings that only the pipeline knows: arm, plants, comparisons, and workers."""
 
 import re
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, Number, Part, Positive, Seconds, Size
+from sidegan.base.typed import Count, Natural, Number, Part, Positive
 from sidegan.errors import ConfigError
 from sidegan.identification import Terms
 from sidegan.plant.recorded import Sensors
@@ -24,14 +24,14 @@ class Condition:
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Plants:
     """Plants in the robot's place, and what is identified from them."""
 
-    count: Count
-    plant: VariedSettings
-    sensors: Sensors
-    model: Terms  # beside the rigid bodies
+    count: Count = 2
+    plant: VariedSettings = VariedSettings()
+    sensors: Sensors = Sensors()
+    model: Terms = Terms(rotor_inertia=True)  # beside the rigid bodies
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,9 +39,9 @@ class Robot(Setup):
     """Which arm: a built-in one, or the path of a description, and what is to be said beside it."""
 
     name: str
-    gains: list[Number] | None  # of the drives, motor current to joint torque [N·m/A]
+    gains: list[Number] | None = None  # of the drives, motor current to joint torque [N·m/A]
     # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
-    effort: Part | None
+    effort: Part | None = None
 
     @property
     def setup(self) -> Setup:
@@ -49,32 +49,25 @@ class Robot(Setup):
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
 
 
-@dataclass(frozen=True)
-class TrajectoryFamily:
-    """The short cyclic trajectories."""
-
-    harmonics: Size
-    period: Seconds  # [s]
-    home: list[Number] | None  # [rad or m]; null: the robot's zero position
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Discussion:
     """Fewer seeds, and a kernel density estimate in place of the generator."""
 
-    sizes: list[Count]  # of the seed set
-    bandwidths: list[Positive]  # of the kernel, in units of Scott's rule
-    draws: Count  # samples of the estimate whose validity is checked
-    trainings: list[Natural]  # of each variant on fewer seeds
+    sizes: list[Count] = field(default_factory=lambda: [100, 200])  # of the seed set
+    bandwidths: list[Positive] = field(
+        default_factory=lambda: [1.0, 0.7, 0.5, 0.25, 0.1]
+    )  # of the kernel, in units of Scott's rule
+    draws: Count = 1000  # samples of the estimate whose validity is checked
+    trainings: list[Natural] = field(default_factory=lambda: [0])  # of each variant on fewer seeds
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Parallel:
     """How the work is spread over cores and machines."""
 
-    workers: Workers | None  # null: one per core; a Dask cluster elsewhere has as many as it has
-    backend: Literal["loky", "dask"]
-    scheduler: str | None  # address of a Dask scheduler; null: a cluster on this machine
+    workers: Workers | None = None  # null: one per core; a Dask cluster elsewhere has as many as it has
+    backend: Literal["loky", "dask"] = "loky"
+    scheduler: str | None = None  # address of a Dask scheduler; null: a cluster on this machine
 
     def __post_init__(self) -> None:
         if self.scheduler is None:

@@ -1,6 +1,7 @@
 """The schema of ``conf/``: which settings a run has, which dataclass of which room each group of them is.
 
-Values live in the YAML files only. A command composes the groups that it uses; the others are absent.
+Their defaults are those of ``conf/`` at scale quick, which a test holds. A command composes the groups
+that it uses; the others are absent.
 """
 
 import re
@@ -14,6 +15,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
+from sidegan.cell import TrajectoryFamily, Workspace
 from sidegan.controllers import Delivery
 from sidegan.design.selection import Selection
 from sidegan.design.settings import SearchSettings
@@ -29,12 +31,11 @@ from sidegan.identification import (
     Terms,
 )
 from sidegan.library.draw import Expansion
-from sidegan.pipeline.compose import explain
-from sidegan.pipeline.schema import Condition, Discussion, Parallel, Plants, Robot, TrajectoryFamily
-from sidegan.pipeline.workspace import Workspace
+from sidegan.pipeline.dangling import dangling
+from sidegan.pipeline.schema import Condition, Discussion, Parallel, Plants, Robot
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
-from sidegan.seeds.settings import Long, Seeds
+from sidegan.seeding.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
@@ -203,7 +204,7 @@ def validate(cfg: DictConfig) -> Config:
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
-        raise ConfigError(explain(error)) from error
+        raise ConfigError(dangling(error)) from error
     robot = values.get("robot")
     if isinstance(robot, dict) and isinstance(robot.get("limits"), str):  # robot.limits=joint_limits.yaml
         robot["limits"] = {"file": robot["limits"]}

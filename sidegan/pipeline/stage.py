@@ -11,7 +11,7 @@ from typing import Any
 from sidegan.base.names import plain
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.task import Task
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.tracking import Tracker
 
 log = logging.getLogger(__name__)
@@ -23,45 +23,46 @@ MODELS = {"gan", "identify"}  # makers of what MLflow lists as models
 class Stage:
     """A part of an experiment that can be run alone: what it needs must be there already."""
 
-    artifacts: Callable[[Task], Iterable[Artifact]] = lambda task: ()  # in the order of their records
-    show: Callable[[Task, Tracker], None] = lambda task, tracker: None  # prints, and fills the run's folder
-    check: Callable[[Task], object] = lambda task: None  # refuses a task before the run's first stage begins
+    artifacts: Callable[[RunContext], Iterable[Artifact]] = lambda run: ()  # in the order of their records
+    # prints, and fills the run's folder
+    show: Callable[[RunContext, Tracker], None] = lambda run, tracker: None
+    check: Callable[[RunContext], object] = lambda run: None  # before the first stage begins, refuses it
 
 
-def run_stage(name: str, stage: Stage, task: Task, tracker: Tracker) -> None:
+def run_stage(name: str, stage: Stage, run: RunContext, tracker: Tracker) -> None:
     """Make what is not there, and record all of it."""
-    artifacts = {one.digest: one for one in stage.artifacts(task)}
-    missing = {digest for digest, one in artifacts.items() if task.store.find(one) is None}
-    if missing and task.planning:
-        _ = task.constraints  # an arm that cannot rest at home is refused before anything is written
+    artifacts = {one.digest: one for one in stage.artifacts(run)}
+    missing = {digest for digest, one in artifacts.items() if run.store.find(one) is None}
+    if missing and run.planning:
+        _ = run.cell.constraints  # an arm that cannot rest at home is refused before anything is written
     order = TopologicalSorter({k: one.parents & artifacts.keys() for k, one in artifacts.items()})
     order.prepare()
     while ready := order.get_ready():
-        _produce(name, task, [artifacts[digest] for digest in ready], missing)
+        _produce(name, run, [artifacts[digest] for digest in ready], missing)
         order.done(*ready)
     for digest, artifact in artifacts.items():
         if digest not in tracker.recorded:  # by a stage that has made it too
             tracker.recorded.add(digest)
-            _record(artifact, task, tracker)
-    stage.show(task, tracker)
+            _record(artifact, run, tracker)
+    stage.show(run, tracker)
 
 
-def _produce(name: str, task: Task, artifacts: list[Artifact], missing: set[str]) -> None:
+def _produce(name: str, run: RunContext, artifacts: list[Artifact], missing: set[str]) -> None:
     """Make artifacts side by side, one process each; those that spread their own work one by one."""
     jobs: list[Job] = []
     for one in artifacts:
         if one.alone or one.digest not in missing:
-            task.store.produce(one)
+            run.store.produce(one)
         else:
-            jobs.append(partial(task.store.produce, one))
+            jobs.append(partial(run.store.produce, one))
     if jobs:
-        run_jobs(f"{name} (%)", jobs, task.cfg.parallel.workers)
+        run_jobs(f"{name} (%)", jobs, run.cfg.parallel.workers)
 
 
-def _record(artifact: Artifact, task: Task, tracker: Tracker) -> None:
+def _record(artifact: Artifact, run: RunContext, tracker: Tracker) -> None:
     """Log the metrics of an artifact and the costs of making it, and record it where it is a model."""
-    title, folder = artifact.title, task.store.require(artifact)
-    metrics, costs = artifact.metrics(folder), task.store.costs(artifact)
+    title, folder = artifact.title, run.store.require(artifact)
+    metrics, costs = artifact.metrics(folder), run.store.costs(artifact)
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
     spent = {key: float(x) for key, x in costs.items() if isinstance(x, int | float)}

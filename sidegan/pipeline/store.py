@@ -6,14 +6,12 @@
 <root>/.locks/                              one lock per artifact, released by the system with the process
 """
 
-import hashlib
 import logging
 import os
 import shutil
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -22,7 +20,7 @@ from filelock import FileLock, Timeout
 
 from sidegan.base.parallel import Report, cpu_seconds
 from sidegan.base.progress import duration
-from sidegan.base.storage import read_json, write_json, writing
+from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline.artifact import Artifact, Build, difference
@@ -164,15 +162,3 @@ def write_params(folder: Path, params: Mapping[str, Any]) -> None:
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
     write_json(folder / PARAMS, {**params, "files": digests})
-
-
-def file_digest(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file; taken once as long as the file stays untouched."""
-    status = path.stat()
-    return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
-
-
-@lru_cache(4096)
-def _digest(path: Path, size: int, changed: int, inode: int) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

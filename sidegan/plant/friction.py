@@ -13,18 +13,24 @@ from sidegan.base.typed import NonNegative, Positive, Share
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FrictionSettings:
     """Sizes; a size of zero switches its part off."""
 
-    coulomb: tuple[Share, Share]  # range of the Coulomb friction, as a share of the joint's torque
-    viscous: tuple[NonNegative, NonNegative]  # range of the viscous friction at top speed, of Coulomb's
-    width: Positive  # speed [rad/s] at which the smooth sign is at 76 %
-    stribeck: NonNegative  # extra friction near rest, of Coulomb's
-    load: NonNegative  # friction per transmitted torque
-    asymmetry: Share  # half the difference between the directions, of Coulomb's
-    position: Share  # friction that changes with the joint's position, of Coulomb's
-    ripple: NonNegative  # of the joint's torque
+    coulomb: tuple[Share, Share] = (
+        0.05,
+        0.2,
+    )  # range of the Coulomb friction, as a share of the joint's torque
+    viscous: tuple[NonNegative, NonNegative] = (
+        0.3,
+        1.0,
+    )  # range of the viscous friction at top speed, of Coulomb's
+    width: Positive = 0.03  # speed [rad/s] at which the smooth sign is at 76 %
+    stribeck: NonNegative = 0.4  # extra friction near rest, of Coulomb's
+    load: NonNegative = 0.05  # friction per transmitted torque
+    asymmetry: Share = 0.15  # half the difference between the directions, of Coulomb's
+    position: Share = 0.15  # friction that changes with the joint's position, of Coulomb's
+    ripple: NonNegative = 0.01  # of the joint's torque
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,14 @@ from sidegan.plant.friction import Array
 from sidegan.plant.varied import VariedPlant
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Sensors:
     """Noise of torques, in shares of each joint's torque, and how signals are processed."""
 
-    noise: NonNegative  # standard deviation
-    correlation: Seconds  # time over which noise keeps its sign
-    cutoff: Hertz  # of the filter without delay that positions and torques go through
-    rate: Hertz  # of the samples that are identified from
+    noise: NonNegative = 0.05  # standard deviation
+    correlation: Seconds = 0.03  # time over which noise keeps its sign
+    cutoff: Hertz = 10.0  # of the filter without delay that positions and torques go through
+    rate: Hertz = 50.0  # of the samples that are identified from
 
 
 def recorded(

@@ -1,6 +1,6 @@
 """Settings of the plant: friction, drives and servos."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -9,21 +9,23 @@ from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PlantSettings:
     """Friction, drives and servos; a list holds a value per joint, or one for all joints.
 
     The units are those of revolute joints; for prismatic ones read N for N·m, m for rad and kg for kg·m².
     """
 
-    rate: Hertz  # [Hz] of the servos, and of the recording
-    viscous: list[NonNegative]  # friction [N·m·s/rad]
-    coulomb: list[NonNegative]  # friction [N·m]
-    rotor_inertia: list[NonNegative]  # seen from the joint's side [kg·m²]
-    bandwidth: list[Hertz]  # of the position servo [Hz]
-    damping_ratio: list[Positive]  # of the position servo
-    feed_forward: Share  # share of the inverse dynamics that the controller adds; it knows no friction
-    tolerance: Positive  # [rad] off the reference at which the execution has failed
+    rate: Hertz = 1000.0  # [Hz] of the servos, and of the recording
+    viscous: list[NonNegative] = field(default_factory=lambda: [2.0])  # friction [N·m·s/rad]
+    coulomb: list[NonNegative] = field(default_factory=lambda: [1.0])  # friction [N·m]
+    rotor_inertia: list[NonNegative] = field(
+        default_factory=lambda: [0.1]
+    )  # seen from the joint's side [kg·m²]
+    bandwidth: list[Hertz] = field(default_factory=lambda: [10.0])  # of the position servo [Hz]
+    damping_ratio: list[Positive] = field(default_factory=lambda: [1.0])  # of the position servo
+    feed_forward: Share = 1.0  # share of the inverse dynamics that the controller adds; it knows no friction
+    tolerance: Positive = 0.1  # [rad] off the reference at which the execution has failed
 
     def of(self, name: str, joints: int) -> Tensor:
         """One setting as a value per joint, (J,), float64.
@@ -39,13 +41,5 @@ class PlantSettings:
         return torch.tensor(values, dtype=torch.float64).expand(joints)
 
 
-IDEAL = PlantSettings(  # no friction, and a controller that knows the arm
-    rate=1000.0,
-    viscous=[0.0],
-    coulomb=[0.0],
-    rotor_inertia=[0.0],
-    bandwidth=[10.0],
-    damping_ratio=[1.0],
-    feed_forward=1.0,
-    tolerance=0.1,
-)
+# No friction, and a controller that knows the arm.
+IDEAL = PlantSettings(viscous=[0.0], coulomb=[0.0], rotor_inertia=[0.0])

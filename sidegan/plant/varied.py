@@ -30,23 +30,23 @@ _STATES = 2_000  # random ones, for the scale of the joints' torques
 _STIFF = 1.5  # steps that friction near rest takes at least to stop a rotor: an explicit step stays stable
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class VariedSettings:
     """Differences of a plant from its description; shares of torque are of ``torque_scale``."""
 
-    rate: Hertz  # of the servos and of the physics
-    bandwidth: Hertz  # of the servos
-    tolerance: Positive  # [rad] off the reference at which an execution has failed
-    parameters: Share  # by which inertial parameters of a link differ from the description
-    tool: NonNegative  # largest mass of an unknown tool [kg]
-    rotor: Positive  # inertia of a rotor, of the joint's largest inertia
-    floor: Share  # of the largest joint's torque, that a small joint's counts as at least
-    friction: FrictionSettings
-    compliance: NonNegative  # wind-up of a joint at its torque [rad], which encoders at the motors see
-    backlash: NonNegative  # [rad], which they see too
-    encoder: NonNegative  # resolution [rad]
-    resolution: NonNegative  # of measured torques, as a share
-    delay: NonNegative  # of torques behind positions [s]
+    rate: Hertz = 500.0  # of the servos and of the physics
+    bandwidth: Hertz = 6.0  # of the servos
+    tolerance: Positive = 0.5  # [rad] off the reference at which an execution has failed
+    parameters: Share = 0.2  # by which inertial parameters of a link differ from the description
+    tool: NonNegative = 1.0  # largest mass of an unknown tool [kg]
+    rotor: Positive = 0.3  # inertia of a rotor, of the joint's largest inertia
+    floor: Share = 0.02  # of the largest joint's torque, that a small joint's counts as at least
+    friction: FrictionSettings = FrictionSettings()
+    compliance: NonNegative = 2e-3  # wind-up of a joint at its torque [rad], which encoders at the motors see
+    backlash: NonNegative = 4e-4  # [rad], which they see too
+    encoder: NonNegative = 2.4e-5  # resolution [rad]
+    resolution: NonNegative = 2e-3  # of measured torques, as a share
+    delay: NonNegative = 2e-3  # of torques behind positions [s]
 
 
 def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:

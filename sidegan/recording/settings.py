@@ -1,7 +1,7 @@
 """Group ``recording`` of ``conf/``: where a file keeps what, in which units, and how it is preprocessed."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,7 +16,7 @@ PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
 AUTO = "auto"  # in the place of a pattern: what columns are called tells what they hold
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class RecordingSettings:
     """Where a file keeps time and signals, what is known of its making, and how it is preprocessed.
 
@@ -26,27 +26,29 @@ class RecordingSettings:
     not have is left out, but a signal of some joints only is refused.
     """
 
-    time: str
-    position: str
-    velocity: str | None
-    acceleration: str | None
-    torque: str | None
-    current: str | None
-    units: Units
-    joints: list[str] | None  # names that the file uses, in the arm's order; null: the arm's own
-    without: list[str]  # joints without a torque, which stand still: they are locked where they stand
-    topic: str | None  # of a bag; null: the only topic of joint states
-    effort: Literal["torque", "current"]  # what is meant by efforts
-    rate: Hertz | None  # of the rows [Hz] of a file without time stamps
-    reverse: list[str]  # joints whose torque or current is counted the other way round
-    cutoff: Hertz | None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
+    time: str = AUTO
+    position: str = AUTO
+    velocity: str | None = AUTO
+    acceleration: str | None = AUTO
+    torque: str | None = AUTO
+    current: str | None = AUTO
+    units: Units = Units()
+    joints: list[str] | None = None  # names that the file uses, in the arm's order; null: the arm's own
+    # joints without a torque, which stand still: they are locked where they stand
+    without: list[str] = field(default_factory=list)
+    topic: str | None = None  # of a bag; null: the only topic of joint states
+    effort: Literal["torque", "current"] = "torque"  # what is meant by efforts
+    rate: Hertz | None = None  # of the rows [Hz] of a file without time stamps
+    # joints whose torque or current is counted the other way round
+    reverse: list[str] = field(default_factory=list)
+    cutoff: Hertz | None = None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
     # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
-    gap: Seconds | None
-    still: NonNegative  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
+    gap: Seconds | None = None
+    still: NonNegative = 0.02  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
     # time by which torques are later than states [s], which is taken off; null: measured
-    delay: Annotated[float, Field(ge=-2, le=2)] | None
+    delay: Annotated[float, Field(ge=-2, le=2)] | None = 0.0
     # what was sent to the arm: a table of excite, or the folder of its run; null: not known
-    sent: str | None
+    sent: str | None = None
 
     def __post_init__(self) -> None:
         for signal in SIGNALS:

@@ -60,19 +60,19 @@ class Counts:
         return (counts - zero) / per_turn * np.where(slides, 1.0, _TURN)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Units:
     """Units of what a file holds; null is what its columns are headed with (``q1 [deg]``), or else SI.
 
     Velocity and acceleration are in ``angle``, or ``length`` of a joint that slides, per second and second².
     """
 
-    time: Literal["s", "ms", "us", "ns"] | None
-    angle: Literal["rad", "deg"] | None
-    length: Literal["m", "mm"] | None
-    torque: Literal["N·m", "Nm", "mNm"] | None
-    current: Literal["A", "mA"] | None
-    position: Counts | None  # null: positions are in ``angle`` and ``length``
+    time: Literal["s", "ms", "us", "ns"] | None = None
+    angle: Literal["rad", "deg"] | None = None
+    length: Literal["m", "mm"] | None = None
+    torque: Literal["N·m", "Nm", "mNm"] | None = None
+    current: Literal["A", "mA"] | None = None
+    position: Counts | None = None  # null: positions are in ``angle`` and ``length``
 
     def factor(self, signal: str, slides: bool = False, heading: str = "") -> float:
         """Factor that brings a joint's signal, or ``"time"``, to SI units."""

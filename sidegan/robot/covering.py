@@ -18,6 +18,7 @@ from sidegan.robot.fitting import (
     fit,
     guess,
     hull_volume,
+    split,
     thinned,
     volume,
 )
@@ -141,24 +142,3 @@ def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
     for normal, height in planes:
         sides = [half for side in sides for half in split(side, normal, height)]
     return [side for side in sides if len(side)]
-
-
-def split(triangles: Points, normal: Points, height: float) -> tuple[Points, Points]:
-    """Triangles (N, 3, 3) below and above a plane; those that it passes through are divided."""
-    over = triangles @ normal - height
-    below, above = (over <= 0).all(1), (over >= 0).all(1)
-    crossed = ~below & ~above
-    t, s = triangles[crossed], over[crossed]
-    up = s > 0
-    alone = np.where(up.sum(1) == 1, up.argmax(1), (~up).argmax(1))  # the corner that is on a side of its own
-    order = (alone[:, None] + np.arange(3)) % 3
-    a, b, c = np.take_along_axis(t, order[..., None], 1).transpose(1, 0, 2)
-    sa, sb, sc = np.take_along_axis(s, order, 1).T[..., None]
-    p, q = a + sa / (sa - sb) * (b - a), a + sa / (sa - sc) * (c - a)
-    tip, rest = np.stack([a, p, q], 1), np.concatenate([np.stack([p, b, c], 1), np.stack([p, c, q], 1)])
-    high = sa[:, 0] > 0
-    twice = np.concatenate([high, high])
-    return (
-        np.concatenate([triangles[below], tip[~high], rest[twice]]),
-        np.concatenate([triangles[above & ~below], tip[high], rest[~twice]]),
-    )

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sidegan.robot.covering import split
-from sidegan.robot.fitting import Points, hull_of
+from sidegan.robot.fitting import Points, hull_of, split
 
 _CONCAVE = 0.02  # of half the size of a mesh: dents that parts may have
 _PARTS = 48  # of a mesh at most

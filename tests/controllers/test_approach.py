@@ -13,15 +13,14 @@ from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.validity import Constraints, Plane
 from tests.chains import random_chain
-from tests.settings import settings
 
 EXACTLY = 1e8  # Hz, at which a duration is hardly rounded
 DENSE = 20_000  # points
 
 
 def way(constraints, start, home, **changes):
-    """The way, with settings of ``conf/`` but for these."""
-    given = replace(settings(Delivery, "experiment/excite:controllers"), **changes)
+    """The way, with the usual settings but for these."""
+    given = Delivery(**changes)
     return approach(constraints, start, home, given)
 
 

@@ -19,7 +19,6 @@ from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.load import load_recording
 from tests.recording.conftest import of_file
-from tests.settings import settings
 
 FAMILY = Trajectory(joints=6, harmonics=6, period=16.0, home=(0.1, -0.2, 0.3, 0.0, 0.5, -1.0))
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist, 3")
@@ -125,7 +124,7 @@ def test_a_goal_does_not_make_an_arm_jump(off, refused, joint):
 
 def test_a_joint_that_slides_has_a_tolerance_in_metres(planar):
     arm = replace(planar, prismatic=torch.tensor([False, True]))
-    assert settings(Delivery, "experiment/excite:controllers").tolerance.of(arm) == [0.05, 0.01]
+    assert Delivery().tolerance.of(arm) == [0.05, 0.01]
 
 
 class Robot(dict):

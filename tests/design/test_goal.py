@@ -19,7 +19,7 @@ from .conftest import log_condition
 
 PENALTY = Penalty(300.0, 0.1, 0.1, 0.8)
 REFINE = 3
-TERMS = Terms(True, True, True, True, sign_width=0.3)
+TERMS = Terms(rotor_inertia=True, sign_width=0.3)
 
 
 def point(problem, coordinates, seed, use=1.2):

@@ -77,7 +77,7 @@ def test_the_first_of_equals_wins(pick):
 @pytest.mark.parametrize("pick", PICKS.values())
 def test_the_configured_pick_is_that_of_the_function_it_names(planar_problem, random, pick, noise):
     of = planar_problem.body, planar_problem.trajectory, planar_problem.start(40, random)
-    chosen = choose(Selection(5, pick.__name__, noise), *of, torch.zeros(0, 0))
+    chosen = choose(Selection(count=5, method=pick.__name__, noise=noise), *of, torch.zeros(0, 0))
     assert chosen.tolist() == pick(information_of(*of, noise=noise), 5).tolist()
     diagonal = excite(*of).diagonal
-    assert choose(Selection(5, "greedy", None), *of, diagonal).tolist() == greedy(diagonal, 5).tolist()
+    assert choose(Selection(count=5), *of, diagonal).tolist() == greedy(diagonal, 5).tolist()

@@ -20,7 +20,7 @@ from sidegan.identification.measurements import Noise
 from sidegan.motion.dynamics import RigidBody
 from tests.identification.recordings import study_settings
 
-PAPER = Noise(0.1, torque=True, state=False)
+PAPER = Noise()
 
 
 def predicting(problem, tests, noise, rate=20.0):

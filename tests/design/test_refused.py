@@ -76,7 +76,7 @@ def test_noise_that_cannot_be_is_refused(planar_problem, random, noise):
 
 def test_a_score_without_noise_is_refused_one():
     with pytest.raises(ConfigError, match="greedy score knows no noise"):
-        Selection(5, "greedy", [3.0, 0.5])
+        Selection(noise=[3.0, 0.5])
 
 
 def test_samples_that_cannot_be_are_refused(planar_problem):

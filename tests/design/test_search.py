@@ -25,7 +25,7 @@ from tests.validity.critical import limited
 
 from .cases import CASES, slow
 
-SETTINGS = SearchSettings(evaluations=60, patience=60, samples=40, reserve=0.03)
+SETTINGS = SearchSettings(evaluations=60, patience=60)
 ORACLE = [case for case in CASES if case not in ("bodies", "pieces", "pieces apart")]
 
 

@@ -1,10 +1,10 @@
 import pytest
 
 from experiments import reproduction
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import timing
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
 OWN = ("~gan.exact", "~gan.prediction")  # which no claim is about
@@ -25,4 +25,4 @@ def page(outputs, tmp_path_factory):
 def artifacts(outputs, page):
     """What that run left."""
     config = tiny(f"outputs={outputs}", *OWN, experiment="reproduction")
-    return reproduction.collect(Task(config, Store(outputs)))["ours"]
+    return reproduction.collect(RunContext(config, Store(outputs)))["ours"]

@@ -12,16 +12,16 @@ from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED
 from experiments.words import PAPER
 from sidegan.errors import ConfigError
 from sidegan.pipeline.compose import composed
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from tests.experiments.conftest import OWN
 from tests.tiny import SMALL, TINY, tiny
 
 
 def judged(artifacts, **changed):
-    """What was found of every claim, by its key, where the task or some frames are others."""
-    planted = Artifacts(artifacts.task)
+    """What was found of every claim, by its key, where the run or some frames are others."""
+    planted = Artifacts(artifacts.run)
     planted.__dict__.update(artifacts.__dict__ | changed)
     return {claim.key: claim.findings["ours"] for claim in claims({"ours": planted})}
 
@@ -71,7 +71,7 @@ def test_verdicts_follow_from_the_numbers(artifacts, factor, beaten, share, draw
     fewer = replace(artifacts.cfg.discussion, draws=draws)
     found = judged(
         artifacts,
-        task=artifacts.task.with_settings(discussion=fewer),
+        run=artifacts.run.with_settings(discussion=fewer),
         density=artifacts.density.assign(success=share),
         errors=errors.assign(nmse=nmse),
         histories=histories.assign(success=success),
@@ -92,7 +92,7 @@ def test_a_condition_beside_is_on_the_page_once_all_of_it_is_made(page, outputs,
     (tmp_path / "begun" / "gan").mkdir(parents=True)
     beside = f"beside={{ours: {outputs}, ours_on_published: {tmp_path}/begun, published: {tmp_path}/none}}"
     config = composed(*words, "condition=gradient", beside)
-    shown = comparison(Task(config, Store(tmp_path), words))
+    shown = comparison(RunContext(config, Store(tmp_path), words))
     assert list(shown) == ["gradient", "ours"]
-    assert len(shown["ours"].errors) and shown["ours"].task.store.root == outputs
+    assert len(shown["ours"].errors) and shown["ours"].run.store.root == outputs
     assert all(f"condition {x} is not on" in caplog.text for x in ("ours_on_published", "published"))

@@ -16,7 +16,7 @@ from sidegan.gan.side_gan import Data
 from sidegan.gan.training import Run, train
 from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds.published import WEIGHTS, Layout
+from sidegan.seeding.published import WEIGHTS, Layout
 from sidegan.validity import Constraints, check
 from tests.gan.conftest import REFRESH
 from tests.golden.make import DATA

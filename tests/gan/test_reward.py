@@ -65,7 +65,7 @@ def test_a_direction_of_which_much_is_known_counts_less(constraints, family, see
 
     def slopes(x):
         x = x.clone().requires_grad_(True)
-        (slope,) = torch.autograd.grad(told.worth(x, Reward(1.0, 1.0)), x)
+        (slope,) = torch.autograd.grad(told.worth(x, Reward(proportional=1.0, constant=1.0)), x)
         return slope.sum(0)
 
     known = logs.clone()

@@ -17,6 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.typed import build
 from sidegan.design.excitation import excitation_of
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of, weighted_gram
@@ -33,7 +34,6 @@ from sidegan.recording.settings import RecordingSettings
 from sidegan.report.identification.results import verdict
 from sidegan.robot import load_robot
 from sidegan.validity import Box, Constraints, Plane, Sphere, check, default_home
-from tests.settings import settings
 
 FOLDER = Path(__file__).parent
 NUMBERS, IDENTIFIED = FOLDER / "numbers.npz", FOLDER / "identified.json"
@@ -44,12 +44,12 @@ JUDGED = dict.fromkeys(CHAINS, (900, 100)) | {"kuka_lwr4": (9_000, 1_000)}  # ra
 REGIONS = (Plane((0, 0, 1), -0.3), Box((0.4, -0.3, 0.2), (0.8, 0.3, 0.5)), Sphere((-0.5, 0.5, 0.4), 0.2))
 WORDS = ("use", "verdict", "weak_parameters")  # of a verdict that are no sentences
 GAINS = [14.87, 13.26, 11.13, 10.62, 11.03, 11.47]  # [N·m/A] of the UR10e
-UR10E = ("ur10e/reference.urdf", {"cutoff": 5, "delay": None}, "motor_current", GAINS)
+UR10E = ("ur10e/reference.urdf", {"cutoff": 5, "delay": None}, FULL, GAINS)
 # Arm, settings of recordings and model, gains; what is trained on, and held out instead of its last part.
 RECORDED = {
     "ur10e_first": (*UR10E, "ur10e/recorded_20s8h.csv", "ur10e/recorded_20s10h.csv"),
     "ur10e_second": (*UR10E, "ur10e/recorded_20s10h.csv", "ur10e/recorded_20s8h.csv"),
-    "lwr4": ("kuka_lwr4", {"cutoff": 2}, "joint_torque", None, "kuka_lwr4/recorded_hw1_50hz.csv", None),
+    "lwr4": ("kuka_lwr4", {"cutoff": 2}, Terms(), None, "kuka_lwr4/recorded_hw1_50hz.csv", None),
 }
 
 
@@ -135,15 +135,13 @@ def identified(name: str) -> dict[str, Any]:
     """Verdict on a recorded arm, flat, without sentences; see ``RECORDED``."""
     robot, recording, model, gains, first, other = RECORDED[name]
     arm = load_robot(DATA / robot if robot.endswith("urdf") else robot)
-    terms = settings(Terms, f"model/{model}")
-    more = arm, settings(RecordingSettings, "recording/csv", **recording), gains, terms.sign_width
+    more = arm, build(RecordingSettings, recording), gains, model.sign_width
     (training,) = read_and_check([(str(DATA / first), "training")], *more)
     if other is None:
         training, held_out = split(training, 0.3)
     else:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
-    options = settings(EstimationSettings, "experiment/identify:identify")
-    one = identify_arm(arm, [training], [held_out], terms, options)
+    one = identify_arm(arm, [training], [held_out], model, EstimationSettings())
     return _flat(verdict(one))
 
 

@@ -10,8 +10,8 @@ from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estim
 from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.motion.dynamics import RigidBody
 
-NOISE = Noise(0.1, torque=True, state=False)
-GOAL = GoalSettings(1, "parameters", noise=None, assumed=0.05, correlation=0.03, believed=1.0)
+NOISE = Noise()
+GOAL = GoalSettings(count=1, objective="parameters")
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
 
@@ -87,8 +87,7 @@ def model_of(arm, **terms):
 
 
 def study_settings(**changes):
-    values = {"rate": 20.0, "prior": 1e6, "noise": NOISE, "constant": 0.01, "repeats": 2}
-    return StudySettings(**{**values, "tests": 3, "reach": 0.5, **changes})
+    return StudySettings(**{"rate": 20.0, "repeats": 2, "tests": 3, "reach": 0.5, **changes})
 
 
 def assert_close(one, other, tolerance=1e-9):

@@ -23,7 +23,7 @@ from sidegan.validity import Constraints, check
 from tests.identification.recordings import GOAL, half_still, measured, model_of, multisine
 
 NOISE, RATE = 0.3, 100.0
-SEARCH = SearchSettings(evaluations=240, patience=80, samples=40, reserve=0.03)
+SEARCH = SearchSettings(evaluations=240, patience=80)
 TERMS = replace(FULL, sign_width=0.03)
 OBJECTIVES = ["parameters", ["forearm"], "payload", "prediction"]
 

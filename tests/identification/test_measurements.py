@@ -26,7 +26,7 @@ def motion():
 
 def test_noise_is_uniform_relative_to_the_signal(body, motion):
     clean = stack(measure(body, motion))
-    noise = Noise(0.1, torque=True, state=True)
+    noise = Noise(state=True)
     added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
     share = (added / clean)[clean != 0]  # at rest there is none
     assert 0.0995 < share.abs().max() <= 0.1 + 1e-9
@@ -39,7 +39,7 @@ def test_only_what_is_said_to_be_noisy_is_and_alike_whatever_else_is(body, motio
     clean = measure(body, motion)
     assert all(torch.equal(x, true.reshape(300, 2)) for x, true in zip(clean.states, motion[1:]))
     torque, state, both = (
-        measure(body, motion, Noise(0.1, *noisy), np.random.default_rng(1))
+        measure(body, motion, Noise(torque=noisy[0], state=noisy[1]), np.random.default_rng(1))
         for noisy in ((True, False), (False, True), (True, True))
     )
     assert all(torch.equal(x, y) for x, y in zip(torque.states, clean.states))
@@ -50,7 +50,7 @@ def test_only_what_is_said_to_be_noisy_is_and_alike_whatever_else_is(body, motio
 
 
 def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion):
-    noise = Noise(0.1, torque=True, state=True)
+    noise = Noise(state=True)
     whole, random = stack(measure(body, motion, noise, 5)), np.random.default_rng(5)
     alone = (Motion(motion.time, *(x[i : i + 1] for x in motion[1:])) for i in range(2))
     parts = [stack(measure(body, one, noise, random)) for one in alone]

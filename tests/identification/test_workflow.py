@@ -14,7 +14,6 @@ from sidegan.identification.workflow import identify_arm, preferred
 from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
 from tests.recording.conftest import moved, of_file
-from tests.settings import settings
 
 VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
 
@@ -31,8 +30,8 @@ def recordings(planar):
 
 
 def identified(arm, training, validation=(), method="weighted", **others):
-    terms = settings(Terms, "model/joint_torque", sign_width=0.01)
-    options = settings(EstimationSettings, "experiment/identify:identify", method=method, **others)
+    terms = Terms(sign_width=0.01)
+    options = EstimationSettings(method=method, **others)
     return identify_arm(arm, list(training), list(validation), terms, options)
 
 

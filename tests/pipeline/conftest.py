@@ -6,8 +6,8 @@ import sys
 import pytest
 
 from sidegan.pipeline.artifact import Build
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from sidegan.run import main
 from tests.tiny import tiny
 
@@ -15,11 +15,11 @@ NOWHERE = "http://127.0.0.1:9"  # the discard port: nothing listens there
 
 
 @pytest.fixture
-def task(tmp_path):
+def context(tmp_path):
     """Tiny tasks with changed settings, whose outputs are the test's own."""
 
     def made(*overrides, **options):
-        return Task(tiny(f"outputs={tmp_path}", *overrides, **options), Store(tmp_path))
+        return RunContext(tiny(f"outputs={tmp_path}", *overrides, **options), Store(tmp_path))
 
     return made
 

@@ -12,7 +12,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.store import Store
 from sidegan.robot import load_robot
-from sidegan.seeds import Gradient, Tasks, make_seeds
+from sidegan.seeding import Gradient, Tasks, make_seeds
 from sidegan.validity import Constraints
 
 METHOD = Gradient(steps=10, attempts=5, reserve=0.2)

@@ -14,8 +14,8 @@ import torch
 from sidegan.design import search as searching
 from sidegan.design.search import Condition, design_set, search
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages.worth import tell_worthless
 from sidegan.robot import inconsistent_links, placeholder_links, possible_links
+from sidegan.steps.worth import tell_worthless
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
 from tests.robot.arms import task_of
@@ -33,7 +33,7 @@ FRICTION = arm_of(limit=LIMIT + '<dynamics damping="6" friction="5"/>')
 ALIKE = arm_of(dict.fromkeys(range(4), inertial(place="0 0 0") + rod()))
 STATE = '<group_state name="{}" group="arm">{}</group_state>'
 KEY = '<key name="{}" qpos="0.3 0.6 -1.2 0.2"/>'
-HOME = [0.3, 0.6, -1.2, 0.2]
+HOME = (0.3, 0.6, -1.2, 0.2)
 
 
 @pytest.fixture
@@ -49,29 +49,30 @@ def excited(tmp_path):
     return made
 
 
-def found_for(task):
+def found_for(context):
     """One trajectory of a set."""
-    return search(task.problem, Condition(task.problem).next(), task.cfg.search)
+    return search(context.cell.problem, Condition(context.cell.problem).next(), context.cfg.search)
 
 
 def test_links_with_a_constant_gap_keep_a_part_of_it_and_the_set_moves(excited):
-    task = excited(GAP)
-    assert task.constraints.tight == {("base", "link1"): 0.006} and task.constraints.apart == 0.02
-    assert "0.02 m (less room: base – link1 0.006 m)" in task.constraints.kept_clear
-    found = found_for(task)
-    assert found.share == 1 and task.problem.limit_use(found.coefficients[None]).median() > 0.7
+    context = excited(GAP)
+    constraints = context.cell.constraints
+    assert constraints.tight == {("base", "link1"): 0.006} and constraints.apart == 0.02
+    assert "0.02 m (less room: base – link1 0.006 m)" in constraints.kept_clear
+    found = found_for(context)
+    assert found.share == 1 and context.cell.problem.limit_use(found.coefficients[None]).median() > 0.7
 
 
 def test_a_home_that_is_looked_for_has_room_beside_what_is_kept(excited):
     beside = arm_of(base=rod('xyz="0 0 0.02"') + ball(0.05, "0.112 0 1.15"))  # 22 mm from link 3 at zeros
-    task = excited(beside)
-    assert task.home is not None and excited(beside, "workspace.clearance=0.02").home is None
-    q = torch.tensor(task.home, dtype=torch.float64)
-    assert task.constraints.distances_at(q)["base", "link3"] >= 0.03 and not task.constraints.tight
+    cell = excited(beside).cell
+    assert any(cell.home) and not any(excited(beside, "workspace.clearance=0.02").cell.home)
+    q = torch.tensor(cell.home, dtype=torch.float64)
+    assert cell.constraints.distances_at(q)["base", "link3"] >= 0.03 and not cell.constraints.tight
 
 
 def test_many_harmonics_have_as_many_samples(excited):
-    assert excited(GAP, "trajectory.harmonics=40").problem.samples == 81
+    assert excited(GAP, "trajectory.harmonics=40").cell.problem.samples == 81
 
 
 @pytest.mark.parametrize(
@@ -89,16 +90,16 @@ def test_many_harmonics_have_as_many_samples(excited):
     ],
 )
 def test_each_constraint_has_a_remedy(excited, where, said):
-    assert said in remedy(excited(GAP).constraints, where)
+    assert said in remedy(excited(GAP).cell.constraints, where)
 
 
 def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
-    task = excited(GAP, "robot.limits.velocity={joint0: 0.5, joint1: 0.5, joint2: 0.5, joint3: 0.5}")
-    c = found_for(task).coefficients[None]
-    said = tell_worthless(task, Condition(task.problem), 0.05 * c, 1e7)
+    context = excited(GAP, "robot.limits.velocity={joint0: 0.5, joint1: 0.5, joint2: 0.5, joint3: 0.5}")
+    c = found_for(context).coefficients[None]
+    said = tell_worthless(context.cell, Condition(context.cell.problem), 0.05 * c, 1e7)
     assert "it uses 5% of the limits on motion, its condition is 1e7; what stands in its way is " in said
     assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: 0.\d", said)
-    assert tell_worthless(task, Condition(task.problem), c, 100.0) == ""
+    assert tell_worthless(context.cell, Condition(context.cell.problem), c, 100.0) == ""
 
 
 @pytest.mark.parametrize(
@@ -123,15 +124,15 @@ def test_what_is_wrong_with_a_description_is_told_before_anything_is_designed(ex
 
 
 def test_placeholders_are_no_links_to_start_from(excited):
-    arm = excited(ALIKE).whole_arm
+    arm = excited(ALIKE).cell.whole_arm
     start = possible_links(arm)
     assert placeholder_links(arm) and not inconsistent_links(arm, start)
     assert not torch.isclose(start[:, 0], arm.inertial_parameters[:, 0]).any()
-    assert placeholder_links(excited(arm_of()).whole_arm) == []
+    assert placeholder_links(excited(arm_of()).cell.whole_arm) == []
 
 
 def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypatch, caplog):
-    task, calls = excited(GAP, "search.evaluations=60"), []
+    context, calls = excited(GAP, "search.evaluations=60"), []
 
     def spoiled(bad, problem, goal, settings, seed):
         calls.append(seed)
@@ -139,18 +140,25 @@ def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypa
         return replace(found, share=0.02) if seed in bad else found
 
     monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
-    assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 2
+    assert (
+        len(design_set(context.cell.problem, Condition(context.cell.problem), 2, context.cfg.search, 0)) == 2
+    )
     assert calls == [0, 2, 1]
     monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5, 7}))
-    assert len(design_set(task.problem, Condition(task.problem), 2, task.cfg.search, 0)) == 1
+    assert (
+        len(design_set(context.cell.problem, Condition(context.cell.problem), 2, context.cfg.search, 0)) == 1
+    )
     assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
 
 
 def test_torques_that_are_told_hold_friction_and_keep_the_limits(excited, tmp_path):
     """By Pinocchio, damping times the velocity and friction by its sign."""
-    task = excited(FRICTION, "goal.count=2", "controllers.rate=500")
-    run_stages(task.cfg, tmp_path / "run", "excite")
-    model, told = chain_model(task.whole_arm), pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"]
+    context = excited(FRICTION, "goal.count=2", "controllers.rate=500")
+    run_stages(context.cfg, tmp_path / "run", "excite")
+    model, told = (
+        chain_model(context.cell.whole_arm),
+        pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"],
+    )
     data, shares = model.createData(), []
     for k in (1, 2):
         frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
@@ -176,12 +184,12 @@ def postures(*names, value=0.3):
     ],
 )
 def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names, value, home):
-    task = excited(arm_of(), arm_srdf=postures(*names, value=value))
-    assert task.home == home
+    context = excited(arm_of(), arm_srdf=postures(*names, value=value))
+    assert context.cell.home == (home or (0,) * len(HOME))
     with caplog.at_level(logging.INFO):
-        task.tell()
+        context.tell()
     assert ("home is where the description has the arm rest: 0.3, 0.6" in caplog.text) == (home is not None)
-    assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).home is None
+    assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
 
 
 def test_home_is_the_keyframe_of_an_mjcf(tmp_path):
@@ -195,4 +203,4 @@ def test_home_is_the_keyframe_of_an_mjcf(tmp_path):
     keys = f"<keyframe>{KEY.format('home')}{KEY.format('other').replace('0.3', '0')}</keyframe>"
     (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}{ends}</worldbody>{keys}</mujoco>")
     speeds = "robot.limits.velocity={j0: 2, j1: 2, j2: 2, j3: 2}"
-    assert task_of(tmp_path / "arm.xml", [speeds], tmp_path / "out").home == HOME
+    assert task_of(tmp_path / "arm.xml", [speeds], tmp_path / "out").cell.home == HOME

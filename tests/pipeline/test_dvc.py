@@ -12,7 +12,8 @@ import pytest
 import yaml
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from sidegan.pipeline.artifact import VERSIONS, versions
+from sidegan.pipeline.artifact import versions
+from sidegan.pipeline.places import VERSIONS
 from tests.tiny import tiny
 
 ROOT = Path(__file__).parents[2]

@@ -129,10 +129,10 @@ SPARE = "robot.limits.effort={shoulder: 18}"  # N·m, of 16.3 that gravity asks 
 
 
 @pytest.mark.parametrize(("option", "effort"), [("seed=0", 0.8), (SPARE, 1.0), ("robot.effort=0.4", 0.4)])
-def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(ran, task, caplog, option, effort):
-    made = task(option, experiment="excite")
-    whole, used = made.whole_arm, made.arm
-    assert made.effort == effort and task().effort == 1.0  # as the paper has it
+def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(ran, context, caplog, option, effort):
+    made = context(option, experiment="excite")
+    whole, used = made.cell.whole_arm, made.cell.arm
+    assert made.cell.effort == effort and context().cell.effort == 1.0  # as the paper has it
     assert used.velocity_limit.tolist() == pytest.approx((effort * whole.velocity_limit).tolist())
     assert used.torque_limit.tolist() == pytest.approx((effort * whole.torque_limit).tolist())
     with caplog.at_level("INFO"):

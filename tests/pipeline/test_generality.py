@@ -4,9 +4,9 @@ import pandas as pd
 import pytest
 
 from experiments.generality import beside_seeds
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import arms, library
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.task import Task
 from tests.tiny import TINY, composed, validate
 
 OWN = [one for one in TINY if not one.startswith(("long.", "selection.", "robot=", "seeds=", "tracking="))]
@@ -24,11 +24,11 @@ def test_one_command_compares_arms(command, tmp_path):
     assert "arms=[planar2]" in page and "| planar2 | 2 | 0 |" in page and len(page.split()) < 600
 
 
-def test_an_arm_has_the_artifacts_of_a_run_of_its_own(task):
+def test_an_arm_has_the_artifacts_of_a_run_of_its_own(context):
     shared = GIVEN[2:]
-    compared = Task(validate(composed(*GIVEN)), task().store, GIVEN)
+    compared = RunContext(validate(composed(*GIVEN)), context().store, GIVEN)
     own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
-    alone = Task(own, task().store, ())
+    alone = RunContext(own, context().store, ())
     found = {one.digest: one.title for one in arms.STAGES["arms"].artifacts(compared)}
     for one in (seed_set(alone), library.library(alone, "eigen", 0)):
         assert found[one.digest] == f"planar2 {one.title}"

@@ -19,7 +19,6 @@ from sidegan.pipeline.store import PARAMS
 from tests.pipeline.conftest import client_of
 from tests.recording.conftest import moved
 from tests.recording.files import frame
-from tests.settings import settings
 from tests.tiny import tiny
 
 FILES = "MLmodel check.json links.csv model.py parameters.csv parameters.json report.html verdict.json"
@@ -178,11 +177,11 @@ def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its
             model.predict(table.drop(columns="q_elbow"))
 
 
-def test_another_recording_of_the_same_name_is_another_model(task, files, tmp_path):
+def test_another_recording_of_the_same_name_is_another_model(context, files, tmp_path):
     copy = tmp_path / files[2].name
     copy.write_text("".join(files[2].read_text().splitlines(keepends=True)[:-1]))
     one, other = (
-        identify.model(task(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
+        identify.model(context(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
     )
     assert one.digest != other.digest
 
@@ -196,7 +195,7 @@ def test_the_python_class_is_the_weighted_model_where_that_predicts_better(plana
     verdict, folder = identified(tmp_path, *given(*names))
     assert verdict["use"] == "weighted" and "Use the weighted" in verdict["advice"]
     numbers = json.loads((folder / "parameters.json").read_text())
-    terms = settings(Terms, "model/joint_torque", sign_width=numbers["sign_width"])
+    terms = Terms(sign_width=numbers["sign_width"])
     body = TorqueModel(RigidBody(planar), terms)
     assert list(body.names) == numbers["names"]
     theta, model = torch.tensor(numbers["parameters"], dtype=torch.float64), python_class(folder)

@@ -9,7 +9,8 @@ from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 
-from sidegan.pipeline.compose import CONF, explain
+from sidegan.pipeline.compose import explain
+from sidegan.pipeline.places import CONF
 from tests.tiny import TINY
 
 JOBLIB, SUBMITIT = "hydra_plugins.hydra_joblib_launcher", "hydra_plugins.hydra_submitit_launcher"

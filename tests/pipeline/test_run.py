@@ -21,18 +21,20 @@ def write_seeds(build):
     (build.folder / "seeds.txt").write_text("seeds")
 
 
-def seeds_of(task):
+def seeds_of(context):
     """A small artifact in the place of the seed set."""
-    settings = {"count": task.cfg.seeds.count}
-    return Artifact("seeds", task.cfg.robot.name, "seeds", settings, {}, task.cfg.seed, write_seeds, print)
+    settings = {"count": context.cfg.seeds.count}
+    return Artifact(
+        "seeds", context.cfg.robot.name, "seeds", settings, {}, context.cfg.seed, write_seeds, print
+    )
 
 
-def fail_on_odd_seeds(task, tracker):
-    if task.cfg.seed % 2:
-        raise InfeasibleError(f"no start became valid with seed {task.cfg.seed}")
+def fail_on_odd_seeds(context, tracker):
+    if context.cfg.seed % 2:
+        raise InfeasibleError(f"no start became valid with seed {context.cfg.seed}")
 
 
-def lose_the_interrupt(task, tracker):
+def lose_the_interrupt(context, tracker):
     try:
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(5)
@@ -43,7 +45,7 @@ def lose_the_interrupt(task, tracker):
 def fails(error):
     """A stage that raises."""
 
-    def show(task, tracker):
+    def show(context, tracker):
         raise error
 
     return show
@@ -57,11 +59,11 @@ FAILURES = {  # by stage: what it raises, the exit code, and a word of what is t
     "bug": (ZeroDivisionError("a bug"), 1, "error: unexpected ZeroDivisionError"),
 }
 STAGES = {
-    "seeds": lambda task, tracker: task.store.produce(seeds_of(task)),
-    "use": lambda task, tracker: task.store.require(seeds_of(task)),
+    "seeds": lambda context, tracker: context.store.produce(seeds_of(context)),
+    "use": lambda context, tracker: context.store.require(seeds_of(context)),
     "odd": fail_on_odd_seeds,
     "interrupt": fails(KeyboardInterrupt),
-    "terminate": lambda task, tracker: os.kill(os.getpid(), signal.SIGTERM),
+    "terminate": lambda context, tracker: os.kill(os.getpid(), signal.SIGTERM),
     "lost": lose_the_interrupt,
     **{name: fails(error) for name, (error, *_) in FAILURES.items()},
 }

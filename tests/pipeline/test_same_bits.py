@@ -10,11 +10,11 @@ from pathlib import Path
 
 from sidegan.library.measure import measured
 from sidegan.pipeline.artifact import Build
+from sidegan.pipeline.context import RESULTS, RunContext
 from sidegan.pipeline.stages.baselines import random_set, random_valid
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.selection import ExcitationSet
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import RESULTS, Task
 from tests.tiny import tiny
 
 GARBAGE = {"MALLOC_PERTURB_": "165"}  # in every byte that is allocated, and in every one that is freed
@@ -25,16 +25,19 @@ def digests(*names: str) -> dict[str, str]:
     found = {}
     for name in names:
         with tempfile.TemporaryDirectory() as folder:
-            task = Task(tiny(f"outputs={folder}", "trajectory.period=4"), Store(Path(folder)))
+            context = RunContext(tiny(f"outputs={folder}", "trajectory.period=4"), Store(Path(folder)))
             library = measured(
-                task.constraints, task.trajectory, random_valid(task, 4, name).coefficients, name
+                context.cell.constraints,
+                context.cell.trajectory,
+                random_valid(context, 4, name).coefficients,
+                name,
             )
-            task.__dict__["load"] = lambda artifact, library=library: library
-            one = ExcitationSet(name, None, task.trajectory, random_set(task))
+            context.__dict__["load"] = lambda artifact, library=library: library
+            one = ExcitationSet(name, None, context.cell.trajectory, random_set(context))
             for stage in (plant, identification):
                 build = Build(Path(folder, stage.__name__), Path(folder), lambda done, total: None)
                 build.folder.mkdir()
-                stage(task, one).make(build)
+                stage(context, one).make(build)
                 content = (build.folder / RESULTS).read_bytes()
                 found[f"{name}/{stage.__name__}"] = hashlib.sha256(content).hexdigest()
     return found

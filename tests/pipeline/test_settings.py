@@ -5,8 +5,9 @@ import shlex
 import pytest
 
 from sidegan.errors import ConfigError
-from sidegan.pipeline.artifact import VERSIONS, flatten
-from sidegan.pipeline.compose import CONF
+from sidegan.gan.settings import RECIPES
+from sidegan.pipeline.artifact import flatten
+from sidegan.pipeline.places import CONF, VERSIONS
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, words
 from tests import tiny
@@ -49,6 +50,30 @@ def test_every_experiment_is_valid_at_every_scale(experiment):
         config = configured(*([f"scale={scale}"] if scale else []), experiment=experiment)
         assert config.experiment == experiment and config.stages
         assert scale is None or config.scale["name"] == scale
+
+
+DEFAULTS = [
+    ("excite", "parallel workspace trajectory controllers plant goal search model"),
+    ("identify", "recording identify model"),
+    ("gains", "load"),
+    ("exp2", "replication"),
+    (
+        "reproduction condition=gradient",
+        "trajectory seeds surrogates library selection long identification plants discussion",
+    ),
+]
+
+
+@pytest.mark.parametrize(("words", "groups"), DEFAULTS)
+def test_conf_and_the_classes_have_the_same_defaults(words, groups):
+    experiment, *overrides = words.split()
+    config = configured(*overrides, experiment=experiment)
+    for chosen in (getattr(config, group) for group in groups.split()):
+        assert chosen == type(chosen)()
+
+
+def test_conf_and_the_package_have_the_same_variants():
+    assert configured("condition=gradient").gan == RECIPES
 
 
 def test_a_command_composes_what_it_uses():

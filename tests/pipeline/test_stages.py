@@ -7,13 +7,13 @@ import pytest
 
 from experiments.artifacts import comparison
 from sidegan.pipeline.compose import composed
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import pools, selection
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from sidegan.validity import check
 from tests.tiny import TINY, tiny
 
@@ -28,8 +28,8 @@ def once(outputs, tmp_path_factory):
 
 @pytest.fixture
 def made(once, outputs):
-    """The task of that run."""
-    return Task(tiny(f"outputs={outputs}"), Store(outputs))
+    """The context of that run."""
+    return RunContext(tiny(f"outputs={outputs}"), Store(outputs))
 
 
 def artifacts(made):
@@ -70,7 +70,7 @@ def test_the_libraries_hold_what_is_valid(made):
     for name in made.cfg.gan:
         trajectories, report = made.load(library(made, name, 0)), made.report(library(made, name, 0))
         assert len(trajectories) == made.cfg.library.count
-        assert check(made.constraints, made.trajectory, trajectories.coefficients).valid.all()
+        assert check(made.cell.constraints, made.cell.trajectory, trajectories.coefficients).valid.all()
         assert 0 < report["valid_share"] <= 1 and report["drawn"] >= len(trajectories)
 
 
@@ -87,7 +87,7 @@ def test_the_selections_are_of_seeds_and_libraries(made):
 def test_an_exact_variant_learns_from_no_seeds(made):
     (folder,) = (one for one in artifacts(made)["gan"] if one.name.startswith("planar2-exact"))
     assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
-    alone = Task(tiny("gan=exact", "stages=[surrogates]"), made.store)
+    alone = RunContext(tiny("gan=exact", "stages=[surrogates]"), made.store)
     assert artifacts(alone) == {"surrogates": {}}
 
 
@@ -96,7 +96,7 @@ def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
     for name in ("ours", "gradient"):
         run_stages(composed(*words, f"condition={name}"), tmp_path / name, name)
     words = *words, "condition=ours"  # of the command: another one takes its place
-    both = comparison(Task(composed(*words, "conditions=[ours,gradient]"), Store(outputs), words))
+    both = comparison(RunContext(composed(*words, "conditions=[ours,gradient]"), Store(outputs), words))
     assert both["gradient"].cfg.seeds.method == "gradient"
     assert [made.cfg.condition.name for made in both.values()] == list(both) == ["ours", "gradient"]
     assert all(made.seeds["condition"] > 1 for made in both.values())

@@ -218,8 +218,8 @@ def test_what_it_took_is_kept_beside_the_artifact_and_not_in_it(tmp_path):
 
 
 def run(store, *artifacts, tracker):
-    task = SimpleNamespace(store=store, planning=False, cfg=None)
-    run_stage("numbers", Stage(lambda _: artifacts), task, tracker)
+    context = SimpleNamespace(store=store, planning=False, cfg=None)
+    run_stage("numbers", Stage(lambda _: artifacts), context, tracker)
 
 
 def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(store, monkeypatch):

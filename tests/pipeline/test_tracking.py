@@ -108,10 +108,10 @@ def test_a_run_ends_as_it_does(root, error, status):
 
 
 def test_a_sweep_is_a_parent_with_a_table_whose_children_end_as_they_do(command, root, monkeypatch):
-    def fail_on_odd_seeds(task, tracker):
+    def fail_on_odd_seeds(context, tracker):
         tracker.log_history({"fitness": [3.0, 2.0]})
-        leave_results(pd.DataFrame({"nMSE": [0.5]}, index=["seeds"]), task.store.run_folder)
-        if task.cfg.seed % 2:
+        leave_results(pd.DataFrame({"nMSE": [0.5]}, index=["seeds"]), context.store.run_folder)
+        if context.cfg.seed % 2:
             raise InfeasibleError("no start became valid")
 
     monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=fail_on_odd_seeds))

@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from sidegan.library.measure import measured
+from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS
 from sidegan.pipeline.stages.baselines import random_set
 from sidegan.pipeline.stages.identification import identification
 from sidegan.pipeline.stages.replication import replication, sums, whole_sets
 from sidegan.pipeline.stages.selection import ExcitationSet
-from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS
 from tests.golden.make import draw
 
 RECORDED = {
@@ -33,31 +33,31 @@ COLUMNS = ("nmse", "covariance_norm", "condition", "samples")
 
 
 @pytest.fixture
-def fixed(task):
-    """A task whose seeds and libraries are the same 24 trajectories on every machine."""
-    made = task("gan=eigen", experiment="reproduction")
+def fixed(context):
+    """A context whose seeds and libraries are the same 24 trajectories on every machine."""
+    made = context("gan=eigen", experiment="reproduction")
     c = torch.from_numpy(draw(1, 24, 2, 3, 2)) / torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64)[:, None]
-    library = measured(made.constraints, made.trajectory, c, "fixed")
+    library = measured(made.cell.constraints, made.cell.trajectory, c, "fixed")
     made.__dict__["load"] = lambda artifact: library
     return made
 
 
-def means(task, artifact, files):
+def means(context, artifact, files):
     """Means of an artifact's numbers over weightings, joints, noise and tests."""
-    task.store.produce(artifact)
-    tables = {file.partition(".")[0]: task.frame(artifact, file) for file in files}
+    context.store.produce(artifact)
+    tables = {file.partition(".")[0]: context.frame(artifact, file) for file in files}
     return {f"{name}/{key}": one[key].mean() for name, one in tables.items() for key in COLUMNS if key in one}
 
 
-def identified(task):
-    one = ExcitationSet("fixed", None, task.trajectory, random_set(task))
-    return means(task, identification(task, one), (EXPECTED, RESULTS, FACTS))
+def identified(context):
+    one = ExcitationSet("fixed", None, context.cell.trajectory, random_set(context))
+    return means(context, identification(context, one), (EXPECTED, RESULTS, FACTS))
 
 
-def replicated(task):
-    for pool in whole_sets(task):
-        task.store.produce(sums(task, pool, "all"))
-    return means(task, replication(task, "all"), (RESULTS, FACTS))
+def replicated(context):
+    for pool in whole_sets(context):
+        context.store.produce(sums(context, pool, "all"))
+    return means(context, replication(context, "all"), (RESULTS, FACTS))
 
 
 WATCHED = {"identification": identified, "replication": replicated}

@@ -13,8 +13,9 @@ import torch
 
 from sidegan.base.storage import read_json
 from sidegan.identification import study
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
+from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stages import baselines
 from sidegan.pipeline.stages import density as densities
 from sidegan.pipeline.stages import identification as plants
@@ -23,15 +24,14 @@ from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
-from sidegan.pipeline.task import LIBRARY, REPORT, RESULTS, Task
 from sidegan.validity import check
 
 TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall that random motions hit
 
 
-def drawn(task, count, seed=5, reach=0.8):
+def drawn(context, count, seed=5, reach=0.8):
     """Random trajectories, valid or not."""
-    return task.problem.start(count, torch.Generator().manual_seed(seed), reach)
+    return context.cell.problem.start(count, torch.Generator().manual_seed(seed), reach)
 
 
 @dataclass(frozen=True)
@@ -40,18 +40,18 @@ class Planted(Pool):
 
     library: Library | None = None
 
-    def load(self, task):
+    def load(self, context):
         return self.library
 
 
 @pytest.fixture
-def planted(task):
-    """A task, a pool of 60 trajectories, and the places of the only six of them that move."""
-    made = task()
+def planted(context):
+    """A context, a pool of 60 trajectories, and the places of the only six of them that move."""
+    made = context()
     strong, places = drawn(made, 6), [17, 23, 31, 40, 48, 59]
     c = 0.02 * drawn(made, 60, seed=6)
     c[places] = strong
-    pool = Planted("planted", None, (), measured(made.constraints, made.trajectory, c, "planted"))
+    pool = Planted("planted", None, (), measured(made.cell.constraints, made.cell.trajectory, c, "planted"))
     return made, pool, places
 
 
@@ -60,41 +60,44 @@ def test_a_selection_finds_the_trajectories_that_excite(planted, build, method, 
     made, pool, places = planted
     made = made.with_settings(selection=replace(made.cfg.selection, method=method))
     selection(made, pool).make(build)
-    chosen = Library.load(build.folder / LIBRARY, made.arm).coefficients
+    chosen = Library.load(build.folder / LIBRARY, made.cell.arm).coefficients
     apart = torch.cdist(chosen.flatten(1), pool.library.coefficients[places].flatten(1))
     moving = int((apart < 1e-9).any(1).sum())
     assert least <= moving and (method != "greedy" or moving < 6)  # greedy: what differs most is one at rest
 
 
-def test_random_trajectories_are_checked_and_those_that_fail_are_missing(task, build):
-    made = task(*TIGHT)
-    share = float(check(made.constraints, made.trajectory, drawn(made, 400)).valid.double().mean())
+def test_random_trajectories_are_checked_and_those_that_fail_are_missing(context, build):
+    made = context(*TIGHT)
+    share = float(check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.double().mean())
     assert 0.1 < share < 0.9, "the workspace tells nothing"
     draws = random_valid(made, 40, "any")
-    assert draws.drawn > 40 and check(made.constraints, made.trajectory, draws.coefficients).valid.all()
+    assert (
+        draws.drawn > 40
+        and check(made.cell.constraints, made.cell.trajectory, draws.coefficients).valid.all()
+    )
     random_set(made).make(build)
-    library = Library.load(build.folder / LIBRARY, made.arm)
-    assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
+    library = Library.load(build.folder / LIBRARY, made.cell.arm)
+    assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
 
 
-def test_natural_draws_reach_as_far_as_nearly_all_are_valid(task, build):
-    made = task(*TIGHT)
+def test_natural_draws_reach_as_far_as_nearly_all_are_valid(context, build):
+    made = context(*TIGHT)
     natural_set(made).make(build)
-    library, report = Library.load(build.folder / LIBRARY, made.arm), read_json(build.folder / REPORT)
-    assert check(made.constraints, made.trajectory, library.coefficients).valid.all()
+    library, report = Library.load(build.folder / LIBRARY, made.cell.arm), read_json(build.folder / REPORT)
+    assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
     assert report["valid_share"] >= 0.99 and len(library) == 400 * report["valid_share"]
-    farther = check(made.constraints, made.trajectory, 1.1 * library.coefficients).valid
+    farther = check(made.cell.constraints, made.cell.trajectory, 1.1 * library.coefficients).valid
     assert 0.5 < farther.double().mean() < 0.99
-    use = made.problem.limit_use(library.coefficients)
+    use = made.cell.problem.limit_use(library.coefficients)
     torch.testing.assert_close(use, torch.full_like(use, report["reach"]), rtol=0.02, atol=0)
 
 
-def test_a_longer_search_finds_better_conditions_and_all_are_valid(task, build, monkeypatch):
+def test_a_longer_search_finds_better_conditions_and_all_are_valid(context, build, monkeypatch):
     monkeypatch.setattr(baselines, "_SEARCHED", 12)
-    made, conditions = task(), []
+    made, conditions = context(), []
     for evaluations in (10, 80):
         searched_set(made, evaluations).make(build)
-        library = Library.load(build.folder / LIBRARY, made.arm)
+        library = Library.load(build.folder / LIBRARY, made.cell.arm)
         assert len(library) == 12 and library.valid.all()
         conditions.append(float(library.fitness.median()))
     assert conditions[1] < 0.5 * conditions[0]
@@ -103,11 +106,11 @@ def test_a_longer_search_finds_better_conditions_and_all_are_valid(task, build, 
 def test_sets_are_measured_beside_half_of_the_seeds_and_by_random_draws(planted, build, monkeypatch):
     """Seeds, the same ones shifted, and ones that hardly move: each is told from the others."""
     made, _, _ = planted
-    seeds = measured(made.constraints, made.trajectory, drawn(made, 80, reach=0.4), "seeds")
-    monkeypatch.setattr(Task, "load", lambda self, artifact: seeds)
+    seeds = measured(made.cell.constraints, made.cell.trajectory, drawn(made, 80, reach=0.4), "seeds")
+    monkeypatch.setattr(RunContext, "load", lambda self, artifact: seeds)
 
     def measures_of(name, c):
-        library = measured(made.constraints, made.trajectory, c, name)
+        library = measured(made.cell.constraints, made.cell.trajectory, c, name)
         measures(made, Planted(name, None, (), library)).make(build)
         return read_json(build.folder / REPORT), pd.read_parquet(build.folder / RESULTS)
 
@@ -130,19 +133,19 @@ def test_sets_are_measured_beside_half_of_the_seeds_and_by_random_draws(planted,
 
 
 @pytest.fixture
-def executed(task, monkeypatch):
-    """A task in a tight workspace, and a set of valid motions that a model is to be identified from."""
-    made = task(*TIGHT)
+def executed(context, monkeypatch):
+    """A context in a tight workspace, and a set of valid motions that a model is to be identified from."""
+    made = context(*TIGHT)
     c = random_valid(made, 6, "learned").coefficients
-    library = measured(made.constraints, made.trajectory, c, "planted")
-    monkeypatch.setattr(Task, "load", lambda self, artifact: library)
-    return made, ExcitationSet("planted", None, made.trajectory, random_set(made)), c
+    library = measured(made.cell.constraints, made.cell.trajectory, c, "planted")
+    monkeypatch.setattr(RunContext, "load", lambda self, artifact: library)
+    return made, ExcitationSet("planted", None, made.cell.trajectory, random_set(made)), c
 
 
 def refuse_tests(made, learned, tests):
     """Tests must be valid motions that the model has not learned from."""
     assert len(tests) == made.cfg.identification.tests
-    assert check(made.constraints, made.trajectory, tests).valid.all()
+    assert check(made.cell.constraints, made.cell.trajectory, tests).valid.all()
     assert torch.cdist(tests.flatten(1), learned.flatten(1)).min() > 0.1
 
 
@@ -182,10 +185,10 @@ def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, bu
         torch.testing.assert_close(taken, torch.as_tensor(torque), rtol=0, atol=0)
 
 
-def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(task, build, monkeypatch):
-    made = task("discussion.bandwidths=[1e-6,1]", "discussion.draws=20", experiment="reproduction")
+def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(context, build, monkeypatch):
+    made = context("discussion.bandwidths=[1e-6,1]", "discussion.draws=20", experiment="reproduction")
     c = drawn(made, 40, reach=0.5)
-    monkeypatch.setattr(densities, "training_seeds", lambda task: SimpleNamespace(coefficients=c))
+    monkeypatch.setattr(densities, "training_seeds", lambda context: SimpleNamespace(coefficients=c))
     density(made).make(build)
     narrow, wide = pd.read_parquet(build.folder / RESULTS).from_seed / torch.pdist(c.flatten(1)).min().item()
     assert narrow < 1e-4 and 0.1 < wide < 10

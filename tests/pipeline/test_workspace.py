@@ -72,13 +72,13 @@ def test_built_in_arms_are_known_as_ever(planar):
     assert tiny("workspace=free").workspace.stamped(planar) == {"torque": True, "regions": []}
 
 
-def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(task, stranger, caplog):
-    made = task("workspace=desk", f"robot.name={stranger}")
-    assert made.constraints.regions == (Plane((0.0, 0.0, 1.0), -0.3),)
+def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(context, stranger, caplog):
+    made = context("workspace=desk", f"robot.name={stranger}")
+    assert made.cell.constraints.regions == (Plane((0.0, 0.0, 1.0), -0.3),)
     with caplog.at_level(logging.INFO):
         made.tell()
     assert "floor at z = -0.3 m, which planar2 stands on; workspace=free drops it" in caplog.text
-    assert task("workspace=free", f"robot.name={stranger}").constraints.regions == ()
+    assert context("workspace=free", f"robot.name={stranger}").cell.constraints.regions == ()
 
 
 def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(stranger, planar):

@@ -8,7 +8,6 @@ from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.plant import PlantSettings
 from sidegan.robot import Arm
 from tests.chains import random_chain, real_links
-from tests.settings import settings
 
 
 @pytest.fixture(scope="session")
@@ -23,8 +22,8 @@ def chain() -> Callable[..., Arm]:
 
 @pytest.fixture(scope="session")
 def standard() -> PlantSettings:
-    """The settings in conf/experiment/excite.yaml."""
-    return settings(PlantSettings, "experiment/excite:plant")
+    """The usual friction, drives and servos."""
+    return PlantSettings()
 
 
 @pytest.fixture(scope="session")

@@ -6,16 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
-from omegaconf import OmegaConf
 
-from sidegan.base.typed import build
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.recorded import Sensors, recorded
 from sidegan.plant.varied import VariedPlant, VariedSettings
 from sidegan.robot import load_robot
-from tests.settings import CONF
 
 OFF = dict.fromkeys(("stribeck", "load", "asymmetry", "position", "ripple"), 0.0)
 SEED = 3
@@ -23,8 +20,7 @@ SEED = 3
 
 @pytest.fixture(scope="module")
 def settings():
-    values = OmegaConf.load(CONF / "base" / "sets.yaml").plants.plant
-    return build(VariedSettings, OmegaConf.to_container(values, resolve=True))
+    return VariedSettings()
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +90,10 @@ def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, moti
 
 @pytest.mark.parametrize("correlation", [1e-6, 0.05])
 def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, correlation):
-    family, sensors = Trajectory(2, 3, 40.0), Sensors(0.1, correlation, cutoff=20.0, rate=100.0)
+    family, sensors = (
+        Trajectory(2, 3, 40.0),
+        Sensors(noise=0.1, correlation=correlation, cutoff=20.0, rate=100.0),
+    )
     made, c = plant(planar, plain), torch.zeros(1, 2, 3, 2, dtype=torch.float64)
     c[..., 0, 0] = 0.3
     exact, noisy = (recorded(made, family, c, sensors, random) for random in (None, np.random.default_rng(0)))

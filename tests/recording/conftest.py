@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.base.typed import build
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
-from tests.settings import settings
 
 
 def real(name):
@@ -23,7 +23,7 @@ def real(name):
 
 def of_file(**changes):
     """Settings of a CSV file with a column per joint and signal."""
-    return settings(RecordingSettings, "recording/csv", **changes)
+    return build(RecordingSettings, changes)
 
 
 def states(time, joints=2):

@@ -7,18 +7,22 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+import yaml
 
+from sidegan.base.typed import build
 from sidegan.errors import RecordingError
+from sidegan.pipeline.places import CONF
 from sidegan.recording.load import files_of, load_recording
 from sidegan.recording.settings import RecordingSettings
 from tests.recording.conftest import recorded
-from tests.settings import settings
 
 FPS, CUTS = 100, (0, 700, 1200, 2000)  # frames at which episodes begin
 
 
 def of_dataset(**changes):
-    return settings(RecordingSettings, "recording/lerobot", **changes)
+    kept = yaml.safe_load((CONF / "recording" / "lerobot.yaml").read_text(encoding="utf-8"))
+    del kept["defaults"]
+    return build(RecordingSettings, kept | changes)
 
 
 @pytest.fixture

@@ -15,9 +15,9 @@ import torch
 
 from sidegan.errors import SideganError
 from sidegan.pipeline.compose import composed
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from sidegan.report.export import markdown
 from sidegan.robot.chain import choose
 from sidegan.robot.sources import read_source
@@ -38,19 +38,19 @@ ROBOTS = next((folder for entry in sys.path if (folder := Path(entry, _FOLDER)).
 def task_of(file, words, work):
     """The excitation of an arm with some settings."""
     given = ["+experiment=excite", f"robot.name={file}", f"outputs={work}", "tracking=off", *words]
-    return Task(composed(*given), Store(Path(work), Path(work)))
+    return RunContext(composed(*given), Store(Path(work), Path(work)))
 
 
-def facts_of(task):
+def facts_of(context):
     """What an independent check has to know beside the description."""
-    arm, constraints = task.arm, task.constraints
+    arm, constraints = context.cell.arm, context.cell.constraints
     root = read_source(arm.urdf, arm.setup.args).root
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
     floors = [region.offset for region in constraints.regions if isinstance(region, Plane)]
     limits = {
         kind: dict.fromkeys(arm.joint_names, x) if isinstance(x, int | float) else dict(x)
-        for kind, x in vars(task.cfg.robot.limits).items()
+        for kind, x in vars(context.cfg.robot.limits).items()
         if x and kind != "file"
     }
     for kind, values in arm.higher_limits.items():
@@ -117,20 +117,23 @@ def outcome(file, given, work):
     """Loads an arm as its refusals say, compares its shapes with its meshes, and judges a set of it."""
 
     def load(words):
-        task = task_of(file, [*words, *SET], work)
-        assert task.constraints.labels
-        return task
+        context = task_of(file, [*words, *SET], work)
+        assert context.cell.constraints.labels
+        return context
 
-    task, words = remedied(load, given)
-    facts, bare = facts_of(task), task_of(file, [*words, "workspace.clearance=0"], work)
-    floorless = judge_of(task.arm, replace(facts, floor=-np.inf))
+    context, words = remedied(load, given)
+    facts, bare = facts_of(context), task_of(file, [*words, "workspace.clearance=0"], work)
+    floorless = judge_of(context.cell.arm, replace(facts, floor=-np.inf))
     refused = missed = np.nan
     if floorless.geometry.collisionPairs:
-        refused, missed = shape_accuracy(bare.constraints, floorless, CONFIGURATIONS)
-    run_stages(task.cfg, work / "run", task.arm.name)
-    files, judge = sorted((work / "run" / "trajectories").glob("[0-9]*.csv")), judge_of(task.arm, facts)
+        refused, missed = shape_accuracy(bare.cell.constraints, floorless, CONFIGURATIONS)
+    run_stages(context.cfg, work / "run", context.cell.arm.name)
+    files, judge = (
+        sorted((work / "run" / "trajectories").glob("[0-9]*.csv")),
+        judge_of(context.cell.arm, facts),
+    )
     verdicts = pd.DataFrame([judged(judge, path) for path in files])
-    return Outcome(task.arm.joints, words[len(given) :], refused, missed, verdicts)
+    return Outcome(context.cell.arm.joints, words[len(given) :], refused, missed, verdicts)
 
 
 def judge_of(arm, facts):

@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from sidegan.errors import RobotError
-from sidegan.pipeline.stages.excite import _peaks
 from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import (
     doubtful_links,
@@ -128,8 +127,8 @@ def test_limits_that_no_arm_has_are_named_with_the_words_that_set_them(load, spa
 
 def test_peaks_are_shares_with_their_values():
     peaks = torch.tensor([[[1.0, -3.0], [0.5, 2.0]]])
-    assert _peaks(peaks, torch.tensor([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
-    assert _peaks(peaks, torch.tensor([torch.inf, torch.inf]), ["N·m", "N"]) == ["3 N"]
+    assert peaks(peaks, torch.tensor([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
+    assert peaks(peaks, torch.tensor([torch.inf, torch.inf]), ["N·m", "N"]) == ["3 N"]
 
 
 def test_mujoco_leaves_no_file_and_pictures_one_message(load, tmp_path, monkeypatch, caplog):

@@ -4,28 +4,28 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from sidegan.pipeline.artifact import Artifact
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages import stage
-from sidegan.pipeline.task import Task
 
 _STAGES = ("seeds", "surrogates", "gan", "library", "random", "measures")
 
 
-def of_arms(task: Task) -> dict[str, Task]:
-    """The task for each arm, by its name among the settings."""
-    return {name: task.with_other("robot", name) for name in task.cfg.arms}
+def of_arms(run: RunContext) -> dict[str, RunContext]:
+    """The run for each arm, by its name among the settings."""
+    return {name: run.with_other("robot", name) for name in run.cfg.arms}
 
 
-def _arms(task: Task) -> Iterator[Artifact]:
-    for name, one in of_arms(task).items():
+def _arms(run: RunContext) -> Iterator[Artifact]:
+    for name, one in of_arms(run).items():
         for part in map(stage, _STAGES):
             for artifact in part.artifacts(one):
                 yield replace(artifact, title=f"{name} {artifact.title}")
 
 
-def _check(task: Task) -> None:
-    for one in of_arms(task).values():
-        _ = one.constraints
+def _check(run: RunContext) -> None:
+    for one in of_arms(run).values():
+        _ = one.cell.constraints
         for part in map(stage, _STAGES):
             part.check(one)
 

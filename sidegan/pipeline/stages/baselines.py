@@ -14,127 +14,128 @@ from sidegan.design.problem import Problem
 from sidegan.design.search import search
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
+from sidegan.library import LIBRARY
 from sidegan.library.draw import Draws, Expansion, draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.task import LIBRARY, REPORT, Task
-from sidegan.seeds import Gradient, make_long
+from sidegan.seeding import Gradient, make_long
 
 REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
 _TRIES = 1000  # draws for each random trajectory, most of them
 _DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, the share of them that is valid, its precision
 _SEARCHED = 200  # trajectories of each search
 _EVALUATIONS = (10, 40, 160)
-_SEARCH = SearchSettings(evaluations=10, patience=130, samples=40, reserve=0.03)
+_SEARCH = SearchSettings(evaluations=10)
 
 
-def random_set(task: Task) -> Artifact:
+def random_set(run: RunContext) -> Artifact:
     """Random valid trajectories, as many as a generator's library has."""
-    settings = {"count": task.cfg.library.count}
-    return task.artifact("random", "random", _make_random, settings, title="random", alone=True)
+    settings = {"count": run.cfg.library.count}
+    return run.artifact("random", "random", _make_random, settings, title="random", alone=True)
 
 
-def random_valid(task: Task, count: int, purpose: str, reach: float = REACH) -> Draws:
-    """Random valid trajectories, (count, J, H, 2), of the task's own draws for a purpose."""
-    generator = torch.Generator().manual_seed(task.number(purpose))
-    settings = Expansion(count, batch=count, draws=_TRIES * count, least=count)
+def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH) -> Draws:
+    """Random valid trajectories, (count, J, H, 2), of the run's own draws for a purpose."""
+    generator = torch.Generator().manual_seed(run.number(purpose))
+    settings = Expansion(count=count, batch=count, draws=_TRIES * count, least=count)
     return draw_valid(
-        lambda n: task.problem.start(n, generator, reach),
-        task.check,
+        lambda n: run.cell.problem.start(n, generator, reach),
+        run.cell.check,
         settings,
         "drawn at random in this workspace",
     )
 
 
-def test_trajectories(task: Task) -> Tensor:
+def test_trajectories(run: RunContext) -> Tensor:
     """Trajectories whose torques are predicted, (tests, J, H, 2); no set contains or generated them."""
-    settings = task.cfg.identification
-    return random_valid(task, settings.tests, "tests", settings.reach).coefficients
+    settings = run.cfg.identification
+    return random_valid(run, settings.tests, "tests", settings.reach).coefficients
 
 
-def prediction(task: Task, noise: TorqueNoise, family: Trajectory | None = None) -> Prediction:
+def prediction(run: RunContext, noise: TorqueNoise, family: Trajectory | None = None) -> Prediction:
     """Expected errors, on the test trajectories, of what is identified from some of a family or the short."""
-    settings, tests = task.cfg.identification, test_trajectories(task)
-    times = task.trajectory.times(settings.rate)
-    wanted = wanted_torques(task.body, task.trajectory, tests, times)
+    settings, tests = run.cfg.identification, test_trajectories(run)
+    times = run.cell.trajectory.times(settings.rate)
+    wanted = wanted_torques(run.cell.body, run.cell.trajectory, tests, times)
     return Prediction.at_rate(
-        task.body, family or task.trajectory, wanted, noise, settings.rate, settings.prior
+        run.cell.body, family or run.cell.trajectory, wanted, noise, settings.rate, settings.prior
     )
 
 
-def natural_set(task: Task) -> Artifact:
+def natural_set(run: RunContext) -> Artifact:
     """Random draws in natural coordinates, at the largest reach at which nearly all are valid."""
     settings = {"drawn": _DRAWN, "valid": _VALID}
-    return task.artifact("baseline", "natural", _make_natural, settings, title="natural")
+    return run.artifact("baseline", "natural", _make_natural, settings, title="natural")
 
 
-def searched_set(task: Task, evaluations: int) -> Artifact:
+def searched_set(run: RunContext, evaluations: int) -> Artifact:
     """Trajectories of a search for a small condition number, of so many evaluations each."""
     name = f"search-{evaluations}"
     settings = {"count": _SEARCHED, **asdict(replace(_SEARCH, evaluations=evaluations))}
     make = partial(_make_searched, evaluations=evaluations)
-    return task.artifact("baseline", name, make, settings, title=name)
+    return run.artifact("baseline", name, make, settings, title=name)
 
 
-def baselines(task: Task) -> dict[str, Artifact]:
+def baselines(run: RunContext) -> dict[str, Artifact]:
     """Sets that every generator stands beside, by name."""
-    searched = {f"search-{n}": searched_set(task, n) for n in _EVALUATIONS}
-    return {"random": random_set(task), "natural": natural_set(task), **searched}
+    searched = {f"search-{n}": searched_set(run, n) for n in _EVALUATIONS}
+    return {"random": random_set(run), "natural": natural_set(run), **searched}
 
 
-def _make_natural(task: Task, build: Build) -> None:
-    problem, random = task.problem, torch.Generator().manual_seed(task.number("natural"))
+def _make_natural(run: RunContext, build: Build) -> None:
+    problem, random = run.cell.problem, torch.Generator().manual_seed(run.number("natural"))
     natural = Coordinates.of(problem)
     whole = natural.coefficients(natural.start(problem, _DRAWN, random, 1.0))
     reach, above = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = (reach + above) / 2
-        if float(task.check(middle * whole).valid.double().mean()) >= _VALID:
+        if float(run.cell.check(middle * whole).valid.double().mean()) >= _VALID:
             reach = middle
         else:
             above = middle
     c = reach * whole
-    valid = task.check(c).valid
-    _save(task, build, c[valid], "natural", reach=reach, valid_share=float(valid.double().mean()))
+    valid = run.cell.check(c).valid
+    _save(run, build, c[valid], "natural", reach=reach, valid_share=float(valid.double().mean()))
 
 
-def _make_searched(task: Task, build: Build, evaluations: int) -> None:
-    settings, found, first = replace(_SEARCH, evaluations=evaluations), [], task.number("search")
+def _make_searched(run: RunContext, build: Build, evaluations: int) -> None:
+    settings, found, first = replace(_SEARCH, evaluations=evaluations), [], run.number("search")
     for k in range(_SEARCHED):
         try:
-            found.append(search(task.problem, Goal(), settings, first + k).coefficients)
+            found.append(search(run.cell.problem, Goal(), settings, first + k).coefficients)
         except InfeasibleError:
             if k + 1 == _SEARCHED and not found:
                 raise
         build.report(k + 1, _SEARCHED)
-    _save(task, build, torch.stack(found), f"search-{evaluations}", valid_share=len(found) / _SEARCHED)
+    _save(run, build, torch.stack(found), f"search-{evaluations}", valid_share=len(found) / _SEARCHED)
 
 
-def _save(task: Task, build: Build, c: Tensor, name: str, **facts: float) -> None:
-    library = measured(task.constraints, task.trajectory, c, name)
+def _save(run: RunContext, build: Build, c: Tensor, name: str, **facts: float) -> None:
+    library = measured(run.cell.constraints, run.cell.trajectory, c, name)
     library.save(build.folder / LIBRARY)
     write_json(build.folder / REPORT, {**summary(library), **facts})
 
 
-def _make_random(task: Task, build: Build) -> None:
-    count = task.cfg.library.count
-    draws = random_valid(task, count, "random set")
+def _make_random(run: RunContext, build: Build) -> None:
+    count = run.cfg.library.count
+    draws = random_valid(run, count, "random set")
     share = {"drawn": draws.drawn, "valid_share": count / draws.drawn}
-    _save(task, build, draws.coefficients, "random", **share)
+    _save(run, build, draws.coefficients, "random", **share)
 
 
-def long_family(task: Task, harmonics: int) -> Trajectory:
+def long_family(run: RunContext, harmonics: int) -> Trajectory:
     """The family of a single long trajectory."""
-    return Trajectory(task.arm.joints, harmonics, task.cfg.long.period, task.trajectory.home)
+    return Trajectory(run.cell.arm.joints, harmonics, run.cfg.long.period, run.cell.trajectory.home)
 
 
-def long_trajectory(task: Task, harmonics: int) -> Artifact:
+def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
     """The best single long trajectory with so many harmonics, by gradients."""
-    settings = task.cfg.long
-    seeds = {"fitness": task.cfg.seeds.fitness, "reserve": task.cfg.seeds.reserve}
-    return task.artifact(
+    settings = run.cfg.long
+    seeds = {"fitness": run.cfg.seeds.fitness, "reserve": run.cfg.seeds.reserve}
+    return run.artifact(
         "long",
         f"{settings.steps}-{settings.period:g}s-{harmonics}h",
         partial(_make_long, harmonics=harmonics),
@@ -143,12 +144,12 @@ def long_trajectory(task: Task, harmonics: int) -> Artifact:
     )
 
 
-def _make_long(task: Task, build: Build, harmonics: int) -> None:
-    settings, family, seeds = task.cfg.long, long_family(task, harmonics), task.cfg.seeds
-    problem = Problem(task.constraints, family, settings.samples, diagonal=seeds.fitness == "diagonal")
+def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
+    settings, family, seeds = run.cfg.long, long_family(run, harmonics), run.cfg.seeds
+    problem = Problem(run.cell.constraints, family, settings.samples, diagonal=seeds.fitness == "diagonal")
     method = Gradient(settings.steps, attempts=1, reserve=seeds.reserve or 0.0)
-    made = make_long(problem, method, settings.starts, task.random(f"long {harmonics}"), build.report)
-    library = measured(task.constraints, family, made.coefficients, f"long-{harmonics}")
+    made = make_long(problem, method, settings.starts, run.random(f"long {harmonics}"), build.report)
+    library = measured(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = made.cpu_seconds
     report = {"condition": float(library.fitness[0]), "starts": made.attempts}
@@ -156,6 +157,6 @@ def _make_long(task: Task, build: Build, harmonics: int) -> None:
 
 
 STAGES = {
-    "random": Stage(lambda task: baselines(task).values()),
-    "long": Stage(lambda task: [long_trajectory(task, h) for h in task.cfg.long.harmonics]),
+    "random": Stage(lambda run: baselines(run).values()),
+    "long": Stage(lambda run: [long_trajectory(run, h) for h in run.cfg.long.harmonics]),
 }

@@ -8,42 +8,42 @@ from sidegan.base.storage import write_parquet
 from sidegan.errors import ConfigError
 from sidegan.gan.metrics import measure
 from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.context import RESULTS, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import taught, training_seeds
-from sidegan.pipeline.task import RESULTS, Task
 from sidegan.report.tables import arrow
 
 
-def density(task: Task) -> Artifact:
+def density(run: RunContext) -> Artifact:
     """Validity, fitness and diversity of samples of density estimates."""
-    settings = {"bandwidths": task.cfg.discussion.bandwidths, "draws": task.cfg.discussion.draws}
-    settings |= taught(task)
-    return task.artifact("density", "kde", _make, settings, {"seeds": seed_set(task)})
+    settings = {"bandwidths": run.cfg.discussion.bandwidths, "draws": run.cfg.discussion.draws}
+    settings |= taught(run)
+    return run.artifact("density", "kde", _make, settings, {"seeds": seed_set(run)})
 
 
-def _make(task: Task, build: Build) -> None:
+def _make(run: RunContext, build: Build) -> None:
     """Validity, fitness and diversity of samples of a Gaussian kernel density estimate of the seeds.
 
     Source: Scott 1992, Multivariate density estimation (bandwidth); the kernel has the seeds' covariance.
     """
     from scipy.stats import gaussian_kde
 
-    seeds, rows = training_seeds(task).coefficients, []
+    seeds, rows = training_seeds(run).coefficients, []
     if len(seeds) <= seeds[0].numel():
         raise ConfigError(
             f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].numel()}"
         )
     estimate = gaussian_kde(seeds.flatten(1).numpy().T)
-    for bandwidth in task.cfg.discussion.bandwidths:
+    for bandwidth in run.cfg.discussion.bandwidths:
         estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
-        random = np.random.default_rng(task.random(f"density {bandwidth}"))
-        drawn = estimate.resample(task.cfg.discussion.draws, random)
+        random = np.random.default_rng(run.random(f"density {bandwidth}"))
+        drawn = estimate.resample(run.cfg.discussion.draws, random)
         c = torch.from_numpy(np.ascontiguousarray(drawn.T)).reshape(-1, *seeds.shape[1:])
         distance = torch.cdist(c.flatten(1), seeds.flatten(1)).amin(1).mean()
         estimated = {"bandwidth": bandwidth, "factor": estimate.factor, "from_seed": float(distance)}
-        rows.append(estimated | measure(task.constraints, task.trajectory, c, seeds))
+        rows.append(estimated | measure(run.cell.constraints, run.cell.trajectory, c, seeds))
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 
-STAGES = {"density": Stage(lambda task: [density(task)])}
+STAGES = {"density": Stage(lambda run: [density(run)])}

@@ -19,10 +19,10 @@ from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import Measurements, TorqueModel, estimate, score, study
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
+from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.baselines import prediction, test_trajectories
 from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets
-from sidegan.pipeline.task import EXPECTED, FACTS, RESULTS, Task
 from sidegan.plant.recorded import recorded
 from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
@@ -31,23 +31,23 @@ from sidegan.robot import require_consistent
 _METHODS = {False: "ols", True: "weighted"}
 
 
-def identification(task: Task, one: ExcitationSet) -> Artifact:
+def identification(run: RunContext, one: ExcitationSet) -> Artifact:
     """Errors of identification from one set."""
-    return _of_set("identification", task, one, _identify, asdict(task.cfg.identification))
+    return _of_set("identification", run, one, _identify, asdict(run.cfg.identification))
 
 
-def plant(task: Task, one: ExcitationSet) -> Artifact:
+def plant(run: RunContext, one: ExcitationSet) -> Artifact:
     """Errors of identification from one set when plants execute it."""
-    tests = task.cfg.identification
-    settings = asdict(task.cfg.plants) | {"tests": tests.tests, "reach": tests.reach}
-    return _of_set("plant", task, one, _execute, settings)
+    tests = run.cfg.identification
+    settings = asdict(run.cfg.plants) | {"tests": tests.tests, "reach": tests.reach}
+    return _of_set("plant", run, one, _execute, settings)
 
 
 def _of_set(
-    maker: str, task: Task, one: ExcitationSet, make: Callable[..., None], settings: dict[str, Any]
+    maker: str, run: RunContext, one: ExcitationSet, make: Callable[..., None], settings: dict[str, Any]
 ) -> Artifact:
     inputs, more = {one.source.maker: one.source}, {"training": one.training, "metrics": _mean_errors}
-    return task.artifact(maker, one.name, partial(make, one=one), settings, inputs, **more)
+    return run.artifact(maker, one.name, partial(make, one=one), settings, inputs, **more)
 
 
 def _mean_errors(folder: Path) -> Metrics:
@@ -57,61 +57,61 @@ def _mean_errors(folder: Path) -> Metrics:
     return {names[bool(key)]: float(value) for key, value in mean.items()}
 
 
-def _identify(task: Task, build: Build, one: ExcitationSet) -> None:
-    settings = task.cfg.identification
-    tests = task.trajectory, test_trajectories(task)
-    family, random = (one.family, task.load(one.source).coefficients), task.random("identification")
-    frames = study.compare(task.body, {one.name: family}, tests, settings, random, build.report)
-    expected = study.expected_errors(task.body, family, tests, settings).assign(noise="paper")
-    expected = pd.concat([expected, _under_constant_noise(task, *family)]).assign(set=one.name)
+def _identify(run: RunContext, build: Build, one: ExcitationSet) -> None:
+    settings = run.cfg.identification
+    tests = run.cell.trajectory, test_trajectories(run)
+    family, random = (one.family, run.load(one.source).coefficients), run.random("identification")
+    frames = study.compare(run.cell.body, {one.name: family}, tests, settings, random, build.report)
+    expected = study.expected_errors(run.cell.body, family, tests, settings).assign(noise="paper")
+    expected = pd.concat([expected, _under_constant_noise(run, *family)]).assign(set=one.name)
     for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
 
-def _under_constant_noise(task: Task, family: Trajectory, c: Tensor) -> pd.DataFrame:
+def _under_constant_noise(run: RunContext, family: Trajectory, c: Tensor) -> pd.DataFrame:
     """Expected nMSE by joint, under noise of one size by which joints are weighted."""
-    noise = TorqueNoise.constant(task.body, task.cfg.identification.constant)
-    predicting = prediction(task, noise, family)
+    noise = TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
+    predicting = prediction(run, noise, family)
     nmse = predicting.nmse(*(x.sum(0, keepdim=True) for x in predicting.informations(c)))[0].tolist()
-    columns = {"weighted": True, "joint": task.arm.joint_names, "nmse": nmse, "noise": "constant"}
+    columns = {"weighted": True, "joint": run.cell.arm.joint_names, "nmse": nmse, "noise": "constant"}
     return pd.DataFrame(columns)
 
 
-def _execute(task: Task, build: Build, one: ExcitationSet) -> None:
-    settings = task.cfg.plants
-    learned, tests = task.load(one.source).coefficients, test_trajectories(task)
-    model, rows = TorqueModel(task.body, settings.model), []
-    for number, seed in enumerate(task.random("plants").spawn(settings.count)):
-        machine = VariedPlant(task.arm, settings.plant, seed)
-        random = np.random.default_rng(task.number(f"plant {number}"))
-        training = _measured(task, machine, one.family, learned, random)
-        test = _measured(task, machine, task.trajectory, tests)
+def _execute(run: RunContext, build: Build, one: ExcitationSet) -> None:
+    settings = run.cfg.plants
+    learned, tests = run.load(one.source).coefficients, test_trajectories(run)
+    model, rows = TorqueModel(run.cell.body, settings.model), []
+    for number, seed in enumerate(run.random("plants").spawn(settings.count)):
+        machine = VariedPlant(run.cell.arm, settings.plant, seed)
+        random = np.random.default_rng(run.number(f"plant {number}"))
+        training = _measured(run, machine, one.family, learned, random)
+        test = _measured(run, machine, run.cell.trajectory, tests)
         for weighted, method in _METHODS.items():
             parameters = estimate(method, model, training).parameters
             errors = score(model, parameters, test).nmse.tolist()
             key = (one.name, one.training or 0, number, weighted)
-            rows += [(*key, joint, error) for joint, error in zip(task.arm.joint_names, errors)]
+            rows += [(*key, joint, error) for joint, error in zip(run.cell.arm.joint_names, errors)]
         build.report(number + 1, settings.count)
     columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
 
 
 def _measured(
-    task: Task,
+    run: RunContext,
     machine: VariedPlant,
     family: Trajectory,
     coefficients: Tensor,
     random: np.random.Generator | None = None,
 ) -> list[Measurements]:
     """A recording of every trajectory of a set; without noise where none is drawn."""
-    states = recorded(machine, family, coefficients, task.cfg.plants.sensors, random)
+    states = recorded(machine, family, coefficients, run.cfg.plants.sensors, random)
     return [Measurements(*parts) for parts in zip(*states)]
 
 
 STAGES = {
-    "identification": Stage(lambda task: [identification(task, one) for one in excitation_sets(task)]),
+    "identification": Stage(lambda run: [identification(run, one) for one in excitation_sets(run)]),
     "plant": Stage(
-        lambda task: [plant(task, one) for one in excitation_sets(task)],
-        check=lambda task: require_consistent(task.arm),
+        lambda run: [plant(run, one) for one in excitation_sets(run)],
+        check=lambda run: require_consistent(run.cell.arm),
     ),
 }

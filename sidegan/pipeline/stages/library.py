@@ -7,65 +7,65 @@ import torch
 from torch import Tensor
 
 from sidegan.base.storage import write_json
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.library.draw import draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.context import GENERATOR, REPORT, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator, generators
-from sidegan.pipeline.task import GENERATOR, LIBRARY, REPORT, Task
 
 log = logging.getLogger(__name__)
 
 
-def library(task: Task, name: str, training: int) -> Artifact:
+def library(run: RunContext, name: str, training: int) -> Artifact:
     """The valid trajectories of one generator."""
-    inputs = {"gan": generator(task, name, training)}
-    if task.cfg.gan[name].seeded:
-        inputs["seeds"] = seed_set(task)  # for the diversity of both together
-    return task.artifact(
+    inputs = {"gan": generator(run, name, training)}
+    if run.cfg.gan[name].seeded:
+        inputs["seeds"] = seed_set(run)  # for the diversity of both together
+    return run.artifact(
         "library",
         name,
         partial(_make, name=name, training=training),
-        task.cfg.library,
+        run.cfg.library,
         inputs,
         training=training,
     )
 
 
-def _make(task: Task, build: Build, name: str, training: int) -> None:
+def _make(run: RunContext, build: Build, name: str, training: int) -> None:
     from sidegan.gan import TrajectoryGenerator
 
-    settings = task.cfg.library
-    path = task.store.require(generator(task, name, training)) / GENERATOR
-    network = TrajectoryGenerator.load(path, task.arm)
-    noise = torch.Generator().manual_seed(task.number(f"library {name}", training))
+    settings = run.cfg.library
+    path = run.store.require(generator(run, name, training)) / GENERATOR
+    network = TrajectoryGenerator.load(path, run.cell.arm)
+    noise = torch.Generator().manual_seed(run.number(f"library {name}", training))
 
     def sample(count: int) -> Tensor:
         return network.sample(count, noise)
 
-    draws = draw_valid(sample, task.check, settings, f"drawn from {name}", build.report)
-    made = measured(task.constraints, task.trajectory, draws.coefficients, name)
+    draws = draw_valid(sample, run.cell.check, settings, f"drawn from {name}", build.report)
+    made = measured(run.cell.constraints, run.cell.trajectory, draws.coefficients, name)
     made.save(build.folder / LIBRARY)
     facts = summary(made) if len(made) else {"count": 0}
     facts = {key: x for key, x in facts.items() if key != "valid"}
-    if task.cfg.gan[name].seeded:
-        facts |= _union(task, made, noise)
+    if run.cfg.gan[name].seeded:
+        facts |= _union(run, made, noise)
     share = {"drawn": draws.drawn, "valid_share": draws.valid / draws.drawn}
     write_json(build.folder / REPORT, share | facts)
 
 
-def _union(task: Task, made: Library, noise: torch.Generator) -> dict[str, float]:
+def _union(run: RunContext, made: Library, noise: torch.Generator) -> dict[str, float]:
     """Diversity of the library and the seeds put together."""
-    both = task.load(seed_set(task)).merge(made)
+    both = run.load(seed_set(run)).merge(made)
     shuffled = summary(both.take(torch.randperm(len(both), generator=noise)))
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
 STAGES = {
     "library": Stage(
-        lambda task: [library(task, *one) for one in generators(task)],
-        check=lambda task: task.require_room(task.cfg.library.count, "library.count"),
+        lambda run: [library(run, *one) for one in generators(run)],
+        check=lambda run: run.require_room(run.cfg.library.count, "library.count"),
     )
 }

@@ -16,65 +16,65 @@ from sidegan.base.storage import write_json, write_parquet
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
 from sidegan.library.measure import likeness
 from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.baselines import baselines, prediction
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool
 from sidegan.pipeline.stages.training import generators
-from sidegan.pipeline.task import REPORT, RESULTS, Task
 from sidegan.report.tables import arrow
 
 _SMALLEST = 1e-6  # of the largest joint's torque, that a joint's counts as at least
 
 
-def pools(task: Task) -> list[Pool]:
+def pools(run: RunContext) -> list[Pool]:
     """What is measured: the baselines, the seeds, and what each generator made alone."""
-    beside = [Pool(name, None, (one,)) for name, one in baselines(task).items()]
-    own = [Pool(name, training, (library(task, name, training),)) for name, training in generators(task)]
-    return [*beside, Pool(SEEDS, None, (seed_set(task),)), *own]
+    beside = [Pool(name, None, (one,)) for name, one in baselines(run).items()]
+    own = [Pool(name, training, (library(run, name, training),)) for name, training in generators(run)]
+    return [*beside, Pool(SEEDS, None, (seed_set(run),)), *own]
 
 
-def measures(task: Task, pool: Pool) -> Artifact:
+def measures(run: RunContext, pool: Pool) -> Artifact:
     """Errors expected of random draws of a pool, and its likeness with the seeds."""
-    study = task.cfg.identification
+    study = run.cfg.identification
     settings = {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
-    settings |= {"level": _level(task), "together": _together(task)}
-    inputs = {"seeds": seed_set(task), **({} if pool.name == SEEDS else pool.inputs)}
+    settings |= {"level": _level(run), "together": _together(run)}
+    inputs = {"seeds": seed_set(run), **({} if pool.name == SEEDS else pool.inputs)}
     make = partial(_make, pool=pool)
-    return task.artifact("measures", pool.name, make, settings, inputs, training=pool.training)
+    return run.artifact("measures", pool.name, make, settings, inputs, training=pool.training)
 
 
-def _together(task: Task) -> int:
+def _together(run: RunContext) -> int:
     """How many trajectories a set has."""
-    return task.cfg.selection.count if task.cfg.has("selection") else TOGETHER
+    return run.cfg.selection.count if run.cfg.has("selection") else TOGETHER
 
 
-def _level(task: Task) -> float:
+def _level(run: RunContext) -> float:
     """Noise of measured torques, as a share of them."""
-    noise = task.cfg.identification.noise
+    noise = run.cfg.identification.noise
     return noise.level if noise.torque else 0.0
 
 
-def _noises(task: Task, c: Tensor) -> Iterator[tuple[str, TorqueNoise]]:
+def _noises(run: RunContext, c: Tensor) -> Iterator[tuple[str, TorqueNoise]]:
     """Noise on torques, and how joints are weighted against it, by the names of the errors."""
-    size = torque_size(task.body, task.trajectory, c)
+    size = torque_size(run.cell.body, run.cell.trajectory, c)
     size = size.clamp_min(_SMALLEST * float(size.max()))
-    yield "error", TorqueNoise.proportional(_level(task), torch.ones_like(size))
-    yield "error_weighted", TorqueNoise.proportional(_level(task), 1 / size)
-    yield "error_constant", TorqueNoise.constant(task.body, task.cfg.identification.constant)
+    yield "error", TorqueNoise.proportional(_level(run), torch.ones_like(size))
+    yield "error_weighted", TorqueNoise.proportional(_level(run), 1 / size)
+    yield "error_constant", TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
 
 
-def _make(task: Task, build: Build, pool: Pool) -> None:
-    own, seeds, together = pool.load(task), task.load(seed_set(task)), _together(task)
+def _make(run: RunContext, build: Build, pool: Pool) -> None:
+    own, seeds, together = pool.load(run), run.load(seed_set(run)), _together(run)
     reference, others = (seeds.take(range(k, len(seeds), 2)) for k in (0, 1))
     compared = others if pool.name == SEEDS else own
     report = likeness(compared, reference) if min(len(compared), len(reference)) > 1 else {}
-    frames, random = list[pd.DataFrame](), task.number("draws")
-    for name, noise in _noises(task, own.coefficients):
+    frames, random = list[pd.DataFrame](), run.number("draws")
+    for name, noise in _noises(run, own.coefficients):
         errors = torch.full((1, 1), torch.nan, dtype=torch.float64)
         if len(own) >= together:
-            errors = prediction(task, noise).of_draws(own.coefficients, together, seed=random)
+            errors = prediction(run, noise).of_draws(own.coefficients, together, seed=random)
         mean, geometric = errors.mean(1).numpy(), errors.log().mean(1).exp().numpy()
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
         report |= {name: float(mean.mean()), f"{name}_geometric": float(np.exp(np.log(geometric).mean()))}
@@ -83,4 +83,4 @@ def _make(task: Task, build: Build, pool: Pool) -> None:
     write_json(build.folder / REPORT, finite(report))
 
 
-STAGES = {"measures": Stage(lambda task: [measures(task, pool) for pool in pools(task)])}
+STAGES = {"measures": Stage(lambda run: [measures(run, pool) for pool in pools(run)])}

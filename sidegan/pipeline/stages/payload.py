@@ -14,10 +14,10 @@ from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import VALUES, Payload, identify_payload
 from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
-from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import Role, read_and_check
 from sidegan.recording.overlap import refuse_shared
@@ -41,18 +41,18 @@ def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measure
     return measurements_of(found[:count]), measurements_of(found[count:])
 
 
-def _payload(task: Task, tracker: Tracker) -> None:
+def _payload(run: RunContext, tracker: Tracker) -> None:
     """Identify the load, and leave it in the run's folder."""
-    cfg, arm = task.cfg, recorded_arm(task)
+    cfg, arm = run.cfg, recorded_arm(run)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
     found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
-    write_json(task.store.run_folder / PAYLOAD, as_json(found))
+    write_json(run.store.run_folder / PAYLOAD, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
     caption = (
         f"What {arm.name} carries, in the frame of {found.link}, inertia about the centre of mass; mean nMSE "
         f"of the runs with it {before:.3g} without a load and {after:.3g} with this one"
     )
-    publish(_table(found), task.store.run_folder / "payload", caption, tracker)
+    publish(_table(found), run.store.run_folder / "payload", caption, tracker)
     mass, sigma = float(found.values[0]), float(found.deviation[0])
     place = ", ".join(f"{x:.4f} ± {s:.1g}" for x, s in zip(found.values[1:4], found.deviation[1:4]))
     words = f"{mass:.3f} ± {sigma:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
@@ -79,9 +79,9 @@ def _table(found: Payload) -> pd.DataFrame:
     return pd.DataFrame({**shown, "unit": _UNITS}, index=pd.Index(VALUES, name="load"))
 
 
-def _gains(task: Task, tracker: Tracker) -> None:
+def _gains(run: RunContext, tracker: Tracker) -> None:
     """Find the gains, and leave them in the run's folder; as a setting too, if all are certain."""
-    cfg, arm, folder = task.cfg, recorded_arm(task), task.store.run_folder
+    cfg, arm, folder = run.cfg, recorded_arm(run), run.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
     found = drive_gains(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded, cfg.load.parameters)
@@ -97,9 +97,9 @@ def _gains(task: Task, tracker: Tracker) -> None:
         log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
 
 
-def _check_gains(task: Task) -> None:
-    recorded_arm(task)
-    _ = task.cfg.load.parameters
+def _check_gains(run: RunContext) -> None:
+    recorded_arm(run)
+    _ = run.cfg.load.parameters
 
 
 STAGES = {

@@ -3,35 +3,35 @@
 import math
 
 import pandas as pd
-from torch import Tensor
 
-from sidegan.motion.trajectory import Motion, Trajectory
-from sidegan.pipeline.task import Task
+from sidegan.motion.trajectory import Motion
+from sidegan.pipeline.context import RunContext
 from sidegan.plant import Executed, Plant
+from sidegan.steps.trajectories import TrajectorySet
 
 _EVERY = 0.02  # [s] between the configurations whose distances are looked at
 
 
-def rehearsed(task: Task, family: Trajectory, coefficients: Tensor) -> pd.DataFrame:
-    """Tracking error, largest torque and closest approach of trajectories (n, J, H, 2), as they are run."""
-    plant = Plant(task.whole_arm, task.cfg.plant)
-    times = family.times(plant.settings.rate)
+def rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
+    """Tracking error, largest torque and closest approach of trajectories, as they are run."""
+    plant = Plant(run.cell.whole_arm, run.cfg.plant)
+    family, times = slowed.family, slowed.family.times(plant.settings.rate)
     rows = []
-    for c in coefficients.split(1):
+    for c in slowed.library.coefficients.split(1):
         planned = family.roll_out(c, times)
-        rows.append(_facts(task, planned, plant.follow(planned)))
+        rows.append(_facts(run, planned, plant.follow(planned)))
     return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))
 
 
-def _facts(task: Task, planned: Motion, executed: Executed) -> dict[str, str]:
+def _facts(run: RunContext, planned: Motion, executed: Executed) -> dict[str, str]:
     """Facts about one execution."""
     error = (executed.position - planned.position[0]).abs()
     worst, joint = error.amax(0).max(0)
-    share = (executed.torque.abs() / task.whole_arm.torque_limit).amax(0)
-    stride = max(1, round(_EVERY * task.cfg.plant.rate))
-    nearest = float(task.constraints.nearest(executed.position[::stride])[0].min())
+    share = (executed.torque.abs() / run.cell.whole_arm.torque_limit).amax(0)
+    stride = max(1, round(_EVERY * run.cfg.plant.rate))
+    nearest = float(run.cell.constraints.nearest(executed.position[::stride])[0].min())
     return {
-        "tracking error [rad]": f"{float(worst):.2g} ({task.arm.joint_names[int(joint)]})",
-        "largest torque": f"{float(share.max()):.0%} ({task.arm.joint_names[int(share.argmax())]})",
+        "tracking error [rad]": f"{float(worst):.2g} ({run.cell.arm.joint_names[int(joint)]})",
+        "largest torque": f"{float(share.max()):.0%} ({run.cell.arm.joint_names[int(share.argmax())]})",
         "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
     }

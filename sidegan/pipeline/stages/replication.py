@@ -14,13 +14,13 @@ from sidegan.identification.settings import Reading
 from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
+from sidegan.pipeline.context import FACTS, RESULTS, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.baselines import test_trajectories
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool
 from sidegan.pipeline.stages.training import generators
-from sidegan.pipeline.task import FACTS, RESULTS, Task
 from sidegan.report.tables import arrow
 
 SUMS = "sums.pt"
@@ -35,9 +35,9 @@ class Measured:
     replicas: int  # times in each of them; the seeds as often as they are replicated
 
     @classmethod
-    def of(cls, task: Task, pool: Pool, reading: Reading) -> "Measured":
+    def of(cls, run: RunContext, pool: Pool, reading: Reading) -> "Measured":
         """Measurement of a set under a reading."""
-        settings = task.cfg.replication
+        settings = run.cfg.replication
         if pool.name == SEEDS:
             return cls(settings.of_seeds(reading), settings.repeats, max(settings.replicas))
         noise = settings.of_generated(reading)
@@ -51,41 +51,41 @@ class Measured:
         return "" if len(named) == len(noisy) else f"-{named[0] if named else 'exact'}"
 
 
-def whole_sets(task: Task) -> list[Pool]:
+def whole_sets(run: RunContext) -> list[Pool]:
     """Every whole set that is measured: the seeds and each library."""
-    made = [(SEEDS, None, seed_set(task)), *((*one, library(task, *one)) for one in generators(task))]
+    made = [(SEEDS, None, seed_set(run)), *((*one, library(run, *one)) for one in generators(run))]
     return [Pool(name, k, (artifact,)) for name, k, artifact in made]
 
 
-def sums(task: Task, pool: Pool, reading: Reading) -> Artifact:
+def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
     """The sums of the measurements of a whole set; readings that measure it alike share them."""
-    measured = Measured.of(task, pool, reading)
-    settings, label = asdict(measured) | {"rate": task.cfg.identification.rate}, pool.name + measured.mark
+    measured = Measured.of(run, pool, reading)
+    settings, label = asdict(measured) | {"rate": run.cfg.identification.rate}, pool.name + measured.mark
     make = partial(_measure, pool=pool, measured=measured)
-    return task.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
+    return run.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
 
 
-def replication(task: Task, reading: Reading) -> Artifact:
+def replication(run: RunContext, reading: Reading) -> Artifact:
     """Errors of identification from each combination of whole sets, under a reading."""
-    inputs = {f"{one.name} {one.training or 0}": sums(task, one, reading) for one in whole_sets(task)}
-    settings = asdict(task.cfg.replication)
+    inputs = {f"{one.name} {one.training or 0}": sums(run, one, reading) for one in whole_sets(run)}
+    settings = asdict(run.cfg.replication)
     del settings["readings"]
-    return task.artifact(
+    return run.artifact(
         "replication",
-        "-".join([*task.cfg.gan, reading]),
+        "-".join([*run.cfg.gan, reading]),
         partial(_combine, reading=reading),
-        asdict(task.cfg.identification) | settings | {"reading": reading},
+        asdict(run.cfg.identification) | settings | {"reading": reading},
         inputs,
         title=f"replication {reading}",
         metrics=_mean_errors,
     )
 
 
-def draws(task: Task, pool: Pool, reading: Reading) -> list[list[Sums]]:
+def draws(run: RunContext, pool: Pool, reading: Reading) -> list[list[Sums]]:
     """The sums over a whole set by noise realisation and replica."""
-    measured = read_torch(task.store.require(sums(task, pool, reading)) / SUMS)
+    measured = read_torch(run.store.require(sums(run, pool, reading)) / SUMS)
     every = [[Sums(**part) for part in draw] for draw in measured]
-    return every * (task.cfg.replication.repeats if len(every) == 1 else 1)
+    return every * (run.cfg.replication.repeats if len(every) == 1 else 1)
 
 
 def _mean_errors(folder: Path) -> Metrics:
@@ -94,18 +94,18 @@ def _mean_errors(folder: Path) -> Metrics:
     return {f"{name}/nmse": float(value) for name, value in mean.items()}
 
 
-def _measure(task: Task, build: Build, pool: Pool, measured: Measured) -> None:
+def _measure(run: RunContext, build: Build, pool: Pool, measured: Measured) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
-    coefficients = pool.load(task).coefficients
-    settings = replace(task.cfg.identification, noise=measured.noise)
+    coefficients = pool.load(run).coefficients
+    settings = replace(run.cfg.identification, noise=measured.noise)
     every = range(measured.repeats)
     parts = {(r, k): build.work / f"{r}-{k}.pt" for r in every for k in range(measured.replicas)}
     for done, ((repeat, replica), path) in enumerate(parts.items()):
         if not readable(path):
-            random = task.random(f"measured {pool.name} {repeat} {replica}", pool.training)
-            family = task.trajectory, coefficients
+            random = run.random(f"measured {pool.name} {repeat} {replica}", pool.training)
+            family = run.cell.trajectory, coefficients
             report = partial(_report_part, build.report, done, len(parts))
-            write_torch(path, measured_sums(task.body, family, settings, random, report)._asdict())
+            write_torch(path, measured_sums(run.cell.body, family, settings, random, report)._asdict())
         build.report(done + 1, len(parts))
     sums_by_draw = [[read_torch(parts[r, k]) for k in range(measured.replicas)] for r in every]
     write_torch(build.folder / SUMS, sums_by_draw)
@@ -115,28 +115,28 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
     report(before * count + done, total * count)
 
 
-def _combine(task: Task, build: Build, reading: Reading) -> None:
-    settings, tests = task.cfg.replication, (task.trajectory, test_trajectories(task))
-    study = replace(task.cfg.identification, noise=settings.of_seeds(reading))
-    seeds, *libraries = ((one, draws(task, one, reading)) for one in whole_sets(task))
+def _combine(run: RunContext, build: Build, reading: Reading) -> None:
+    settings, tests = run.cfg.replication, (run.cell.trajectory, test_trajectories(run))
+    study = replace(run.cfg.identification, noise=settings.of_seeds(reading))
+    seeds, *libraries = ((one, draws(run, one, reading)) for one in whole_sets(run))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.repeats):
         first = seeds[1][repeat]
         jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas})]
-        for training in task.cfg.trainings:
+        for training in run.cfg.trainings:
             of_training = [(pool, parts) for pool, parts in libraries if pool.training == training]
             jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
-            frames = combined(task.body, sets, tests, study)
+            frames = combined(run.cell.body, sets, tests, study)
             tables.append(tuple(one.assign(training=training, repeat=repeat) for one in frames))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
 
 
-def _replications(task: Task) -> Iterator[Artifact]:
-    for reading in task.cfg.replication.readings:
-        yield from (sums(task, one, reading) for one in whole_sets(task))
-        yield replication(task, reading)
+def _replications(run: RunContext) -> Iterator[Artifact]:
+    for reading in run.cfg.replication.readings:
+        yield from (sums(run, one, reading) for one in whole_sets(run))
+        yield replication(run, reading)
 
 
 STAGES = {"replication": Stage(_replications)}

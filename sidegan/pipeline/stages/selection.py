@@ -6,15 +6,15 @@ from functools import partial
 from torch import Tensor
 
 from sidegan.design.selection import choose
-from sidegan.library import Library
+from sidegan.library import LIBRARY, Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.baselines import long_family, long_trajectory, random_set
 from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generators
-from sidegan.pipeline.task import LIBRARY, Task
 
 RANDOM, SEEDS = "random", "seeds"
 
@@ -32,9 +32,9 @@ class Pool:
         """Its parts as inputs of what is made from it."""
         return {one.maker: one for one in self.parts}
 
-    def load(self, task: Task) -> Library:
+    def load(self, run: RunContext) -> Library:
         """All its trajectories."""
-        first, *others = (task.load(one) for one in self.parts)
+        first, *others = (run.load(one) for one in self.parts)
         return first.merge(*others)
 
 
@@ -48,46 +48,48 @@ class ExcitationSet:
     source: Artifact  # that holds them
 
 
-def pools(task: Task) -> list[Pool]:
+def pools(run: RunContext) -> list[Pool]:
     """The pools of the paper: random ones, the seeds, and the seeds with what each generator made."""
-    seeds = seed_set(task)
-    grown = [Pool(name, k, (seeds, library(task, name, k))) for name, k in generators(task)]
-    return [Pool(RANDOM, None, (random_set(task),)), Pool(SEEDS, None, (seeds,)), *grown]
+    seeds = seed_set(run)
+    grown = [Pool(name, k, (seeds, library(run, name, k))) for name, k in generators(run)]
+    return [Pool(RANDOM, None, (random_set(run),)), Pool(SEEDS, None, (seeds,)), *grown]
 
 
-def selection(task: Task, pool: Pool) -> Artifact:
+def selection(run: RunContext, pool: Pool) -> Artifact:
     """The set picked from a pool."""
-    method = task.cfg.selection.method
-    return task.artifact(
+    method = run.cfg.selection.method
+    return run.artifact(
         "selection",
         pool.name if method == "greedy" else f"{pool.name}-{method}",
         partial(_make, pool=pool),
-        task.cfg.selection,
+        run.cfg.selection,
         pool.inputs,
         training=pool.training,
     )
 
 
-def excitation_sets(task: Task) -> list[ExcitationSet]:
+def excitation_sets(run: RunContext) -> list[ExcitationSet]:
     """Every set that is compared: the single long trajectories, and what was picked from each pool."""
     long = [
-        ExcitationSet(f"long-{h}", None, long_family(task, h), long_trajectory(task, h))
-        for h in task.cfg.long.harmonics
+        ExcitationSet(f"long-{h}", None, long_family(run, h), long_trajectory(run, h))
+        for h in run.cfg.long.harmonics
     ]
     picked = [
-        ExcitationSet(one.name, one.training, task.trajectory, selection(task, one)) for one in pools(task)
+        ExcitationSet(one.name, one.training, run.cell.trajectory, selection(run, one)) for one in pools(run)
     ]
     return [*long, *picked]
 
 
-def pick(task: Task, library: Library) -> Tensor:
+def pick(run: RunContext, library: Library) -> Tensor:
     """Indices of the configured pick from a library, in the order of choice, (count,)."""
-    return choose(task.cfg.selection, task.body, task.trajectory, library.coefficients, library.diagonal)
+    return choose(
+        run.cfg.selection, run.cell.body, run.cell.trajectory, library.coefficients, library.diagonal
+    )
 
 
-def _make(task: Task, build: Build, pool: Pool) -> None:
-    library = pool.load(task)
-    library.take(pick(task, library)).save(build.folder / LIBRARY)
+def _make(run: RunContext, build: Build, pool: Pool) -> None:
+    library = pool.load(run)
+    library.take(pick(run, library)).save(build.folder / LIBRARY)
 
 
-STAGES = {"selection": Stage(lambda task: [selection(task, pool) for pool in pools(task)])}
+STAGES = {"selection": Stage(lambda run: [selection(run, pool) for pool in pools(run)])}

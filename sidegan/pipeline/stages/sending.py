@@ -7,7 +7,7 @@ from shlex import quote
 
 from sidegan.base.names import plain
 from sidegan.controllers import APPROACH, SHELL
-from sidegan.pipeline.task import Task
+from sidegan.pipeline.context import RunContext
 from sidegan.recording.sent import FOLDER
 from sidegan.robot import words
 
@@ -21,50 +21,50 @@ _ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 _GOAL = "control_msgs/action/FollowJointTrajectory"
 
 
-def order_of(task: Task, durations: Mapping[str, float]) -> str:
+def order_of(run: RunContext, durations: Mapping[str, float]) -> str:
     """Which files are to be sent one after another, how long each takes, and where the arm must stand."""
     groups = [(length, [*names]) for length, names in groupby(durations, lambda name: plain(durations[name]))]
     parts = [
         f"{names[0]} ({length} s)" if len(names) == 1 else f"{names[0]} … {names[-1]} ({length} s each)"
         for length, names in groups
     ]
-    return f"to be sent in this order: {', '.join(parts)}; {_place(task, durations)}"
+    return f"to be sent in this order: {', '.join(parts)}; {_place(run, durations)}"
 
 
-def _place(task: Task, durations: Mapping[str, float]) -> str:
+def _place(run: RunContext, durations: Mapping[str, float]) -> str:
     """Where the arm must stand before anything is sent."""
     ways = APPROACH in durations
-    q = task.cfg.controllers.start if ways else task.trajectory.home or [0.0] * task.arm.joints
-    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(task.arm.joint_names, q or ()))
+    q = run.cfg.controllers.start if ways else run.cell.trajectory.home or [0.0] * run.cell.arm.joints
+    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q or ()))
     if ways:
         return f"the arm must stand at controllers.start: {where}"
     return f"the arm must stand at home first: {where} (controllers.start=[…] writes the way there)"
 
 
-def next_steps(task: Task, durations: Mapping[str, float]) -> Steps:
+def next_steps(run: RunContext, durations: Mapping[str, float]) -> Steps:
     """Next steps with the set, a sentence and a command each; the slow run comes before the fast one."""
-    speed, folder = task.cfg.controllers.speed, task.store.run_folder.resolve()
+    speed, folder = run.cfg.controllers.speed, run.store.run_folder.resolve()
     pace = "at the planned speed" if speed == 1 else f"at {speed:.0%} of the planned speed"
-    then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {order_of(task, durations)}."
-    if task.arm.locked:
-        then += f" Standing still: {task.arm.locked}."
-    slow = [(_SLOWLY, _slower(task, folder))] if speed > _FIRST else []
-    return [*slow, (then, _send(task, folder / FOLDER, durations)), (_LOG, _identify(task, folder))]
+    then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {order_of(run, durations)}."
+    if run.cell.arm.locked:
+        then += f" Standing still: {run.cell.arm.locked}."
+    slow = [(_SLOWLY, _slower(run, folder))] if speed > _FIRST else []
+    return [*slow, (then, _send(run, folder / FOLDER, durations)), (_LOG, _identify(run, folder))]
 
 
-def _slower(task: Task, folder: Path) -> str:
+def _slower(run: RunContext, folder: Path) -> str:
     """Command that writes the same set for a first run."""
-    start = task.cfg.controllers.start
+    start = run.cfg.controllers.start
     where = "…" if start is None else ",".join(f"{x:.6g}" for x in start)
-    given = [one for one in task.overrides if not one.startswith(_OWN)]
+    given = [one for one in run.overrides if not one.startswith(_OWN)]
     own = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
-    said = " ".join(map(quote, given)) or f"+experiment=excite {_robot(task)}"
+    said = " ".join(map(quote, given)) or f"+experiment=excite {_robot(run)}"
     return f"sidegan {said} {' '.join(map(quote, own))}"
 
 
-def _send(task: Task, folder: Path, durations: Mapping[str, float]) -> str:
+def _send(run: RunContext, folder: Path, durations: Mapping[str, float]) -> str:
     """Commands that send the goals of a set one by one, or its files where it has no goals."""
-    formats = task.cfg.controllers.formats
+    formats = run.cfg.controllers.formats
     if "ros2" not in formats:
         ending = "script" if "urscript" in formats else "csv"
         return "\n".join(f"{folder / name}.{ending}" for name in durations)
@@ -75,13 +75,13 @@ def _send(task: Task, folder: Path, durations: Mapping[str, float]) -> str:
     return "\n".join([f"cd {quote(str(folder))}", send, *(f"send {name}" for name in durations)])
 
 
-def _identify(task: Task, folder: Path) -> str:
+def _identify(run: RunContext, folder: Path) -> str:
     return (
-        f"sidegan +experiment=identify {_robot(task)} 'recordings=[log.csv]' validation=0.25 \\\n"
+        f"sidegan +experiment=identify {_robot(run)} 'recordings=[log.csv]' validation=0.25 \\\n"
         f"    recording=excite recording.sent={quote(str(folder))}"
     )
 
 
-def _robot(task: Task) -> str:
-    robot = task.cfg.robot
+def _robot(run: RunContext) -> str:
+    robot = run.cfg.robot
     return " ".join([quote(f"robot.name={robot.name}"), *words(robot.setup)])

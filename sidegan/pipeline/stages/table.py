@@ -1,20 +1,20 @@
 """Stage table: print, write and record the experiment's tables and figures.
 
-The experiment's setting ``table`` names the module that does so, by its functions ``collect(task)``,
-``present(collected, folder, tracker)`` and, where it may refuse a task before any work, ``check(task)``.
+The experiment's setting ``table`` names the module that does so, by its functions ``collect(run)``,
+``present(collected, folder, tracker)`` and, where it may refuse a run before any work, ``check(run)``.
 """
 
 from importlib import import_module
 from types import ModuleType
 
 from sidegan.errors import ConfigError
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.task import Task
 from sidegan.pipeline.tracking import Tracker
 
 
-def _module(task: Task) -> ModuleType:
-    name = task.cfg.table
+def _module(run: RunContext) -> ModuleType:
+    name = run.cfg.table
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
@@ -25,14 +25,14 @@ def _module(task: Task) -> ModuleType:
         ) from error
 
 
-def _check(task: Task) -> None:
-    if hasattr(module := _module(task), "check"):
-        module.check(task)
+def _check(run: RunContext) -> None:
+    if hasattr(module := _module(run), "check"):
+        module.check(run)
 
 
-def _show(task: Task, tracker: Tracker) -> None:
-    module = _module(task)
-    module.present(module.collect(task), task.store.run_folder, tracker)
+def _show(run: RunContext, tracker: Tracker) -> None:
+    module = _module(run)
+    module.present(module.collect(run), run.store.run_folder, tracker)
 
 
 STAGES = {"table": Stage(show=_show, check=_check)}

@@ -12,9 +12,9 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.pipeline.artifact import Artifact, Build
+from sidegan.pipeline.context import GENERATOR, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator
-from sidegan.pipeline.task import GENERATOR, Task
 from sidegan.validity import check
 
 _BATCH = 1000
@@ -22,24 +22,24 @@ _SECONDS = 3.0  # [s] of every measurement
 _LENGTHS = (400, 1600, 6400, 25600)  # samples of one evaluation
 
 
-def timing(task: Task, name: str) -> Artifact:
+def timing(run: RunContext, name: str) -> Artifact:
     """The speed of the first training of a variant; its numbers are costs, as they are the machine's."""
-    training = task.cfg.trainings[0]
-    inputs = {"gan": generator(task, name, training)}
+    training = run.cfg.trainings[0]
+    inputs = {"gan": generator(run, name, training)}
     make = partial(_make, name=name)
-    return task.artifact("timing", name, make, {}, inputs, training=training)
+    return run.artifact("timing", name, make, {}, inputs, training=training)
 
 
-def _make(task: Task, build: Build, name: str) -> None:
+def _make(run: RunContext, build: Build, name: str) -> None:
     from sidegan.gan import TrajectoryGenerator
 
-    path = task.store.require(generator(task, name, task.cfg.trainings[0])) / GENERATOR
-    network = TrajectoryGenerator.load(path, task.arm)
-    noise = torch.Generator().manual_seed(task.number(f"timing {name}"))
-    physics = (task.constraints, task.trajectory)
+    path = run.store.require(generator(run, name, run.cfg.trainings[0])) / GENERATOR
+    network = TrajectoryGenerator.load(path, run.cell.arm)
+    noise = torch.Generator().manual_seed(run.number(f"timing {name}"))
+    physics = (run.cell.constraints, run.cell.trajectory)
     generated = _rate(lambda: len(network.sample(_BATCH, noise)))
     valid = _rate(lambda: int(check(*physics, network.sample(_BATCH, noise)).valid.sum()))
-    build.costs["growth"] = _growth(task)
+    build.costs["growth"] = _growth(run)
     build.costs |= {"generation_seconds": 1 / generated, "valid_per_second": valid}
     build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": torch.__version__}
 
@@ -53,12 +53,12 @@ def _rate(work: Callable[[], int], share: float = 1.0) -> float:
     return made / (time.perf_counter() - began)
 
 
-def _growth(task: Task) -> float:
+def _growth(run: RunContext) -> float:
     """Exponent with which the time of YᵀY and its condition number grows with the number of samples."""
-    c = task.problem.start(1, torch.Generator().manual_seed(0), 0.5)
+    c = run.cell.problem.start(1, torch.Generator().manual_seed(0), 0.5)
 
     def seconds(samples: int) -> float:
-        problem = Problem(task.constraints, task.trajectory, samples)
+        problem = Problem(run.cell.constraints, run.cell.trajectory, samples)
         return 1 / _rate(lambda: len(problem.fitness(c)), 0.2)
 
     return float(np.polyfit(np.log(_LENGTHS), np.log([*map(seconds, _LENGTHS)]), 1)[0])
@@ -74,4 +74,4 @@ def _processor() -> str:
     return names[0] if names else platform.machine()
 
 
-STAGES = {"timing": Stage(lambda task: [timing(task, name) for name in task.cfg.gan])}
+STAGES = {"timing": Stage(lambda run: [timing(run, name) for name in run.cfg.gan])}

@@ -8,9 +8,9 @@ import torch
 
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds.published import SCALE, Layout, PublishedSeeds
-from sidegan.seeds.result import SeedBatch
-from sidegan.seeds.shipped import ship, shipped
+from sidegan.seeding.published import SCALE, Layout, PublishedSeeds
+from sidegan.seeding.result import SeedBatch
+from sidegan.seeding.shipped import ship, shipped
 from sidegan.validity import check
 from tests.golden.make import DATA
 

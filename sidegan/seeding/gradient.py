@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.seeds.result import Optimiser
+from sidegan.seeding.result import Optimiser
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from sidegan.base.storage import read_torch, write_torch
-from sidegan.seeds.result import SeedBatch
+from sidegan.seeding.result import SeedBatch
 
 
 def ship(path: Path, stamp: Mapping[str, Any], batch: SeedBatch) -> None:

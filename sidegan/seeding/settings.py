@@ -1,6 +1,6 @@
 """Settings of the seed set and of the single long trajectory."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,30 +10,31 @@ from sidegan.base.typed import Count, Positive, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds.gradient import Gradient
-from sidegan.seeds.paper import Paper
-from sidegan.seeds.published import REPOSITORY, PublishedSeeds
-from sidegan.seeds.result import Optimiser
+from sidegan.seeding.gradient import Gradient
+from sidegan.seeding.paper import Paper
+from sidegan.seeding.published import REPOSITORY, PublishedSeeds
+from sidegan.seeding.result import Optimiser
 from sidegan.validity import Constraints
 
 _NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
 _OPTIONAL = {("published", "box")}
+_RESERVE = 0.2  # of the gradient method
 _ROUNDING = 1e-6  # of coefficients in single precision
 _OWN = ("reserve", "ants", "evaluations", "box")  # of one method each
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Seeds:
     """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
-    method: Literal["gradient", "paper", "published"]
-    fitness: Literal["eigenvalue", "diagonal"]
-    count: Count
-    samples: Size  # time points per period
-    batch: Size  # trajectories per task
-    steps: Count  # evaluations; paper: generations of the colony
-    attempts: Count  # starts per seed before giving up
-    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free
+    method: Literal["gradient", "paper", "published"] = "gradient"
+    fitness: Literal["eigenvalue", "diagonal"] = "eigenvalue"
+    count: Count = 400
+    samples: Size = 60  # time points per period
+    batch: Size = 50  # trajectories per task
+    steps: Count = 60  # evaluations; paper: generations of the colony
+    attempts: Count = 5  # starts per seed before giving up
+    reserve: Share | None = None  # gradient only: share of each limit that seeds keep free; null: 0.2
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
     # Largest absolute coefficient [rad/s], of seeds and of generators that learn from them. Not of gradient;
@@ -44,6 +45,8 @@ class Seeds:
     shipped: str | None = None  # paper only: a file beside the settings, of seeds that they made before
 
     def __post_init__(self) -> None:
+        if self.method == "gradient" and self.reserve is None:
+            object.__setattr__(self, "reserve", _RESERVE)
         for name in _OWN:
             needed = name in _NEEDED[self.method]
             if (self.method, name) not in _OPTIONAL and (getattr(self, name) is not None) != needed:
@@ -87,12 +90,12 @@ class Seeds:
         return Problem(constraints, trajectory, self.samples, self.fitness == "diagonal", self.strongest)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Long:
     """The single long trajectory that the short ones are compared with, by gradients."""
 
-    period: Seconds
-    harmonics: list[Size]  # one trajectory for each
-    samples: Size
-    steps: Count  # evaluations of each start
-    starts: Count  # of which the best is kept
+    period: Seconds = 560.0
+    harmonics: list[Size] = field(default_factory=lambda: [6, 210])  # one trajectory for each
+    samples: Size = 2800
+    steps: Count = 200  # evaluations of each start
+    starts: Count = 2  # of which the best is kept

@@ -3,10 +3,10 @@
 from torch import Tensor
 
 from sidegan.base.names import plain
+from sidegan.cell import Cell
 from sidegan.design.search import Condition
 from sidegan.identification.goals import Prediction
 from sidegan.identification.uncertain import Uncertain
-from sidegan.pipeline.task import Task
 from sidegan.validity.remedies import binding, remedy
 
 _LITTLE = 0.3  # share of its limits on motion that half of the joints exceed in a good set
@@ -14,9 +14,9 @@ _CONDITION = 1e5  # of a good set at most
 _UNCERTAIN = 0.1  # share of their usual size by which torques are uncertain after a good set at most
 
 
-def tell_worthless(task: Task, aim: Uncertain | Condition, c: Tensor, condition: float) -> str:
+def tell_worthless(cell: Cell, aim: Uncertain | Condition | None, c: Tensor, condition: float) -> str:
     """Why a set [rad/s], (N, J, H, 2), of this condition tells little, and what helps; or nothing."""
-    use, said = float(task.problem.limit_use(c).amax(0).median()), []
+    use, said = float(cell.problem.limit_use(c).amax(0).median()), []
     if use < _LITTLE:
         said.append(f"it uses {use:.0%} of the limits on motion")
     if not condition <= _CONDITION:
@@ -27,11 +27,11 @@ def tell_worthless(task: Task, aim: Uncertain | Condition, c: Tensor, condition:
             said.append(f"it leaves torques uncertain by {left:.0%} of their usual size")
     if not said:
         return ""
-    where = binding(task.constraints, task.trajectory, c)
+    where = binding(cell.constraints, cell.trajectory, c)
     if where is None:
         return f"the set tells little: {', '.join(said)}"
     constraint, which = where
     return (
         f"the set tells little: {', '.join(said)}; what stands in its way is {constraint} of {which}: "
-        f"{remedy(task.constraints, where)}"
+        f"{remedy(cell.constraints, where)}"
     )

@@ -1,4 +1,4 @@
-"""Surroundings of the arm, as configured: regions, and what the arm stands on."""
+"""Surroundings of the arm: regions, and what the arm stands on."""
 
 import logging
 import math
@@ -13,9 +13,9 @@ import torch
 
 from sidegan import validity
 from sidegan.base.names import counted
+from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
-from sidegan.pipeline.store import file_digest
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.fitting import hull_volume
 from sidegan.robot.locking import from_rpy
@@ -111,16 +111,16 @@ class Region:
         return plain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Workspace:
     """Where the arm may move, and whether its torque limits count."""
 
-    torque: bool
-    regions: list[Region] | None  # beside what the arm stands on
+    torque: bool = True
+    regions: list[Region] | None = None  # beside what the arm stands on
     # height that built-in arms keep above [m]; others: what they stand on; null: neither
-    desk: float | None = None
+    desk: float | None = 0.1
     # that links keep from each other and from the regions [m]; null: 2 cm, or what arm and home have room for
-    clearance: NonNegative | None = 0.0
+    clearance: NonNegative | None = None
 
     def given(self, arm: Arm) -> list[Region]:
         """The regions of an arm, as they are configured."""

@@ -1,15 +1,15 @@
-"""What a task's artifacts depend on, and the arm, home and clearance that its settings lead to."""
+"""What a context's artifacts depend on, and the arm, home and clearance that its settings lead to."""
 
 from functools import cache
 
 import pytest
 
+from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.replication import replication, sums, whole_sets
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.store import Store
-from sidegan.pipeline.task import Task
 from tests.tiny import tiny
 
 
@@ -20,8 +20,8 @@ def stamps(tmp_path_factory):
 
     @cache
     def made(*overrides):
-        task = Task(tiny(*overrides), store)
-        artifacts = (one for name in task.cfg.stages for one in stage(name).artifacts(task))
+        context = RunContext(tiny(*overrides), store)
+        artifacts = (one for name in context.cfg.stages for one in stage(name).artifacts(context))
         return {one.title: one.digest for one in artifacts}
 
     return made
@@ -87,9 +87,9 @@ def test_every_artifact_has_a_stamp_of_its_own_and_variants_and_trainings_keep_t
     assert len({three[f"gan/eigen-{k}"] for k in range(3)}) == 3
 
 
-def test_readings_share_what_they_measure_alike(task):
+def test_readings_share_what_they_measure_alike(context):
     """The seeds' measurements are as noisy in the reading of seeds as where all are."""
-    one, names = task(experiment="exp2"), ("all", "seeds", "torques", "seeds_states")
+    one, names = context(experiment="exp2"), ("all", "seeds", "torques", "seeds_states")
     digests = ([sums(one, pool, name).digest for pool in whole_sets(one)] for name in names)
     both, seeds, torques, states = digests
     assert both[0] == seeds[0] == states[0] and both[1] != seeds[1]
@@ -97,8 +97,8 @@ def test_readings_share_what_they_measure_alike(task):
     assert len({replication(one, name).digest for name in names}) == 4
 
 
-def test_random_numbers_differ_by_purpose_and_seed(task):
-    one, same, other = (task(f"seed={seed}") for seed in (0, 0, 1))
+def test_random_numbers_differ_by_purpose_and_seed(context):
+    one, same, other = (context(f"seed={seed}") for seed in (0, 0, 1))
     assert one.number("gan eigen") == same.number("gan eigen") != other.number("gan eigen")
     purposes = ["seeds", "gan eigen", "gan diagonal", "tests", "labels 0", "labels 1"]
     assert len({one.number(purpose) for purpose in purposes}) == len(purposes)
@@ -107,35 +107,37 @@ def test_random_numbers_differ_by_purpose_and_seed(task):
 PART = "robot.limits.position={shoulder: [0.5, 1.5]}"
 
 
-def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(task):
-    given = task("trajectory.home=[0.1, 0.2]")
-    assert given.trajectory.shape == (2, 3, 2) and given.trajectory.home == (0.1, 0.2)
+def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(context):
+    given = context("trajectory.home=[0.1, 0.2]")
+    assert given.cell.trajectory.shape == (2, 3, 2) and given.cell.trajectory.home == (0.1, 0.2)
     long = long_family(given, 12)
     assert (long.shape, long.period, long.home) == ((2, 12, 2), 32, (0.1, 0.2))
-    found = task(PART)
-    assert found.trajectory.home == pytest.approx((1, 0), abs=1e-3) and task().home is None
-    same = task(PART, f"trajectory.home={list(found.home)}")
-    assert seed_set(found).digest == seed_set(same).digest != seed_set(task()).digest
+    found = context(PART)
+    assert found.cell.trajectory.home == pytest.approx((1, 0), abs=1e-3) and context().cell.home == (0, 0)
+    same = context(PART, f"trajectory.home={list(found.cell.home)}")
+    assert seed_set(found).digest == seed_set(same).digest != seed_set(context()).digest
 
 
-def test_a_clearance_is_part_of_the_stamp_where_there_is_one(task):
-    none, some, more = (task(f"workspace.clearance={x}") for x in (0, 0.02, 0.03))
-    stamps = [one.cfg.workspace.stamped(one.arm) for one in (none, some)]
+def test_a_clearance_is_part_of_the_stamp_where_there_is_one(context):
+    none, some, more = (context(f"workspace.clearance={x}") for x in (0, 0.02, 0.03))
+    stamps = [one.cfg.workspace.stamped(one.cell.arm) for one in (none, some)]
     assert "clearance" not in stamps[0] and stamps[1]["clearance"] == 0.02
     assert len({seed_set(one).digest for one in (none, some, more)}) == 3
-    assert some.constraints.clearance == 0.02 and "0.02 m kept clear" in some.constraints.described()
-    assert task(experiment="excite").constraints.clearance == 0.02
-    assert task("workspace.clearance=0", experiment="excite").constraints.clearance == 0
+    assert (
+        some.cell.constraints.clearance == 0.02 and "0.02 m kept clear" in some.cell.constraints.described()
+    )
+    assert context(experiment="excite").cell.constraints.clearance == 0.02
+    assert context("workspace.clearance=0", experiment="excite").cell.constraints.clearance == 0
 
 
 @pytest.mark.parametrize(("room", "kept"), [(0.031, 0.02), (0.016, 0.01), (0.012, 0.005), (0.001, 0.0)])
-def test_what_leaves_home_room_to_move_is_kept_where_nobody_says_how_much(task, caplog, room, kept):
+def test_what_leaves_home_room_to_move_is_kept_where_nobody_says_how_much(context, caplog, room, kept):
     ball = f"workspace.regions=[{{sphere: {{centre: [{0.15 + room}, 0, 0.85], radius: 0.1}}}}]"
     rest = ["clearance=null", "trajectory.home=[0.0, 0.0]", ball]
-    made = task(*rest)
-    assert (made.constraints.clearance, made.constraints.apart) == (kept, 0.02)
+    made = context(*rest)
+    assert (made.cell.constraints.clearance, made.cell.constraints.apart) == (kept, 0.02)
     with caplog.at_level("INFO"):
         made.tell()
     assert f"kept clear: {kept:g} m" in caplog.text
-    assert made.cfg.workspace.stamped(made.arm)["clearance"] is None
-    assert task(*rest, "workspace.clearance=0.0").constraints.clearance == 0
+    assert made.cfg.workspace.stamped(made.cell.arm)["clearance"] is None
+    assert context(*rest, "workspace.clearance=0.0").cell.constraints.clearance == 0

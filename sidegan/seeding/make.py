@@ -11,7 +11,7 @@ from sidegan.base.parallel import Job, Report, run_jobs
 from sidegan.base.storage import read_torch, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
-from sidegan.seeds.result import Optimiser, SeedBatch
+from sidegan.seeding.result import Optimiser, SeedBatch
 
 _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
 _SPARE_STARTS = 4  # of a long trajectory, for each that is set, while none is valid

@@ -6,11 +6,11 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds import Gradient
-from sidegan.seeds.paper import ConditionProblem, Paper
-from sidegan.seeds.result import settle
+from sidegan.seeding import Gradient
+from sidegan.seeding.paper import ConditionProblem, Paper
+from sidegan.seeding.result import settle
 from sidegan.validity import Constraints, check
-from tests.seeds.conftest import METHODS
+from tests.seeding.conftest import METHODS
 
 
 def compared(problem, method, count, seed):

@@ -8,9 +8,9 @@ import torch
 
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeds import Gradient, Seeds, Tasks, make_long, make_seeds, result
+from sidegan.seeding import Gradient, Seeds, Tasks, make_long, make_seeds, result
 from sidegan.validity import check
-from tests.seeds.conftest import METHODS
+from tests.seeding.conftest import METHODS
 
 METHOD = METHODS["gradient"]
 
@@ -103,7 +103,7 @@ COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps
 
 
 def test_a_folder_is_part_of_what_makes_published_seeds_alone():
-    paper = Seeds("paper", **COMMON, ants=30, evaluations=9, box=0.2)
+    paper = Seeds(method="paper", **COMMON, ants=30, evaluations=9, box=0.2)
     assert paper.stamped() == replace(paper, folder="there", shipped="seeds.pt").stamped()
 
 
@@ -113,17 +113,17 @@ def test_a_folder_is_part_of_what_makes_published_seeds_alone():
         ("method paper needs evaluations", "paper", {"ants": 30}),
         ("method gradient does not have ants", "gradient", {"reserve": 0.2, "ants": 30}),
         ("strongest and shipped are of method paper", "gradient", {"reserve": 0.2, "strongest": 35}),
-        ("method gradient needs reserve; choose it by seeds=gradient", "gradient", {}),
+        ("method published does not have reserve; choose it by seeds=pub", "published", {"reserve": 0.1}),
         ("folder is not set: git clone https://", "published", {}),
     ],
 )
 def test_settings_of_another_method_are_refused(words, method, options):
     with pytest.raises(ConfigError, match=words):
-        Seeds(method, **COMMON, **options)
+        Seeds(method=method, **COMMON, **options)
 
 
 def test_published_seeds_may_have_a_box_which_they_keep():
-    published = Seeds("published", **COMMON, folder="there", box=0.2)
+    published = Seeds(method="published", **COMMON, folder="there", box=0.2)
     published.refuse_beyond(torch.tensor([0.2 * (1 + 1e-7), -0.1]))
     with pytest.raises(ConfigError, match=r"seeds reach 0\.3 rad/s, beyond seeds\.box=0\.2; null is without"):
         published.refuse_beyond(torch.tensor([-0.3, 0.1]))

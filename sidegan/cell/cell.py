@@ -1,0 +1,188 @@
+"""The arm in its cell, with all that is decided where the user says nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor, as_tensor, float64
+
+from sidegan.base.typed import build, settings_of
+from sidegan.cell import notes
+from sidegan.cell.settings import Choices
+from sidegan.cell.workspace import Workspace
+from sidegan.design.problem import Problem
+from sidegan.motion.dynamics import RigidBody
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import Arm, Setup, load_robot, with_effort
+from sidegan.validity import Constraints, Validity, check, usual_effort
+from sidegan.validity.home import refuse_degrees
+
+_homes: dict[tuple[str, ...], tuple[float, ...] | None] = {}  # found before, by arm and workspace
+_SAMPLES = 60  # time points per period of an optimisation
+_SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
+
+
+class Cell:
+    """An arm in its cell: its description, what surrounds it, how hard it may work and where it rests.
+
+    What is not given is decided, and ``notes`` tells how. Everything is found when it is first asked for,
+    and what will not do is refused then. Units are SI, joints are in the order of the description.
+
+    Args:
+        robot: path of a URDF, xacro or MJCF file; the name of a built-in arm (``built_in_robots()``), or one
+            that robot_descriptions knows where that is installed.
+        workspace: what surrounds the arm, and whether torque limits count: a ``Workspace``, or its fields,
+            such as ``{"regions": [{"box": {"lower": [0.3, -0.5, 0], "upper": [0.8, 0.5, 0.4]}}]}``. None: the
+            arm keeps above what it stands on.
+        home: joint positions [rad or m], (J,), at which trajectories start and end. None: where the
+            description has it rest, or zeros, or else a position that is found.
+        effort: share of the velocity and torque limits to use, in (0, 1]. None: 0.8, or all of them where
+            that would hardly hold the arm.
+        clearance: distance [m] that links keep from each other and from the regions. None: the workspace's;
+            where that has none either, 2 cm, or what the arm and its home have room for.
+        harmonics: number H of Fourier harmonics of the trajectories.
+        period: duration of one trajectory [s].
+        **setup: what is to be said beside the description, the fields of ``sidegan.robot.Setup``: ``tip``,
+            ``locked``, ``mount``, ``limits``, ``may_touch``, ``friction``, ``args``.
+
+    Attributes:
+        robot: as it was given.
+        setup: what was said beside the description.
+        workspace: what surrounds the arm.
+        choices: home, effort, clearance, harmonics and period as they were given.
+
+    Raises:
+        ConfigError: when a setting is unknown or out of range; names it.
+    """
+
+    def __init__(
+        self,
+        robot: str | Path,
+        *,
+        workspace: Workspace | Mapping[str, Any] | None = None,
+        home: ArrayLike | None = None,
+        effort: float | None = None,
+        clearance: float | None = None,
+        harmonics: int = 6,
+        period: float = 16.0,
+        **setup: Any,
+    ) -> None:
+        self.robot, self.setup = str(robot), build(Setup, setup)
+        own = {"home": home, "effort": effort, "clearance": clearance}
+        self.choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
+        self.workspace = settings_of(Workspace, workspace)
+        if self.choices.clearance is not None:
+            self.workspace = replace(self.workspace, clearance=self.choices.clearance)
+
+    @cached_property
+    def whole_arm(self) -> Arm:
+        """The arm with all of its limits.
+
+        Raises:
+            RobotError: when the description is none of a serial chain with limits; says what helps.
+        """
+        return load_robot(self.robot, self.setup, self.choices.home)
+
+    @cached_property
+    def recorded_arm(self) -> Arm:
+        """The arm as its recordings need it: without meshes, and with plain limits where none are stated.
+
+        Raises:
+            RobotError: when the description is none of a serial chain.
+        """
+        return load_robot(self.robot, self.setup, self.choices.home, planning=False)
+
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm, with the share of its limits that may be used."""
+        return with_effort(self.whole_arm, self.effort)
+
+    @cached_property
+    def effort(self) -> float:
+        """Share of the velocity and torque limits that may be used."""
+        given = self.choices.effort
+        return usual_effort(self.whole_arm, self.choices.home) if given is None else given
+
+    @cached_property
+    def _home(self) -> Sequence[float] | None:
+        """Home [rad or m], (J,): as given, as described, or found; None for zeros."""
+        if self.choices.home is not None:
+            return self.choices.home
+        key = (self.arm.digest, repr(self.arm.home), repr(self.workspace))
+        if key not in _homes:
+            _homes[key] = self.workspace.home_of(self.arm, self.arm.home)
+        return _homes[key]
+
+    @property
+    def home(self) -> tuple[float, ...]:
+        """Joint positions [rad or m] at which trajectories start and end, (J,).
+
+        Raises:
+            InfeasibleError: when none is found where the arm can rest; says what stands in its way.
+        """
+        return tuple(self.trajectory.home or ())
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """The family of the short trajectories: coefficients (B, J, H, 2) [rad/s] to motion and back."""
+        return Trajectory(self.arm.joints, self.choices.harmonics, self.choices.period, self._home)
+
+    @cached_property
+    def constraints(self) -> Constraints:
+        """The arm in its workspace, with all that trajectories are checked for.
+
+        Raises:
+            ConfigError: when home is in degrees, or a file of the workspace cannot be read.
+            InfeasibleError: when the arm cannot rest at home; says what stands in its way.
+        """
+        refuse_degrees(self.arm, self.home, "trajectory.home")
+        around = self.workspace.around(self.arm, self._home or [0.0] * self.arm.joints)
+        around.refuse_home(self.home)
+        return around
+
+    @property
+    def body(self) -> RigidBody:
+        """Dynamics of the arm: torques, regressor and base parameters."""
+        return self.constraints.body
+
+    @property
+    def problem(self) -> Problem:
+        """The optimisation of short trajectories with the usual samples, or as many as see all harmonics."""
+        samples = max(_SAMPLES, 2 * self.trajectory.harmonics + 1)
+        return Problem(self.constraints, self.trajectory, samples)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is suspicious in the description, a sentence each."""
+        return list(filter(None, notes.doubts(self)))
+
+    @property
+    def notes(self) -> list[str]:
+        """What the description moves, what was decided for the user, what trajectories are checked for."""
+        return list(filter(None, [described(self.whole_arm), *notes.decisions(self)]))
+
+    def check(self, coefficients: Tensor | NDArray[Any]) -> Validity:
+        """Whether short trajectories [rad/s], (B, J, H, 2), are valid over their whole period, and why not.
+
+        Raises:
+            ShapeError: when they are not of this family.
+        """
+        return check(self.constraints, self.trajectory, as_tensor(coefficients, dtype=float64))
+
+    def stamped(self) -> dict[str, Any]:
+        """Plain values by which what is made for this cell is known, beside the arm's own digest."""
+        home = None if self._home is None else list(self._home)
+        family = {"harmonics": self.choices.harmonics, "period": self.choices.period, "home": home}
+        middle = (self.arm.position_lower + self.arm.position_upper) / 2
+        away = (middle - middle.new_tensor(self.home)).nan_to_num().abs().max()
+        if away >= _SAME:  # since 2 joints go as far as their limits on either side of home
+            family["rooms"] = 2
+        return {"workspace": self.workspace.stamped(self.arm), "trajectory": family}
+
+
+def described(arm: Arm) -> str:
+    """What the description of an arm moves and leaves out; empty where nothing is worth telling."""
+    return f"{arm.name}: {'; '.join(arm.notes)}" if arm.notes else ""

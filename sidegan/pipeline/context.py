@@ -1,0 +1,155 @@
+"""Context of a run: its settings, its random numbers, the arm in its cell, and the artifacts made for it."""
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import psutil
+
+from sidegan.base.names import folder_name
+from sidegan.base.random import number, stream
+from sidegan.base.storage import read_json
+from sidegan.cell import Cell
+from sidegan.cell.cell import described
+from sidegan.errors import ConfigError
+from sidegan.library import LIBRARY, Library
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
+from sidegan.pipeline.compose import composed
+from sidegan.pipeline.settings import Config
+from sidegan.pipeline.store import Store
+from sidegan.robot import tell_placeholder_links
+
+log = logging.getLogger(__name__)
+
+GENERATOR, HISTORY, REPORT = "generator.pt", "history.json", "report.json"
+RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """Context of a run: its settings, its artifacts, and the arm in its cell."""
+
+    cfg: Config
+    store: Store
+    overrides: tuple[str, ...] = ()  # of the command, from which other conditions are composed
+
+    @cached_property
+    def cell(self) -> Cell:
+        """The arm in its cell, as it is configured."""
+        cfg, robot = self.cfg, self.cfg.robot
+        planned = {"workspace": cfg.workspace, **asdict(cfg.trajectory)} if self.planning else {}
+        return Cell(robot.name, effort=robot.effort, **planned, **asdict(robot.setup))
+
+    @property
+    def planning(self) -> bool:
+        """Whether motions of the arm are planned."""
+        return self.cfg.has("workspace")
+
+    def tell(self) -> None:
+        """Log what is suspicious in the description, what it moves, and what was decided for the user."""
+        if self.planning:
+            warnings, notes = self.cell.warnings, self.cell.notes
+        else:
+            placeholders = tell_placeholder_links(arm := self.cell.recorded_arm)
+            warnings = [f"{placeholders}: they are no prior and no reference"] if placeholders else []
+            notes = list(filter(None, [described(arm)]))
+        for text in warnings:
+            log.warning("%s", text)
+        for text in notes:
+            log.info("%s", text)
+
+    def with_settings(self, **changes: Any) -> "RunContext":
+        """A copy with other settings, by their name in the configuration."""
+        return replace(self, cfg=replace(self.cfg, stages=[], **changes))
+
+    def with_other(self, group: str, name: str) -> "RunContext":
+        """A copy with another choice of a group: a condition, an arm."""
+        kept = [one for one in self.overrides if one.partition("=")[0] != group]
+        return replace(self, cfg=composed(*kept, f"{group}={name}"))
+
+    def require_room(self, count: int, setting: str) -> None:
+        """Refuse a setting by which there would be more trajectories than fit into memory."""
+        needed = 8 * count * self.cell.arm.joints * 2 * self.cfg.trajectory.harmonics
+        there = psutil.virtual_memory().total
+        if needed > there:
+            raise ConfigError(
+                f"{setting} takes {needed / 1e9:.3g} GB in memory, this machine has {there / 1e9:.3g} GB"
+            )
+
+    def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
+        """The random numbers of one purpose, independent of all others."""
+        return stream(self.cfg.seed, purpose, training)
+
+    def number(self, purpose: str, training: int | None = None) -> int:
+        """One random seed for ``purpose``."""
+        return number(self.cfg.seed, purpose, training)
+
+    def artifact(
+        self,
+        maker: str,
+        label: str,
+        make: Callable[["RunContext", Build], None],
+        settings: Any,
+        inputs: Mapping[str, Artifact | str] | None = None,
+        **options: Any,
+    ) -> Artifact:
+        """An artifact that depends on the arm in its workspace, on its trajectories, and on so much more.
+
+        Args:
+            maker: who makes it.
+            label: what tells it from its siblings.
+            make: fills its folder, ``make(run, build)``.
+            settings: a dataclass of those it depends on besides, or a mapping of plain values.
+            inputs: what it is made from, beside the arm.
+            options: ``training`` where there are several, and of ``Artifact`` ``metrics``, ``alone`` and
+                ``title`` (maker, label and which of several trainings when missing).
+        """
+        own = settings if isinstance(settings, Mapping) else asdict(settings)
+        arm = self.cell.arm
+        parts, title, numbered = [arm.name, label, f"seed{self.cfg.seed}"], f"{maker}/{label}", {}
+        if (training := options.get("training")) is not None:
+            parts.append(f"training{training}")
+            numbered = {"training": training}
+            title += f"-{training}" if len(self.cfg.trainings) > 1 else ""
+        if own.get("subset") is not None:
+            parts.append(f"of{own['subset']}")
+        return Artifact(
+            maker,
+            folder_name("-".join(parts)),
+            options.get("title", title),
+            {**self.cell.stamped(), **numbered, maker: own},
+            {"robot": arm.digest, **(inputs or {})},
+            self.cfg.seed,
+            partial(make, self),
+            options.get("metrics", report_and_history),
+            options.get("alone", False),
+        )
+
+    def report(self, artifact: Artifact) -> dict[str, Any]:
+        """Report in an artifact that must be there."""
+        return read_json(self.store.require(artifact) / REPORT)
+
+    def history(self, artifact: Artifact) -> list[dict[str, float | None]]:
+        """Metrics after every epoch of a training that must be there."""
+        return read_json(self.store.require(artifact) / HISTORY)
+
+    def load(self, artifact: Artifact) -> Library:
+        """Trajectories in an artifact that must be there."""
+        return Library.load(self.store.require(artifact) / LIBRARY, self.cell.arm)
+
+    def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
+        """Table in an artifact that must be there."""
+        return pd.read_parquet(self.store.require(artifact) / file)
+
+
+def report_and_history(folder: Path) -> Metrics:
+    """Numbers and series in the report of an artifact, and the series of its history, where it has them."""
+    report = read_json(folder / REPORT) if (folder / REPORT).exists() else {}
+    rows = read_json(folder / HISTORY) if (folder / HISTORY).exists() else []
+    recorded = {key: x for key, x in report.items() if isinstance(x, int | float | list)}
+    return recorded | ({key: [row[key] for row in rows] for key in rows[0]} if rows else {})

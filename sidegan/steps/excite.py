@@ -1,0 +1,74 @@
+"""The design of a set of trajectories to execute, for what they are to tell."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from sidegan.base.random import number
+from sidegan.base.typed import settings_of
+from sidegan.cell import Cell
+from sidegan.design.search import Condition, design_set
+from sidegan.design.settings import SearchSettings
+from sidegan.errors import ConfigError
+from sidegan.identification import GoalSettings, Terms
+from sidegan.identification.goals import usual_torque
+from sidegan.identification.uncertain import Uncertain, unmeasured
+from sidegan.library.measure import measured
+from sidegan.steps.known import known_model
+from sidegan.steps.trajectories import TrajectorySet
+
+
+def excite(
+    cell: Cell,
+    count: int | None = None,
+    seed: int = 0,
+    *,
+    goal: GoalSettings | Mapping[str, Any] | None = None,
+    search: SearchSettings | Mapping[str, Any] | None = None,
+    model: Terms | Mapping[str, Any] | None = None,
+    known: str | Path | None = None,
+) -> TrajectorySet:
+    """Trajectories to execute on an arm, all proven valid, those that take least energy first.
+
+    Args:
+        cell: the arm in its cell.
+        count: number N of trajectories, each designed given those before it; None: 10, or the goal's.
+        seed: of all random numbers; the same one gives the same set.
+        goal: what the set is to tell best, and what it is measured with: the fields of ``GoalSettings``, such
+            as ``{"objective": "parameters"}``.
+        search: how much is spent on each trajectory: the fields of ``SearchSettings``.
+        model: terms of the torque beside rigid bodies that are to be identified: the fields of ``Terms``.
+        known: folder in which an identification left its results, for what that left uncertain. None: the
+            description is all that is known.
+
+    Returns:
+        The set: ``coefficients`` (N, J, H, 2) [rad/s], ``motion(rate)``, ``condition``, ``to_frame()``,
+        ``save(folder)``. Trajectories that came to nothing are left out.
+
+    Raises:
+        ConfigError: when a setting is out of range or does not fit the arm.
+        InfeasibleError: when no trajectory is proven; says what stands in its way.
+    """
+    aimed = settings_of(GoalSettings, goal)
+    aimed = aimed if count is None else replace(aimed, count=count)
+    aim = aim_of(cell, aimed, settings_of(Terms, model), known)
+    searched = settings_of(SearchSettings, search)
+    c = design_set(cell.problem, aim, aimed.count, searched, number(seed, "excite"))
+    made = TrajectorySet(cell, measured(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim)
+    return replace(made, library=made.library.take(made.energy().argsort(kind="stable").tolist()))
+
+
+def aim_of(cell: Cell, goal: GoalSettings, terms: Terms, known: str | Path | None) -> Uncertain | Condition:
+    """What a set is designed for, before anything of it is; a ConfigError where it does not fit the arm."""
+    if goal.objective == "condition":
+        if known is not None:
+            raise ConfigError("goal.objective=condition knows no model: leave out known=, or choose another")
+        return Condition(cell.problem)
+    if known is None:
+        return unmeasured(cell.body, terms, goal)
+    found = known_model(Path(known), cell.arm)
+    certainty, rate = found.certainty, found.rate
+    if goal.noise is not None:  # what is measured next has another noise than the recordings
+        certainty, rate = 1 / goal.deviation(usual_torque(cell.body)), goal.rate
+    return Uncertain(found.model, found.covariance, certainty, rate, goal.objective, identified=True)

@@ -1,0 +1,62 @@
+"""The seed set: optimised trajectories, of which generators learn."""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from sidegan.base.random import stream
+from sidegan.base.typed import settings_of
+from sidegan.cell import Cell
+from sidegan.errors import ConfigError
+from sidegan.seeding import SeedBatch, Seeds, Tasks, make_seeds
+from sidegan.steps.trajectories import TrajectorySet
+
+
+def seeds(
+    cell: Cell,
+    count: int | None = None,
+    seed: int = 0,
+    *,
+    settings: Seeds | Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+    workers: int | None = None,
+) -> TrajectorySet:
+    """Optimised valid trajectories: well conditioned, and different from each other.
+
+    Args:
+        cell: the arm in its cell.
+        count: number N of trajectories; None: 400, or that of the settings.
+        seed: of all random numbers; the same one gives the same set, however many workers there are.
+        settings: the optimiser and how much it does: the fields of ``sidegan.seeding.Seeds``.
+        folder: of the finished parts, from which an interrupted call goes on; None: none are kept.
+        workers: processes; None: one per core.
+
+    Returns:
+        The set: ``coefficients`` (N, J, H, 2) [rad/s], ``conditions`` (N,), ``motion(rate)``, ``to_frame()``.
+
+    Raises:
+        ConfigError: when a setting is out of range, or these are of seeds that are read.
+        InfeasibleError: when too few starts become valid; says what they violate.
+    """
+    chosen = settings_of(Seeds, settings)
+    chosen = chosen if count is None else replace(chosen, count=count)
+    if chosen.method == "published":
+        raise ConfigError("method published reads seeds: sidegan.seeding.published.PublishedSeeds")
+    with ExitStack() as stack:
+        work = Path(stack.enter_context(TemporaryDirectory()) if folder is None else folder)
+        made = optimised(cell, chosen, seed, work, workers)
+    return TrajectorySet.of(cell, made.coefficients, chosen.method)
+
+
+def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int | None) -> SeedBatch:
+    """Seeds by the settings' optimiser, and how they came about; finished parts are left in ``work``.
+
+    Raises:
+        InfeasibleError: when too few starts become valid; says what they violate.
+    """
+    problem = settings.problem(cell.constraints, cell.trajectory)
+    tasks = Tasks(settings.count, settings.batch, work, workers)
+    return make_seeds(problem, settings.optimiser, tasks, stream(seed, "seeds"))

@@ -1,0 +1,238 @@
+"""Trajectories of an arm in its cell, with what is measured about them, as arrays, tables and files."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import torch
+from numpy.typing import ArrayLike, NDArray
+from torch import Tensor
+
+from sidegan.base.names import plain
+from sidegan.base.typed import settings_of
+from sidegan.cell import Cell
+from sidegan.controllers import Delivery, deliver, slower
+from sidegan.design.criteria import condition_of
+from sidegan.design.information import information_of
+from sidegan.design.search import Condition
+from sidegan.errors import InfeasibleError
+from sidegan.identification.uncertain import Uncertain
+from sidegan.library import LIBRARY, Library
+from sidegan.library.measure import measured
+from sidegan.motion.trajectory import Trajectory
+from sidegan.recording.sent import FOLDER
+from sidegan.robot import placeholder_links
+from sidegan.steps.worth import tell_worthless
+from sidegan.validity import check
+
+_LOOKED_AT = 25.0  # [Hz] at which distances are looked at
+_RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # derivatives, by order
+_UNLIMITED = torch.tensor(torch.inf)
+_SIGNALS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
+
+
+class Motion(NamedTuple):
+    """Joint motion: time (T,) [s]; position, velocity, acceleration (N, T, J) [rad or m, s]."""
+
+    time: NDArray[Any]
+    position: NDArray[Any]
+    velocity: NDArray[Any]
+    acceleration: NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectorySet:
+    """N cyclic trajectories of an arm with J joints, with what is measured about each.
+
+    Attributes:
+        cell: the arm in its cell.
+        library: coefficients, margins of every constraint, and excitation of each trajectory, as tensors.
+        family: the trajectories' harmonics, period and home.
+        aim: what the set was designed for; None where it was not.
+    """
+
+    cell: Cell
+    library: Library
+    family: Trajectory
+    aim: Uncertain | Condition | None = None
+
+    @classmethod
+    def of(cls, cell: Cell, coefficients: ArrayLike | Tensor, source: str = "given") -> "TrajectorySet":
+        """Trajectories with these coefficients [rad/s], (N, J, H, 2), of the cell's family.
+
+        Raises:
+            ShapeError: when they are of another family.
+        """
+        c = torch.as_tensor(coefficients, dtype=torch.float64)
+        cell.trajectory.check(c)
+        return cls(cell, measured(cell.constraints, cell.trajectory, c, source), cell.trajectory)
+
+    @classmethod
+    def load(cls, folder: str | Path, cell: Cell) -> "TrajectorySet":
+        """The set that ``save`` left in a folder, of the cell's family.
+
+        Raises:
+            ArtifactError: when there is none, or it is of another arm.
+        """
+        return cls(cell, Library.load(Path(folder) / LIBRARY, cell.arm), cell.trajectory)
+
+    def __len__(self) -> int:
+        return len(self.library)
+
+    @property
+    def coefficients(self) -> NDArray[Any]:
+        """Coefficients [rad/s], (N, J, H, 2): of joint, harmonic, and sine or cosine."""
+        return self.library.coefficients.numpy()
+
+    @property
+    def valid(self) -> NDArray[Any]:
+        """Whether every constraint holds over the whole period, (N,)."""
+        return self.library.valid.numpy()
+
+    @property
+    def conditions(self) -> NDArray[Any]:
+        """Condition number of YᵀY of each trajectory, (N,); infinite where a direction is not excited."""
+        return self.library.fitness.numpy()
+
+    @cached_property
+    def condition(self) -> float:
+        """Condition number of YᵀY of all trajectories together; infinite where a direction is not excited."""
+        return condition_of(information_of(self.cell.body, self.family, self.library.coefficients).sum(0))
+
+    @property
+    def warnings(self) -> list[str]:
+        """Why the set tells little, and what helps; empty for a good one."""
+        found = tell_worthless(self.cell, self.aim, self.library.coefficients, self.condition)
+        return [found] if found else []
+
+    def motion(self, rate: float = 100.0) -> Motion:
+        """Joint motion over one period with both ends, at a rate [Hz]."""
+        return Motion(*(x.numpy() for x in self._rolled_out(rate)))
+
+    def to_frame(self, rate: float = 100.0) -> pd.DataFrame:
+        """A row per trajectory and moment: ``trajectory``, ``time`` [s], ``q_<joint>``, ``dq_…``, ``ddq_…``.
+
+        Trajectories count from 1.
+        """
+        motion = self.motion(rate)
+        number = np.repeat(np.arange(1, len(self) + 1), len(motion.time))
+        columns = {"trajectory": number, "time": np.tile(motion.time, len(self))}
+        for letters, name in _SIGNALS.items():
+            x = getattr(motion, name).reshape(len(number), -1)
+            columns |= {f"{letters}_{joint}": x[:, j] for j, joint in enumerate(self.cell.arm.joint_names)}
+        return pd.DataFrame(columns)
+
+    def at_speed(self, speed: float) -> "TrajectorySet":
+        """The same paths at a share of the speed.
+
+        What cannot be run slower is refused: accelerations may help to hold an arm that is too weak.
+
+        Raises:
+            InfeasibleError: with the trajectory, and what it would violate.
+        """
+        if speed == 1:
+            return self
+        family, c = slower(self.family, self.library.coefficients, speed)
+        found = check(self.cell.constraints, family, c)
+        if not found.valid.all():
+            first = int((~found.valid).nonzero()[0])
+            raise InfeasibleError(
+                f"trajectory {first + 1} cannot be run at {speed:.0%} of the speed: "
+                f"{found.failures(first)[0]}; plan a slower one: robot.effort or trajectory.period"
+            )
+        source = self.library.source[0]
+        return TrajectorySet(self.cell, measured(self.cell.constraints, family, c, source), family, self.aim)
+
+    def energy(self, rate: float = 100.0) -> NDArray[Any]:
+        """Mechanical work of the joints, whether they drive or brake [J], (N,), summed at a rate [Hz]."""
+        motion = self._rolled_out(rate)
+        power = (self.cell.body.drive_torque(*motion[1:]) * motion.velocity).abs().sum(2)
+        return torch.trapezoid(power, motion.time, dim=1).numpy()
+
+    def demands(self, rate: float = 100.0) -> pd.DataFrame:
+        """What each trajectory asks of the arm, in words: peaks at a rate [Hz], clearance and energy."""
+        arm, cell, c = self.cell.whole_arm, self.cell, self.library.coefficients
+        times = self.family.times(rate)
+        q = self.family.derivative(c, self.family.times(_LOOKED_AT), 0)
+        nearest = cell.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
+        known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
+        slides = arm.prismatic.tolist()
+        limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
+        columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in self.conditions.tolist()]}
+        for name, (order, per) in _RATES.items():
+            units = [f"{'m' if one else 'rad'}{per}" for one in slides]
+            x = self.family.derivative(c, times, order)
+            columns[f"peak {name}"] = peaks(x, limits.get(name, _UNLIMITED), units)
+        efforts = ["N" if one else "N·m" for one in slides]
+        torque = cell.body.drive_torque(*self._rolled_out(rate)[1:])
+        columns["peak torque"] = peaks(torque, arm.torque_limit, efforts) if known else "—"
+        columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()]
+        columns["energy [J]"] = [plain(x) for x in self.energy(rate).tolist()] if known else "—"
+        return pd.DataFrame(columns, pd.RangeIndex(1, len(self) + 1, name="trajectory"))
+
+    def save(
+        self, folder: str | Path, controllers: Delivery | Mapping[str, Any] | None = None
+    ) -> dict[str, float]:
+        """Write the set, and files for controllers in ``trajectories/`` below the folder.
+
+        Args:
+            folder: which is made when it is missing.
+            controllers: formats of the files, rate, share of the speed and so on: the fields of
+                ``sidegan.controllers.Delivery``, such as ``{"formats": ["csv"], "rate": 1000}``.
+
+        Returns:
+            Duration [s] of each file, by its name, in the order in which they are to be sent.
+
+        Raises:
+            ConfigError: when a setting is unknown or out of range.
+            InfeasibleError: when the set cannot be run at this speed, or the way to home is not free.
+            StorageError: when a file cannot be written.
+        """
+        settings = settings_of(Delivery, controllers)
+        run = self.at_speed(settings.speed)
+        self.library.save(Path(folder) / LIBRARY)
+        c, files = run.library.coefficients, Path(folder) / FOLDER
+        return deliver(self.cell.constraints, run.family, c, settings, files)
+
+    def view(self, path: str | Path, rate: float = 100.0, steps: Sequence[tuple[str, str]] = ()) -> None:
+        """Write one HTML page on which the arm moves, with what the trajectories ask of it.
+
+        Args:
+            path: of the page.
+            rate: at which peaks are looked for [Hz].
+            steps: what to do with them, a sentence and a command each.
+
+        Raises:
+            ArtifactError: when trimesh has no three.js.
+            StorageError: when the page cannot be written.
+        """
+        from sidegan.report.viewer import view_of, write_view
+
+        titles = [f"{k} · cond {plain(x)}" for k, x in enumerate(self.conditions.tolist(), 1)]
+        c = self.library.coefficients
+        view = view_of(self.cell.constraints, self.family, c, titles, self.cell.whole_arm)
+        write_view(view, Path(path), self.demands(rate), steps)
+
+    def _rolled_out(self, rate: float) -> Any:
+        return self.family.roll_out(self.library.coefficients, self.family.times(rate))
+
+
+def peaks(x: Tensor, limit: Tensor, units: list[str]) -> list[str]:
+    """Largest value of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
+    most = x.abs().amax(1)
+    limited = bool(limit.isfinite().any())
+    share, joint = (most / limit if limited else most).max(1)
+    values = [f"{plain(float(row[j]))} {units[j]}" for row, j in zip(most, joint.tolist())]
+    return [f"{one:.0%}, {value}" for one, value in zip(share.tolist(), values)] if limited else values
+
+
+def tensor_of(given: TrajectorySet | ArrayLike | Tensor) -> Tensor:
+    """Coefficients [rad/s], (N, J, H, 2), of a set or as they are given."""
+    if isinstance(given, TrajectorySet):
+        return given.library.coefficients
+    return torch.as_tensor(given, dtype=torch.float64)
