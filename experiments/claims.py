@@ -41,8 +41,9 @@ def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
-        text, criterion, why = (words[part].format(**numbers) for part in ("claim", "criterion", "why"))
-        judged.append(Claim(key, text, words["where"], words["paper"], criterion, why, findings))
+        said = {part: words[part].format(**numbers) for part in ("criterion", "why")}
+        text, cited = words["claim"].format(**numbers), {part: words[part] for part in ("where", "paper")}
+        judged.append(Claim(key, text, findings=findings, **cited, **said))
     return judged
 
 

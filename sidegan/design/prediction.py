@@ -96,7 +96,8 @@ class Prediction:
     ) -> "Prediction":
         """Errors after measurements at a rate [Hz], for which ``sampled`` times stand; P₀ = prior · I."""
         times = sampled(trajectory)
-        return cls(body, trajectory, wanted, noise, times, trajectory.period * rate / len(times), 1 / prior)
+        each = trajectory.period * rate / len(times)
+        return cls(body, trajectory, wanted, noise, times, each=each, least=1 / prior)
 
     @torch.no_grad()
     def informations(self, c: Tensor) -> tuple[Tensor, Tensor]:

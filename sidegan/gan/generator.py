@@ -39,6 +39,7 @@ class TrajectoryGenerator(nn.Module):
         scaling: Scaling | Layout,
         trajectory: Trajectory,
         arm: Arm,
+        *,
         limited: bool = False,
         box: float | None = None,
         corrections: int = 0,
@@ -129,9 +130,8 @@ class TrajectoryGenerator(nn.Module):
         else:
             network = Generator(**content["network"])
             scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-        generator = cls(
-            network, scaling, family, arm, content["limited"], content["box"], content["corrections"]
-        )
+        last = {name: content[name] for name in ("limited", "box", "corrections")}
+        generator = cls(network, scaling, family, arm, **last)
         generator.load_state_dict(content["weights"])
         return generator.eval()
 

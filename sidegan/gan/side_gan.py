@@ -76,8 +76,8 @@ class SideGAN(pl.LightningModule):
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
-        arm, corrections = self.data.constraints.arm, settings.corrections
-        made = TrajectoryGenerator(network, scaling, family, arm, settings.limited, box, corrections)
+        last: dict[str, Any] = {"limited": settings.limited, "box": box, "corrections": settings.corrections}
+        made = TrajectoryGenerator(network, scaling, family, self.data.constraints.arm, **last)
         if self.data.start is not None:
             made.start_from(self.data.start)
         return made

@@ -169,7 +169,7 @@ class PublishedVanilla(Vanilla):
             )
         network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
         arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, layout, family, arm, settings.limited)
+        return TrajectoryGenerator(network, layout, family, arm, limited=settings.limited)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""

@@ -20,20 +20,34 @@ EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identifica
 
 
 @dataclass(frozen=True, eq=False)
+class Tested:
+    """Errors of each method on what it had not seen, where there was something."""
+
+    kind: str  # held out, each recording by the others, or in sample
+    errors: dict[str, Score]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The model to use: the consistent one, unless the chosen method's predicts clearly better."""
+
+    method: str
+    errors: dict[str, Tensor]  # nMSE (J,) by which that was decided; empty where halves determine too little
+    kind: str  # of these: that of the tests, or halves by each other where nothing was held out
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedArm:
     """A model identified from recordings, with everything that is known about its quality."""
 
     model: TorqueModel
     training: list[CheckedRecording]  # recordings that were identified from
     validation: list[CheckedRecording]  # recordings that were held out
-    kind: str  # of the tests below: held out, each recording by the others, or in sample
     estimates: dict[str, Estimate]  # by method: the chosen one, equal weights, the consistent one
-    tests: dict[str, Score]  # errors of each method on what it had not seen, where there was something
+    tests: Tested
     trained: dict[str, Score]  # errors of each method on what it was identified from
     trust: Trust  # whether to trust the model to use
-    use: str  # method of that model: the consistent one, unless the chosen one predicts clearly better
-    unseen: dict[str, Tensor]  # nMSE (J,) by which that was decided; empty where halves determine too little
-    unseen_kind: str  # ``kind``, or halves by each other where nothing was held out
+    choice: Choice  # of that model
 
     @property
     def recordings(self) -> list[CheckedRecording]:
@@ -44,6 +58,11 @@ class IdentifiedArm:
     def chosen(self) -> Estimate:
         """Estimate of the chosen method."""
         return self.trust.estimate
+
+    @property
+    def use(self) -> str:
+        """Method of the model to use."""
+        return self.choice.method
 
     @property
     def used(self) -> Estimate:

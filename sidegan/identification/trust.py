@@ -33,8 +33,17 @@ def trust(
     validated = None
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
-    names = tuple(estimate.names[i] for i in weak)
-    return Trust(model.arm, estimate, train, validated, nominal, folds, torque_deviation, usual, names)
+    return Trust(
+        arm=model.arm,
+        estimate=estimate,
+        train=train,
+        validation=validated,
+        nominal_score=nominal,
+        folds=folds,
+        torque_deviation=torque_deviation,
+        usual=usual,
+        weak=tuple(estimate.names[i] for i in weak),
+    )
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor, Tensor]:

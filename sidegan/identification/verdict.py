@@ -43,7 +43,7 @@ _NOTABLE = 0.02  # of the arm's mass that a link's is looked at from
 _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Trust:
     """Quality of an identified model, and the verdict that follows from it."""
 

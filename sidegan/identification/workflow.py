@@ -10,7 +10,14 @@ from torch import Tensor
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import estimate
-from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
+from sidegan.identification.identified import (
+    CONSISTENT,
+    EQUAL_WEIGHTS,
+    Choice,
+    IdentifiedArm,
+    Tested,
+    measurements_of,
+)
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.noise import is_noise
@@ -56,9 +63,9 @@ def identify_arm(
         each = [measurements_of([recording]) for recording in training]
         turns = {method: folds(method, model, each, **more) for method, more in methods.items()}
         tests = {method: one.pooled for method, one in turns.items()}
-    unseen, unseen_kind = {method: one.nmse for method, one in tests.items()}, kind
+    unseen, how = {method: one.nmse for method, one in tests.items()}, kind
     if tests is trained:
-        unseen, unseen_kind = _halves(model, samples, methods), "on halves by each other"
+        unseen, how = _halves(model, samples, methods), "on halves by each other"
     use = preferred(settings.method, unseen)
     judged = trust(model, estimates[settings.method], held_out or None, turns.get(use))
     judged = replace(judged, train=trained[use], validation=tests[use] if held_out else None)
@@ -66,7 +73,14 @@ def identify_arm(
     used = model, estimates[use].parameters, estimates[use].covariance
     judged = replace(judged, noise=torch.stack([is_noise(*used, one) for one in sets]).all(0))
     found = IdentifiedArm(
-        model, training, validation, kind, estimates, tests, trained, judged, use, unseen, unseen_kind
+        model=model,
+        training=training,
+        validation=validation,
+        estimates=estimates,
+        tests=Tested(kind, tests),
+        trained=trained,
+        trust=judged,
+        choice=Choice(use, unseen, how),
     )
     causes, gravity = causes_of(found)
     return replace(found, trust=replace(judged, causes=tuple(causes), other_gravity=gravity))

@@ -47,9 +47,16 @@ class Library:
     def family(self) -> Family:
         """Properties that two libraries must share to be merged."""
         _, joints, harmonics, _ = self.coefficients.shape
-        home, margins = list(self.home), sorted(self.margins)
-        parameters = self.diagonal.shape[1]
-        return Family(self.robot, self.digest, joints, harmonics, self.period, home, parameters, margins)
+        return Family(
+            robot=self.robot,
+            digest=self.digest,
+            joints=joints,
+            harmonics=harmonics,
+            period=self.period,
+            home=list(self.home),
+            parameters=self.diagonal.shape[1],
+            margins=sorted(self.margins),
+        )
 
     def take(self, indices: Tensor | Sequence[int]) -> "Library":
         """The trajectories at ``indices``, (K,) integers in 0 … N − 1, in that order."""

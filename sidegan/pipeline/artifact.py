@@ -32,7 +32,7 @@ class Build:
     costs: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Artifact:
     """A result on disk; two artifacts with the same digest are interchangeable."""
 

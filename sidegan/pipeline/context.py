@@ -119,15 +119,15 @@ class RunContext:
         if own.get("subset") is not None:
             parts.append(f"of{own['subset']}")
         return Artifact(
-            maker,
-            folder_name("-".join(parts)),
-            options.get("title", title),
-            {**self.cell.stamped(), **numbered, maker: own},
-            {"robot": arm.digest, **(inputs or {})},
-            self.cfg.seed,
-            partial(make, self),
-            options.get("metrics", report_and_history),
-            options.get("alone", False),
+            maker=maker,
+            label=folder_name("-".join(parts)),
+            title=options.get("title", title),
+            settings={**self.cell.stamped(), **numbered, maker: own},
+            inputs={"robot": arm.digest, **(inputs or {})},
+            seed=self.cfg.seed,
+            make=partial(make, self),
+            metrics=options.get("metrics", report_and_history),
+            alone=options.get("alone", False),
         )
 
     def report(self, artifact: Artifact) -> dict[str, Any]:

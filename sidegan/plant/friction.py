@@ -33,7 +33,7 @@ class FrictionSettings:
     ripple: NonNegative = 0.01  # of the joint's torque
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Law:
     """Friction of the joints of one plant; every vector is (J,).
 
@@ -58,9 +58,15 @@ class Law:
         joints = len(scale)
         coulomb = scale * random.uniform(*settings.coulomb, joints)
         viscous = coulomb / top * random.uniform(*settings.viscous, joints)
-        speed = random.uniform(0.02, 0.08, joints) * top
-        phase, skew = random.uniform(0, 2 * np.pi, (3, joints)), random.uniform(-1, 1, joints)
-        return cls(settings, scale, coulomb, viscous, speed, phase, skew)
+        return cls(
+            settings=settings,
+            scale=scale,
+            coulomb=coulomb,
+            viscous=viscous,
+            speed=random.uniform(0.02, 0.08, joints) * top,
+            phase=random.uniform(0, 2 * np.pi, (3, joints)),
+            skew=random.uniform(-1, 1, joints),
+        )
 
     def __call__(self, q: Array, dq: Array, load: Array) -> Array:
         """Friction [N·m or N] against the motion, (…, J), with transmitted torques ``load``."""

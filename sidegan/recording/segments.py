@@ -98,11 +98,11 @@ def preprocess(
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
     signals, factor = _signals(recording, gains, settings.reverse)
+    options = {"sign_width": sign_width, "still": settings.still, "delay": delay}
     segments: list[Segment] = []
     for run in runs(recording.time.numpy(), grid.step, grid.gap):
         kept, *states, moving = _joined(
-            _thinned(run, signals, factor, grid, span, sign_width, settings.still, delay)
-            for span in _spans(run.points, grid, delay)
+            _thinned(run, signals, factor, grid, span, **options) for span in _spans(run.points, grid, delay)
         )
         states = [run.time[0] + kept * grid.step, *states]
         segments += [
@@ -136,6 +136,7 @@ def _thinned(
     factor: Numbers,
     grid: Grid,
     span: tuple[int, int, int, int],
+    *,
     sign_width: float,
     still: float,
     delay: float,

@@ -56,7 +56,7 @@ def surrogates(
         run = Run(name, number(seed, f"gan {name}"), Path(work))
         vanilla = trained(cell, variant, c, run, box=box if variant.boxed else None).generator
     Path(folder).mkdir(parents=True, exist_ok=True)
-    return pretrain(cell, c, vanilla, settings, Path(folder), seed, workers)
+    return pretrain(cell, c, vanilla, settings, Path(folder), seed=seed, workers=workers)
 
 
 def pretrain(
@@ -65,6 +65,7 @@ def pretrain(
     vanilla: TrajectoryGenerator,
     settings: SurrogateSettings,
     folder: Path,
+    *,
     seed: int,
     workers: int | None,
 ) -> dict[str, float]:

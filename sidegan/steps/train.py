@@ -101,7 +101,8 @@ def train(
             folder = Path(work, "surrogates")
             train_surrogates(cell, c, folder, seed=seed, box=box, workers=workers)
         run = Run(name, number(seed, f"gan {name}"), Path(work, name))
-        made = trained(cell, settings, c, run, folder, box if settings.boxed else None)
+        own = box if settings.boxed else None
+        made = trained(cell, settings, c, run, surrogates=folder, box=own)
     return Generator(made.generator, pd.DataFrame(made.history))
 
 

@@ -17,6 +17,7 @@ def trained(
     variant: Variant,
     seeds: Tensor | None,
     run: Run,
+    *,
     surrogates: Path | None = None,
     box: float | None = None,
     start: Path | None = None,

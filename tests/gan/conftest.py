@@ -40,7 +40,9 @@ def untrained(arm, family, start, limited=False, box=None, corrections=0):
     torch.manual_seed(0)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
-    return TrajectoryGenerator(network, scaling, family, arm, limited, box, corrections).eval()
+    return TrajectoryGenerator(
+        network, scaling, family, arm, limited=limited, box=box, corrections=corrections
+    ).eval()
 
 
 @pytest.fixture(scope="session")

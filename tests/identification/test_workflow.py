@@ -38,24 +38,24 @@ def identified(arm, training, validation=(), method="weighted", **others):
 @pytest.mark.parametrize("method", ["weighted", "ols"])
 def test_every_method_identifies(planar, recordings, method):
     result = identified(planar, recordings[:1], recordings[1:2], method)
-    assert result.chosen.method == method and result.kind == "held out"
+    assert result.chosen.method == method and result.tests.kind == "held out"
     assert list(result.tests) == list(dict.fromkeys([method, "ols", "consistent"]))
-    assert result.tests[method].nmse.mean() < 5e-3
+    assert result.tests.errors[method].nmse.mean() < 5e-3
     assert result.use == CONSISTENT
     assert result.links.shape == (2, 10)
 
 
 def test_without_validation_recordings_take_turns(planar, recordings):
     result = identified(planar, recordings)
-    assert result.kind == "each of 3 recordings, predicted from the others"
-    assert result.tests["weighted"].nmse.mean() < 2e-3
+    assert result.tests.kind == "each of 3 recordings, predicted from the others"
+    assert result.tests.errors["weighted"].nmse.mean() < 2e-3
     assert result.trust.folds is not None
 
 
 def test_one_recording_is_tested_on_itself_and_that_is_said(planar, recordings):
     result = identified(planar, recordings[:1])
-    assert result.tests["weighted"].nmse.mean() < 2e-3
-    assert result.kind.startswith("in sample") and result.tests is result.trained
+    assert result.tests.errors["weighted"].nmse.mean() < 2e-3
+    assert result.tests.kind.startswith("in sample") and result.tests.errors is result.trained
     assert any("held out" in reason for reason in result.trust.reasons)
 
 
@@ -82,10 +82,10 @@ def test_the_model_to_use_predicts_better(planar, validated):
     links[1, 4:] *= -2
     strange = [checked(replace(planar, inertial_parameters=links), planar, seed) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:] if validated else [])
-    assert result.use == "weighted" and (result.unseen_kind == result.kind) == validated
-    assert result.unseen["weighted"].mean() < result.unseen[CONSISTENT].mean() / 1.1
-    assert f"{result.unseen[CONSISTENT].mean():.4f}" in advice(result)
-    assert result.trust.judged is (result.tests if validated else result.trained)["weighted"]
+    assert result.use == "weighted" and (result.choice.kind == result.tests.kind) == validated
+    assert result.choice.errors["weighted"].mean() < result.choice.errors[CONSISTENT].mean() / 1.1
+    assert f"{result.choice.errors[CONSISTENT].mean():.4f}" in advice(result)
+    assert result.trust.judged is (result.tests.errors if validated else result.trained)["weighted"]
     used = result.used_standard
     torch.testing.assert_close(result.model.mapping @ used, result.estimates["weighted"].parameters)
     assert not torch.allclose(used, result.standard)
@@ -98,7 +98,7 @@ def test_halves_that_tell_too_little_decide_nothing(planar, recordings):
     torque[:20] = torque[0]
     short = replace(recordings[0], segments=[segment._replace(torque=torque)])
     result = identified(planar, [short])
-    assert result.use == CONSISTENT and result.unseen == {}
+    assert result.use == CONSISTENT and result.choice.errors == {}
     assert result.trust.verdict == BAD and advice(result).startswith("Use none")
     better = replace(identified(planar, recordings[:1]), unseen={})
     assert "tell too little to predict each other" in advice(better)

@@ -29,7 +29,8 @@ def run(root, method=METHOD, workers=1):
         write_torch(build.folder / "seeds.pt", {"c": batch.coefficients, "fitness": batch.fitness})
         write_json(build.folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
 
-    artifact = Artifact("seeds", "planar2", "seeds", {"count": COUNT}, {}, 4, make, lambda folder: {})
+    named = {"maker": "seeds", "label": "planar2", "title": "seeds", "metrics": lambda folder: {}}
+    artifact = Artifact(**named, settings={"count": COUNT}, inputs={}, seed=4, make=make)
     return Store(Path(root)).produce(artifact)
 
 

@@ -13,7 +13,8 @@ from sidegan.pipeline.artifact import Artifact, difference, versions
 
 
 def artifact(settings, maker="gan", label="eigen", inputs=None, seed=3):
-    return Artifact(maker, label, "title", settings, inputs or {}, seed, print, print)
+    made = {"settings": settings, "inputs": inputs or {}, "seed": seed}
+    return Artifact(maker=maker, label=label, title="title", **made, make=print, metrics=print)
 
 
 SETTINGS = {"epochs": 50, "weights": {"fitness": 0.1}}

@@ -24,9 +24,8 @@ def write_seeds(build):
 def seeds_of(context):
     """A small artifact in the place of the seed set."""
     settings = {"count": context.cfg.seeds.count}
-    return Artifact(
-        "seeds", context.cfg.robot.name, "seeds", settings, {}, context.cfg.seed, write_seeds, print
-    )
+    named = {"maker": "seeds", "label": context.cfg.robot.name, "title": "seeds", "seed": context.cfg.seed}
+    return Artifact(**named, settings=settings, inputs={}, make=write_seeds, metrics=print)
 
 
 def fail_on_odd_seeds(context, tracker):

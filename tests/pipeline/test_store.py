@@ -45,7 +45,8 @@ def refuse(build):
 
 
 def numbers(count=3, make=write, seed=0):
-    return Artifact("numbers", "kuka", "numbers", {"count": count}, {}, seed, make, lambda folder: {})
+    named = {"maker": "numbers", "label": "kuka", "title": "numbers", "metrics": lambda folder: {}}
+    return Artifact(**named, settings={"count": count}, inputs={}, seed=seed, make=make)
 
 
 def visible(store):

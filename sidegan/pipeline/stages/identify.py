@@ -38,8 +38,17 @@ def model(run: RunContext) -> Artifact:
     settings: dict[str, object] = {n: asdict(getattr(cfg, n)) for n in ("recording", "model", "identify")}
     settings |= {} if isinstance(cfg.validation, list) else {"held_out": cfg.validation}
     settings |= {"gains": cfg.robot.gains, "names": {key: path.name for key, path in files.items()}}
-    label, make = f"{arm.name}-{cfg.identify.method}", partial(_make, run)
-    return Artifact("identify", label, "identify", settings, inputs, None, make, _error, alone=True)
+    return Artifact(
+        maker="identify",
+        label=f"{arm.name}-{cfg.identify.method}",
+        title="identify",
+        settings=settings,
+        inputs=inputs,
+        seed=None,
+        make=partial(_make, run),
+        metrics=_error,
+        alone=True,
+    )
 
 
 def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:

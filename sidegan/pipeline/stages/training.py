@@ -120,12 +120,13 @@ def _train(run: RunContext, build: Build, name: str, training: int, variant: Var
         name,
         run.number(f"gan {name}", training),
         build.work,
-        run.cfg.evaluation,
-        samples,
-        run.cfg.device,
-        build.report,
+        evaluation=run.cfg.evaluation,
+        samples=samples,
+        device=run.cfg.device,
+        progress=build.report,
     )
-    made = trained(run.cell, variant, seeds, how, folder, _box(run, variant), _start(run, variant))
+    box, start = _box(run, variant), _start(run, variant)
+    made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box, start=start)
     made.generator.save(build.folder / GENERATOR)
     if samples:
         write_torch(build.folder / SAMPLES, made.samples)
@@ -161,7 +162,7 @@ def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> Non
 
     vanilla = TrajectoryGenerator.load(run.store.require(negatives(run)) / GENERATOR, run.cell.arm)
     seeds, workers = training_seeds(run).coefficients, run.cfg.parallel.workers
-    report = pretrain(run.cell, seeds, vanilla, settings, build.folder, run.cfg.seed, workers)
+    report = pretrain(run.cell, seeds, vanilla, settings, build.folder, seed=run.cfg.seed, workers=workers)
     write_json(build.folder / REPORT, finite(report))
 
 

@@ -33,8 +33,8 @@ class Origin(NamedTuple):
 
 def headline(identified: IdentifiedArm) -> str:
     """The verdict, and the error that it rests on."""
-    error = shown(identified.tests[identified.use].nmse_mean)
-    return f"{identified.trust.verdict}: mean nMSE {error} ({identified.kind})"
+    error = shown(identified.tests.errors[identified.use].nmse_mean)
+    return f"{identified.trust.verdict}: mean nMSE {error} ({identified.tests.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
@@ -54,14 +54,14 @@ def _use(identified: IdentifiedArm) -> str:
         return f"Use none of these models: {_needed(trust)}."
     if use == CONSISTENT == method:
         return f"Use the consistent model. {_held(identified)}"
-    errors = {name: float(error.mean()) for name, error in identified.unseen.items()}
+    errors = {name: float(error.mean()) for name, error in identified.choice.errors.items()}
     if not errors:
         return (
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
             f"recordings tell too little to predict each other. {_held(identified)}"
         )
     compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
-    compared += f", {identified.unseen_kind}"
+    compared += f", {identified.choice.kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
@@ -111,7 +111,7 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
     trust, chosen, use = identified.trust, identified.chosen, identified.use
-    errors = {name: shown(one.nmse_mean) for name, one in identified.tests.items()}
+    errors = {name: shown(one.nmse_mean) for name, one in identified.tests.errors.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
@@ -137,8 +137,8 @@ def treatment(recording: CheckedRecording) -> str:
 def error_table(identified: IdentifiedArm) -> pd.DataFrame:
     """Errors of the model to use, a row per joint: ``nMSE, training``, and so on."""
     uses = {"training": identified.trained}
-    if identified.tests is not identified.trained:
-        uses["validation"] = identified.tests
+    if identified.tests.errors is not identified.trained:
+        uses["validation"] = identified.tests.errors
     errors = {use: scores[identified.use] for use, scores in uses.items()}
     columns = {f"nMSE, {use}": one.nmse.tolist() for use, one in errors.items()}
     columns |= {f"RMSE, {use}": one.rmse.tolist() for use, one in errors.items()}

@@ -62,9 +62,9 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "reasons": trust.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
-            "kind": identified.kind,
+            "kind": identified.tests.kind,
             "recordings": [recording.name for recording in identified.validation],
-            **_all_errors(identified.tests, use, chosen.method),
+            **_all_errors(identified.tests.errors, use, chosen.method),
             "description": _errors(trust.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
