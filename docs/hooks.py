@@ -31,7 +31,7 @@ def on_page_markdown(markdown: str, page, **_) -> str:
     markdown = re.sub(rf"\]\((?:docs/|{re.escape(up)}\.\./)", f"]({up}", markdown)
     for source, target in PAGES.items():
         markdown = markdown.replace(f"]({up}{source}", f"]({up}{target}")
-    return markdown
+    return re.sub(r"\]\(([\w/.]+)\.ipynb\)", r"](\1.md)", markdown)
 
 
 def _page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, bytes]]:
@@ -52,4 +52,5 @@ def _page(notebook: dict[str, Any], name: str) -> tuple[str, dict[str, bytes]]:
             else:
                 text = shown.get("text/plain") or "".join(output.get("text", []))
                 parts.append(f"```text\n{text.rstrip()}\n```")
+    parts.append(f'<a href="../{name}.ipynb" download>This page as a notebook</a>')
     return "\n\n".join(parts), pictures
