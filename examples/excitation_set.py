@@ -1,27 +1,14 @@
-"""An excitation set: valid trajectories that are optimised to excite an arm, and the five to execute."""
+"""A set of trajectories to execute on an arm, from its description alone, and the motion to send to it."""
 
-import numpy as np
+import sidegan as sg
 
-from sidegan.design.excitation import excite
-from sidegan.design.greedy import greedy
-from sidegan.design.problem import Problem
-from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import load_robot
-from sidegan.seeding import Gradient
-from sidegan.validity import Constraints, Plane, check
+cell = sg.Cell("planar2", harmonics=4, period=8)  # or the path of a URDF, xacro or MJCF file
+for text in (*cell.warnings, *cell.notes):
+    print(text)
 
-arm = load_robot("planar2")
-constraints = Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.0)])
-family = Trajectory(arm.joints, harmonics=4, period=8.0)
+excitation = sg.excite(cell, count=3, seed=0, search={"evaluations": 100})
+print(f"{len(excitation)} trajectories, condition number {excitation.condition:.3g}")
+print(excitation.demands())
 
-search = Gradient(steps=60, attempts=5, reserve=0.05)
-c = search.optimise(Problem(constraints, family), 20, np.random.SeedSequence(0)).coefficients  # (20, J, H, 2)
-assert check(constraints, family, c).valid.all()
-
-excitation = excite(constraints.body, family, c)
-chosen = greedy(excitation.diagonal, count=5)
-conditions = excitation.eigenvalue_fitness[chosen]  # of YᵀY of each trajectory
-print("picked", chosen.tolist(), "with condition numbers", [f"{x:.3g}" for x in conditions.tolist()])
-
-motion = family.roll_out(c[chosen], family.times(rate=100))  # (5, T, J) each, to be sent to a controller
-print("the first ends at", motion.position[0, -1].tolist(), "after", float(motion.time[-1]), "s")
+motion = excitation.motion(rate=100)  # position, velocity and acceleration, (3, T, J) each
+print("the first ends at", motion.position[0, -1], "after", motion.time[-1], "s")

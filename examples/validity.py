@@ -1,20 +1,16 @@
 """Whether trajectories of one's own are valid: limits, self-collision and regions, proven between samples."""
 
-import torch
+import numpy as np
 
-from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import load_robot
-from sidegan.validity import Constraints, Plane, Sphere, check
+import sidegan as sg
 
-arm = load_robot("kuka_lwr4")
-desk, ball = Plane(normal=(0, 0, 1), offset=0.10), Sphere(centre=(0.5, 0.0, 0.8), radius=0.15)
-constraints = Constraints(arm, [desk, ball])
+ball = {"sphere": {"centre": [0.5, 0.0, 0.8], "radius": 0.15}}
+cell = sg.Cell("kuka_lwr4", harmonics=2, period=10, workspace={"regions": [ball]}, clearance=0.0, effort=1.0)
 
-family = Trajectory(arm.joints, harmonics=2, period=10.0)
-c = torch.zeros(3, *family.shape, dtype=torch.float64)  # of joint, harmonic, and sine or cosine [rad/s]
-c[1, 1, 0] = torch.tensor([0.0, 0.5])  # the second joint leans a little
-c[2, 1, 0] = torch.tensor([0.0, 2.0])  # and much
+c = np.zeros((3, 7, 2, 2))  # of joint, harmonic, and sine or cosine [rad/s]
+c[1, 1, 0] = [0.0, 0.5]  # the second joint leans a little
+c[2, 1, 0] = [0.0, 2.0]  # and much
 
-verdict = check(constraints, family, c)
+verdict = cell.check(c)
 for k, valid in enumerate(verdict.valid.tolist()):
     print(f"trajectory {k}: {'valid' if valid else '; '.join(map(str, verdict.failures(k)))}")

@@ -6,6 +6,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from torch import Tensor, as_tensor, float64
 
@@ -171,6 +172,13 @@ class Cell:
             ShapeError: when they are not of this family.
         """
         return check(self.constraints, self.trajectory, as_tensor(coefficients, dtype=float64))
+
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> NDArray[Any]:
+        """Torque [N·m or N], (…, J), by the description, with the friction and rotors that it states.
+
+        At positions [rad or m], velocities and accelerations, (…, J) each.
+        """
+        return self.body.drive_torque(*(as_tensor(np.array(x, dtype=float)) for x in (q, dq, ddq))).numpy()
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which what is made for this cell is known, beside the arm's own digest."""

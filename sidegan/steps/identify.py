@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -24,7 +25,8 @@ from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, link_table, parameter_table
 from sidegan.robot import Arm, load_robot, words
 
-Given: TypeAlias = str | Path | Files | Mapping[str, str]  # a recording: a file, or one for each signal
+# A recording: a file, a table with columns like a file's, or a file for each signal.
+Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str]
 Recordings: TypeAlias = Sequence[Given]
 
 
@@ -115,9 +117,9 @@ def identify(
 
     Args:
         cell: the arm in its cell, of which the description counts.
-        recordings: files to identify from, CSV and others; a file for each signal is a mapping like
-            ``{"position": "q.csv", "torque": "tau.csv"}``.
-        validation: files to test with, or the share of each recording that is held out, its last part.
+        recordings: to identify from, files (CSV and others) or data frames with such columns; a file for each
+            signal is a mapping like ``{"position": "q.csv", "torque": "tau.csv"}``.
+        validation: recordings to test with, or the share of each recording that is held out, its last part.
         recording: what the files hold and how they are preprocessed: the fields of ``RecordingSettings``,
             such as ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite"}``.
         model: terms of the torque beside rigid bodies: the fields of ``Terms``.
@@ -166,24 +168,26 @@ def check_recordings(
     """
     settings = settings_of(RecordingSettings, recording)
     share = validation if isinstance(validation, float) else None
-    first = [*map(_named, recordings)]
-    held_out = [] if isinstance(validation, float) else [*map(_named, validation)]
-    if not first:
-        raise ConfigError("recordings is empty, expected files of the arm")
-    arm = recorded_arm(cell, [*first, *held_out], settings)
-    files: list[tuple[Recorded, Role]] = [(one, "training") for one in first]
-    files += [(one, "validation") for one in held_out]
-    found = read_and_check(files, arm, settings, gains, sign_width)
+    tests = () if isinstance(validation, float) else validation
+    with TemporaryDirectory() as folder:
+        first, held_out = (
+            [_named(one, Path(folder, f"{role} {k}.parquet")) for k, one in enumerate(given, 1)]
+            for role, given in (("recording", recordings), ("validation", tests))
+        )
+        if not first:
+            raise ConfigError("recordings is empty, expected files or tables of the arm")
+        arm = recorded_arm(cell, [*first, *held_out], settings)
+        files: list[tuple[Recorded, Role]] = [(one, "training") for one in first]
+        files += [(one, "validation") for one in held_out]
+        found = read_and_check(files, arm, settings, gains, sign_width)
     refuse_shared([(one.name, one.statistics.rows) for one in found])
-    training, tests = found[: len(first)], found[len(first) :]
+    training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
-        training, tests = map(list, zip(*(split(one, share) for one in training)))
-    origin = Origin(
-        _command(cell, first, held_out, share),
-        _excite(cell, arm),
-        {"robot": {"name": cell.robot, "gains": gains, **asdict(cell.setup)}, "recording": asdict(settings)},
-    )
-    return Checked(arm, found, training, tests, origin)
+        training, validated = map(list, zip(*(split(one, share) for one in training)))
+    robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
+    command = _command(cell, first, held_out, share)
+    origin = Origin(command, _excite(cell, arm), {"robot": robot, "recording": asdict(settings)})
+    return Checked(arm, found, training, validated, origin)
 
 
 def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: RecordingSettings) -> Arm:
@@ -205,8 +209,11 @@ def identified(cell: Cell, checked: Checked, terms: Terms, estimation: Estimatio
     return IdentifiedModel(found, checked.origin._replace(settings=settings))
 
 
-def _named(given: Given) -> Recorded:
-    """A recording as settings name it."""
+def _named(given: Given, path: Path) -> Recorded:
+    """A recording as settings name it; a data frame is written to ``path``, and read as files are."""
+    if isinstance(given, pd.DataFrame):
+        given.to_parquet(path, index=False)
+        return str(path)
     if isinstance(given, Mapping):
         return build(Files, given)
     return given if isinstance(given, Files) else str(given)

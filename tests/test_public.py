@@ -1,0 +1,128 @@
+"""The names at the top of the package: what they are, and the work of a lab by them, small."""
+
+import ast
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import sidegan as sg
+
+SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
+SEARCH = {"evaluations": 60, "patience": 60}
+
+
+@pytest.fixture(scope="module")
+def cell():
+    """The planar arm, with nothing around it."""
+    return sg.Cell("planar2", harmonics=3, period=8, workspace={"desk": None})
+
+
+@pytest.fixture(scope="module")
+def excitation(cell):
+    return sg.excite(cell, count=3, seed=0, search=SEARCH)
+
+
+@pytest.fixture(scope="module")
+def seeds(cell):
+    return sg.seeds(cell, 60, settings={"steps": 20, "samples": 20, "batch": 20}, workers=1)
+
+
+def test_every_name_is_there_for_people_and_for_type_checkers():
+    tree = ast.parse(Path(sg.__file__).read_text(encoding="utf-8"))
+    (typed,) = (one for one in tree.body if isinstance(one, ast.If))
+    assert sorted(alias.name for one in typed.body for alias in one.names) == sorted(sg.__all__)
+    assert set(sg.__all__) <= set(dir(sg))
+    with pytest.raises(AttributeError, match="no attribute 'sedes'"):
+        sg.sedes  # noqa: B018
+
+
+@pytest.mark.parametrize("name", sg.__all__)
+def test_every_name_is_documented(name):
+    thing = getattr(sg, name)
+    assert len(inspect.getdoc(thing)) > 20
+    if inspect.isfunction(thing):
+        doc = inspect.getdoc(thing)
+        told = [one for one in inspect.signature(thing).parameters if f"{one}:" not in doc]
+        assert not told or name == "built_in_robots", f"{name} says nothing of {told}"
+
+
+def test_the_package_is_imported_without_what_it_does_not_use():
+    code = "import sys, sidegan; print(*{'torch', 'numpy', 'pandas', 'hydra'} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_a_cell_says_what_it_decided_and_refuses_what_is_wrong(cell):
+    assert cell.home == (0, 0) and cell.effort == 0.8 and cell.warnings == []
+    assert any("effort: 80% of the velocity and torque limits" in note for note in cell.notes)
+    stated = sg.Cell("planar2", effort=0.5, clearance=0.01, home=np.array([0.1, 0.2]))
+    assert (stated.effort, stated.home, stated.constraints.clearance) == (0.5, (0.1, 0.2), 0.01)
+    assert "effort" not in " ".join(stated.notes)
+    for words, wrong in [("did you mean tip", {"tipp": "x"}), ("effort is 3", {"effort": 3})]:
+        with pytest.raises(sg.SideganError, match=words):
+            sg.Cell("planar2", **wrong)
+
+
+def test_a_set_is_valid_repeats_and_comes_back_from_its_files(cell, excitation, tmp_path):
+    assert excitation.coefficients.shape == (3, 2, 3, 2) and excitation.valid.all()
+    same = sg.excite(cell, count=3, seed=0, search=SEARCH)
+    assert np.array_equal(same.coefficients, excitation.coefficients)
+    motion, frame = excitation.motion(rate=50), excitation.to_frame(rate=50)
+    assert motion.position.shape == (3, 401, 2) and not motion.velocity[:, [0, -1]].any()
+    assert len(frame) == 3 * 401 and [*frame][:3] == ["trajectory", "time", "q_shoulder"]
+    assert excitation.condition < excitation.conditions.max()  # together at least as evenly as the worst
+    assert excitation.save(tmp_path, {"formats": ["csv"]}) == {"1": 8.0, "2": 8.0, "3": 8.0}
+    written = pd.read_csv(tmp_path / "trajectories" / "1.csv")
+    np.testing.assert_allclose(written.q_elbow, excitation.motion().position[0, :, 1], atol=1e-6)
+    again = sg.TrajectorySet.load(tmp_path, cell)
+    assert np.array_equal(again.coefficients, excitation.coefficients)
+    anew = sg.TrajectorySet.of(cell, again.coefficients)
+    np.testing.assert_allclose(anew.conditions, again.conditions, rtol=1e-9)
+    slower = excitation.at_speed(0.5)
+    assert slower.family.period == 16 and len(excitation.demands()) == len(slower.demands()) == 3
+
+
+def test_a_model_is_identified_from_tables_and_files_alike(cell, excitation, tmp_path):
+    random, tables = np.random.default_rng(0), []
+    for number, part in excitation.to_frame(rate=100).groupby("trajectory"):
+        q, dq, ddq = (part.filter(regex=f"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
+        tau = cell.torque(q, dq, ddq) + 2 * dq + random.normal(0, 0.1, q.shape)
+        joints = dict(zip(("tau_shoulder", "tau_elbow"), tau.T))
+        tables.append(part[["time", "q_shoulder", "q_elbow"]].assign(**joints))
+        tables[-1].to_csv(tmp_path / f"{number}.csv", index=False)
+    arm = sg.identify(cell, tables[:2], validation=tables[2:])
+    assert arm.verdict in ("good", "usable") and arm.errors["nMSE, validation"].max() < 0.01
+    friction = arm.parameters.set_index("name").value[["fv1", "fv2"]]
+    np.testing.assert_allclose(friction, 2, rtol=0.05)
+    np.testing.assert_allclose(arm.torque(q, dq, ddq), tau, atol=1)
+    arm.save(tmp_path / "model")
+    assert {"report.html", "verdict.json", "planar2.urdf"} <= {x.name for x in (tmp_path / "model").iterdir()}
+    files = sg.identify(cell, [tmp_path / "1.csv", tmp_path / "2.csv"], validation=[tmp_path / "3.csv"])
+    np.testing.assert_allclose(files.parameters.value, arm.parameters.value, rtol=1e-6)
+    more = sg.excite(cell, 1, known=tmp_path / "model", search=SEARCH, goal={"objective": "parameters"})
+    assert more.valid.all()
+    with pytest.raises(sg.SideganError, match=r"states are \(3,\), \(3,\), \(3,\), expected three times"):
+        arm.torque(*np.zeros((3, 3)))
+    with pytest.raises(sg.SideganError, match="recordings is empty"):
+        sg.identify(cell, [])
+
+
+def test_a_generator_learns_from_seeds_and_comes_back_from_its_file(cell, seeds, tmp_path):
+    assert seeds.valid.all() and len(seeds) == 60
+    networks = {"width": 16, "margin_steps": 8, "feature_steps": 8}
+    told = sg.surrogates(cell, seeds, tmp_path, workers=1, samples=200, epochs=2, **networks)
+    assert told.keys() == {"accuracy_paper", "accuracy_broad", "r2_spectrum", "r2_diagonal", "r2_energies"}
+    generator = sg.train("eigen", cell, seeds=seeds, surrogates=tmp_path, **SMALL)
+    made = generator.sample(20)
+    assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
+    generator.save(tmp_path / "eigen.pt")
+    again = sg.Generator.load(tmp_path / "eigen.pt", cell)
+    assert np.array_equal(again.sample(20), made) and not np.array_equal(again.sample(20, seed=1), made)
+    for words, wrong in [("no variant 'eigne'", ["eigne", cell]), ("learns from seeds", ["eigen", cell])]:
+        with pytest.raises(sg.SideganError, match=words):
+            sg.train(*wrong)
