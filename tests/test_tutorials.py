@@ -14,9 +14,16 @@ TUTORIALS = Path(__file__).parents[1] / "docs" / "tutorials"
 LARGEST = 100_000  # bytes of a picture
 
 # What takes the place of the settings at the top, and what must be printed then.
+VANILLA = {"variant": "Vanilla", "weights": {"adversarial": 1}, "epochs": 2, "steps": 2, "width": 16}
+SURROGATES = {"samples": 400, "epochs": 2, "width": 16, "negatives": {"vanilla": VANILLA}}
+TRAINING = {"epochs": 2, "steps": 2, "width": 16, "fitness_start": 1}
 SMALL = {
     "your_arm": ("count = 2", "set/trajectories/2.csv"),
     "recordings": ("count = 2", "the torque of joint_2 runs against the description"),
+    "paper": (
+        f"robot, seeds_count, surrogates, training = 'planar2', 60, {SURROGATES}, {TRAINING}",
+        "60 of 60 are valid",
+    ),
 }
 
 
