@@ -34,8 +34,7 @@ class Pool:
 
     def load(self, task: Task) -> Library:
         """All its trajectories."""
-        first, *others = (task.load(one) for one in self.parts)
-        return first.merge(*others)
+        return task.load(*self.parts)
 
 
 @dataclass(frozen=True)
