@@ -4,8 +4,8 @@ r"""Training and sampling by the processor and by a GPU, as wall times: one JSON
     python -m benchmarks.device save task.pt       # there, for a machine with a GPU that has but torch,
     python -m benchmarks.device task.pt            # pytorch-lightning, numba, scipy and pydantic: here
 
-Training is that of variant eigen with untrained surrogates, without the physics after every epoch: that is the
-processor's work wherever the networks run.
+Training is that of variant eigen with untrained surrogates, without the physics after every epoch: that is
+the processor's work wherever the networks run.
 """
 
 import json
