@@ -1,5 +1,6 @@
 """Times of one unit of work, a group for each work in pytest-benchmark's table, opponents side by side."""
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -21,15 +22,36 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def rate(benchmark: BenchmarkFixture, request: pytest.FixtureRequest) -> Rate:
-    """Time some work that makes so many of a unit; all times are then those of one unit [CPU s]."""
+    """Time some work that makes so many of a unit; all times are then those of one unit [CPU s].
 
-    def measure(work: Callable[..., Any], amount: float, unit: str, rounds: int = 5, **more: Any) -> Any:
+    ``both``: the work on two cores, whose wall time of one unit [s] is told as well.
+    """
+
+    def measure(
+        work: Callable[..., Any],
+        amount: float,
+        unit: str,
+        rounds: int = 5,
+        both: Callable[[], Any] | None = None,
+        **more: Any,
+    ) -> Any:
         name = request.node.originalname.removeprefix("test_").replace("_", " ")
         benchmark.group = f"{name}, by {unit}"
-        result = benchmark.pedantic(work, rounds=rounds, warmup_rounds=1, **more)
+        result = benchmark.pedantic(work, rounds=rounds, warmup_rounds=int(rounds > 1), **more)
         if benchmark.stats is not None:  # --benchmark-disable runs everything once
             times = benchmark.stats.stats.data
             times[:] = [seconds / amount for seconds in times]
+            benchmark.extra_info["wall"] = [_wall(both) / amount for _ in range(3)] if both else []
         return result
 
     return measure
+
+
+def _wall(work: Callable[[], Any]) -> float:
+    """Wall time [s] of some work with two threads of torch and of our kernels."""
+    torch.set_num_threads(2)
+    start = time.perf_counter()
+    work()
+    seconds = time.perf_counter() - start
+    torch.set_num_threads(1)
+    return seconds

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,25 +11,25 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks import device
 from benchmarks.conftest import OURS, Rate
-from benchmarks.opponents import Pinocchio
-from sidegan.design.excitation import excite
+from benchmarks.opponents import Figaroh, Mujoco, Pinocchio, frax_torque
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.side_gan import Data
-from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import LeastSquares
 from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import gram
-from sidegan.motion.trajectory import Trajectory
+from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
+from sidegan.plant import Plant
+from sidegan.plant.settings import IDEAL
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
 
@@ -39,8 +39,8 @@ _DESK = Plane((0.0, 0.0, 1.0), 0.10)
 _SAMPLES = 80  # states of a trajectory
 _CELLS = 160  # configurations of a trajectory that the opponent checks, 0.1 s apart
 _SEEDS = {"sidegan": ("gradient", 50), "gaco + compass": ("paper", 1)}  # method, seeds
-_EPOCHS = 2
-
+_FIGAROH = "FIGAROH, ten iterations at 5 Hz"
+_PARALLEL, _INVERSE, _FRAX = "Pinocchio, rneaInParallel", "MuJoCo, mj_inverse", "frax, compiled by JAX"
 
 CONSTRAINTS = Constraints(load_robot("kuka_lwr4"), [_DESK])
 FAMILY, BODY = Trajectory(CONSTRAINTS.arm.joints), CONSTRAINTS.body
@@ -58,18 +58,71 @@ def motions(count: int, samples: int) -> list[list[tuple[np.ndarray, ...]]]:
     return [list(zip(*parts)) for parts in zip(*(x.numpy() for x in motion[1:]))]
 
 
-@pytest.mark.parametrize("by", [OURS, "Pinocchio"])
+@pytest.mark.parametrize("by", [OURS, "Pinocchio", "FIGAROH", "MuJoCo, unit bodies"])
 def test_regressor(rate: Rate, by: str) -> None:
-    """Base regressor and YᵀY."""
+    """Base regressor, and of ours and Pinocchio's YᵀY."""
     few, unit, loops = 50, "states", Pinocchio(CONSTRAINTS)
     if by == OURS:
         c = start(1000)
-        rate(lambda: gram(BODY, FAMILY, c, samples=_SAMPLES), len(c) * _SAMPLES, unit)
+        work = partial(gram, BODY, FAMILY, c, samples=_SAMPLES)
+        rate(work, len(c) * _SAMPLES, unit, both=work)
+        return
+    if by != "Pinocchio":
+        (states,), columns = motions(1, _SAMPLES), BODY.base.columns.numpy()
+        parts = [np.array(x) for x in zip(*states)]
+        expected = BODY.base_regressor(*map(torch.from_numpy, parts)).numpy()
+        if by == "FIGAROH":
+            other = Figaroh(CONSTRAINTS.arm)
+            assert len(other.base_columns(*parts)) == len(columns)
+            found = rate(lambda: other.regressor(columns, *parts), _SAMPLES, unit, 3)
+            found = found.reshape(CONSTRAINTS.arm.joints, _SAMPLES, -1).swapaxes(0, 1)
+        else:
+            found = rate(partial(Mujoco(CONSTRAINTS.arm).regressor, states), _SAMPLES, unit, 3)[..., columns]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
         return
     each = motions(few, _SAMPLES)
     expected = gram(BODY, FAMILY, start(few), samples=_SAMPLES).numpy()
     np.testing.assert_allclose([loops.gram(states) for states in each], expected, rtol=1e-9, atol=1e-9)
     rate(lambda: [loops.gram(states) for states in each], few * _SAMPLES, unit)
+
+
+@pytest.mark.parametrize("by", [OURS, _PARALLEL, _INVERSE, _FRAX])
+def test_torque(rate: Rate, by: str, tmp_path: Path) -> None:
+    """Torques of states that are there."""
+    states = [x.reshape(-1, FAMILY.joints) for x in FAMILY.roll_out(start(500), FAMILY.grid(_SAMPLES))[1:]]
+    expected, arrays = BODY.torque(*states), [x.numpy() for x in states]
+    columns = [np.asfortranarray(x.T) for x in arrays]
+    if by == _FRAX:
+        work = both = partial(frax_torque(CONSTRAINTS.arm, tmp_path), *arrays)
+    elif by == _PARALLEL:
+        work, both = (partial(Pinocchio(CONSTRAINTS).torque, threads, columns) for threads in (1, 2))
+    elif by == _INVERSE:
+        work, both = partial(Mujoco(CONSTRAINTS.arm).torque, list(zip(*arrays))), None
+    else:
+        work = both = partial(BODY.torque, *states)
+    found = rate(work, len(expected), "states", both=both)
+    np.testing.assert_allclose(np.asarray(found), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("by", [OURS, "mujoco.rollout"])
+def test_plant(rate: Rate, by: str) -> None:
+    """Motions of an arm under servos in MuJoCo, with our feed-forward and checks, and without."""
+    plant, count = Plant(CONSTRAINTS.arm, IDEAL), 4
+    motion = FAMILY.roll_out(start(count), FAMILY.times(IDEAL.rate))
+    each = [Motion(motion.time, *(x[k : k + 1] for x in motion[1:])) for k in range(count)]
+    amount, unit = count * len(motion.time) / IDEAL.rate, "seconds of motion"
+    expected = np.stack([plant.follow(one).position.numpy() for one in each])
+    if by == OURS:
+        rate(lambda: [plant.follow(one) for one in each], amount, unit, 3)
+        return
+    stiffness, damping = plant.gains
+    ahead = torch.cat([motion.velocity[:, 1:], motion.velocity[:, -1:]], 1)
+    torque = plant.body.torque(*motion[1:])
+    targets = (motion.position + (damping * ahead + torque) / stiffness).numpy()
+    first = torch.cat([motion.position[:, 0], motion.velocity[:, 0]], 1).numpy()
+    work, both = (partial(Mujoco.execute, plant, threads, first, targets) for threads in (1, 2))
+    found = rate(work, amount, unit, 3, both=both)
+    np.testing.assert_allclose(found[:, :-1], expected[:, 1:], atol=1e-9)
 
 
 def test_gradient_of_the_objective(rate: Rate) -> None:
@@ -82,8 +135,8 @@ def test_gradient_of_the_objective(rate: Rate) -> None:
 def test_validity(rate: Rate, by: str) -> None:
     """Whether trajectories hold every limit and keep clear, proven."""
     if by == OURS:
-        c = start(2000)
-        rate(lambda: check(CONSTRAINTS, FAMILY, c), len(c), "trajectories")
+        work = partial(check, CONSTRAINTS, FAMILY, start(2000))
+        rate(work, 2000, "trajectories", both=work)
     else:
         each, loops = motions(10, _CELLS), Pinocchio(CONSTRAINTS)
         rate(lambda: [loops.check(states) for states in each], len(each), "trajectories")
@@ -98,9 +151,15 @@ def test_generation(rate: Rate) -> None:
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
 
 
-@pytest.mark.parametrize("by", _SEEDS)
+@pytest.mark.parametrize("by", [*_SEEDS, _FIGAROH])
 def test_seeds(rate: Rate, by: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Seeds by the compiled search and by the paper's, failures, checks and their file included."""
+    if by == _FIGAROH:
+        search, names = Figaroh(CONSTRAINTS.arm), CONSTRAINTS.arm.joint_names
+        work = partial(search.optimise, names, freq=5, max_iterations=10)
+        found = rate(work, 1, "seeds", 1)
+        assert len(found) > 5 and min(found) < found[0], "its optimiser has made the condition number smaller"
+        return
     method, count = _SEEDS[by]
     words = ["+experiment=exp1", "scale=paper", f"seeds={method}", f"seeds.count={count}", "stages=[seeds]"]
     words += ["seeds.shipped=null"] if method == "paper" else []
@@ -128,17 +187,8 @@ def _run(place: Path, *words: str) -> None:
 
 def test_training(rate: Rate, tmp_path: Path) -> None:
     """Epochs of variant eigen on 1800 seeds, with untrained surrogates and the true physics after each."""
-    cfg, seeds = composed("+experiment=exp1", "scale=paper"), start(1800)
-    variant = replace(cfg.gan["eigen"], epochs=_EPOCHS, fitness_start=0)
-    spectrum, arm, sizes = excite(BODY, FAMILY, seeds[:200]).spectrum, CONSTRAINTS.arm, cfg.surrogates
-    predictor = SuccessPredictor(arm, FAMILY, len(CONSTRAINTS.labels), sizes.width, sizes.margin_steps)
-    converter = Converter(arm, FAMILY, spectrum.shape[1], sizes.width, sizes.feature_steps)
-    converter.fit_standard(spectrum)
-    for network in (predictor, converter):
-        network.freeze()
-    data = Data(CONSTRAINTS, FAMILY, seeds, predictor, converter)
-    places = _places(tmp_path)
-    rate(lambda place: train(variant, data, Run("eigen", 0, place)), _EPOCHS, "epochs", 2, setup=places)
+    (variant, data), places = device.task(), _places(tmp_path)
+    rate(lambda place: train(variant, data, Run("eigen", 0, place)), device.EPOCHS, "epochs", 2, setup=places)
 
 
 @pytest.mark.parametrize("by", [OURS, "Pinocchio + NumPy"])

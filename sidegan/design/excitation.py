@@ -13,7 +13,8 @@ from sidegan.motion.trajectory import Trajectory
 log = logging.getLogger(__name__)
 
 NOISE_BATCHES = 10  # the paper averages over ten noise batches
-_AT_ONCE = 100  # rows whose distances to all others are held: 80 MB of 100,000
+_AT_ONCE = 100  # rows whose distances to all others are held
+_NUMBERS = 10_000_000  # that are held at once: 80 MB
 _PAIRED = 5_000  # rows, all pairs of which are looked at
 _EXACT = 20_000  # rows, each of which is compared with all others
 _SAMPLED = 500  # rows that stand for more than those
@@ -98,8 +99,10 @@ def nearest_distance(x: Tensor) -> float:
     """
     rows = _rows(x)
     chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else torch.arange(len(rows))
-    nearest = [_nearest(rows, part) for part in chosen.split(_AT_ONCE)]
-    return float(torch.cat(nearest).mean())
+    nearest, batch = rows.new_empty(len(chosen)), max(1, min(_AT_ONCE, _NUMBERS // len(rows)))
+    for found, part in zip(nearest.split(batch), chosen.split(batch)):
+        found[:] = _nearest(rows, part)  # in place: small results between large ones would hold their memory
+    return float(nearest.mean())
 
 
 def _nearest(rows: Tensor, chosen: Tensor) -> Tensor:
@@ -122,10 +125,12 @@ def effective_rank(x: Tensor, centred: bool = True) -> float:
     Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
     """
     rows = _rows(x)
-    away = rows - rows.mean(0) if centred else rows
-    eigenvalues = torch.linalg.eigvalsh(away.T @ away / len(rows)).clamp_min(0)
+    middle = rows.mean(0) if centred else torch.zeros_like(rows[0])
+    parts = (part - middle for part in rows.split(_NUMBERS // rows.shape[1]))
+    moments = sum((away.T @ away for away in parts), torch.zeros(()))
+    eigenvalues = torch.linalg.eigvalsh(moments / len(rows)).clamp_min(0)
     total = eigenvalues.sum()
-    noise = (torch.finfo(rows.dtype).eps * rows.abs().amax()) ** 2 * rows.shape[1]
+    noise = (torch.finfo(rows.dtype).eps * max(-rows.min(), rows.max())) ** 2 * rows.shape[1]
     if total <= noise:  # all rows are one, but for rounding
         return 0.0
     share = eigenvalues / total

@@ -2,11 +2,12 @@
 
 Before the first choice there is knowledge as from a thousandth of an average trajectory. All of it is
 deterministic: criteria that differ by no more than rounding count as equal, and among equals the first index
-wins.
+wins. Information of many candidates need not be held: a ``Candidates`` makes it when it is looked at.
 """
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -19,50 +20,81 @@ _AT_ONCE = 1024  # candidates: 15 MB of 43 × 43
 _PRIOR = 1e-3  # of an average trajectory
 
 
-def d_optimal(information: Tensor, count: int) -> Tensor:
+@dataclass(frozen=True)
+class Candidates:
+    """Candidates whose information is too large to be held: 15 kB each at 43 parameters."""
+
+    count: int
+    information: Callable[[Tensor], Tensor]  # indices (K,) → information, (K, q, q)
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, indices: Tensor) -> Tensor:
+        return self.information(indices)
+
+
+def d_optimal(information: Tensor | Candidates, count: int) -> Tensor:
     """Indices of the greedy pick of N matrices, (N, q, q), by log det(prior + Σ), in order, (count,).
 
     The gain over the prior is monotone and submodular, so the pick has at least 1 − 1/e of the largest gain
-    of any set of ``count``. Units and mixtures of parameters do not matter.
+    of any set of ``count``, and what a candidate would have added before bounds what it adds now: most need
+    not be looked at again. Units and mixtures of parameters do not matter.
 
     Raises:
         ShapeError: when the information is not finite, leaves a direction out, or has fewer than ``count``.
 
-    Source: Nemhauser, Wolsey, Fisher 1978 (guarantee).
+    Source: Nemhauser, Wolsey, Fisher 1978 (guarantee); Minoux 1978 (bounds).
     """
-    return _greedy(information, count, _log_det)
+    return _greedy(information, count, _log_det, bounded=True)
 
 
-def a_optimal(information: Tensor, count: int) -> Tensor:
+def a_optimal(information: Tensor | Candidates, count: int) -> Tensor:
     """Indices of the greedy pick of N matrices, (N, q, q), by tr (prior + Σ)⁻¹, in order, (count,).
 
     The sum of the parameters' variances, in their own units, is made small step by step. That is not
-    submodular: there is no guarantee like D-optimal's.
+    submodular: there is no guarantee like D-optimal's, and every candidate is looked at for every choice.
 
     Raises:
         ShapeError: as ``d_optimal``.
     """
-    return _greedy(information, count, _log_precision)
+    return _greedy(information, count, _log_precision, bounded=False)
 
 
-def _greedy(information: Tensor, count: int, criterion: Callable[[Tensor], Tensor]) -> Tensor:
+def _greedy(
+    information: Tensor | Candidates, count: int, criterion: Callable[[Tensor], Tensor], bounded: bool
+) -> Tensor:
+    """Indices of the greedy pick; ``bounded``: a candidate never adds more than it would have before."""
     total, order = _prior(information), list[int]()
     if not 1 <= count <= len(information):
         raise ShapeError(f"cannot choose {count} of {len(information)} trajectories")
+    most = torch.full((len(information),), torch.inf, dtype=torch.float64)  # that each can add
     for _ in range(count):
-        values = torch.cat([criterion(total + some) for some in information.split(_AT_ONCE)])
-        values[order] = -torch.inf
-        best = int((values >= values.max() - _TIE).nonzero()[0])
-        order.append(best)
-        total = total + information[best]
+        added, best, before = torch.full_like(most, -torch.inf), 0.0, criterion(total[None])
+        for some in most.argsort(descending=True, stable=True).split(_AT_ONCE):
+            some = some[most[some] >= best - 2 * _TIE]
+            if not len(some):
+                break
+            added[some] = criterion(total + information[some]) - before
+            best = max(best, float(added[some].max()))
+        chosen = int((added >= added.max() - _TIE).nonzero()[0])
+        order.append(chosen)
+        total = total + information[torch.tensor([chosen])][0]
+        if bounded:
+            most = torch.where(added > -torch.inf, added, most)
+        most[chosen] = -torch.inf
     return torch.tensor(order)
 
 
-def _prior(information: Tensor) -> Tensor:
+def _prior(information: Tensor | Candidates) -> Tensor:
     """Knowledge before the first choice, (q, q): in the trajectories' own units."""
-    if information.ndim != 3 or not len(information):
+    if isinstance(information, Candidates):
+        parts = torch.arange(len(information)).split(_AT_ONCE)
+        mean = torch.stack([information[some].sum(0) for some in parts]).sum(0) / len(information)
+    elif information.ndim != 3 or not len(information):
         raise ShapeError(f"information is {tuple(information.shape)}, expected (N, q, q), N ≥ 1")
-    mean = information.mean(0)
+    else:
+        mean = information.mean(0)
     if not math.isfinite(condition_of(mean)):
         raise ShapeError("no trajectory excites some direction of the parameters: nothing tells them apart")
     return _PRIOR * mean

@@ -8,10 +8,12 @@ from torch import Tensor
 from sidegan.base.typed import Count, Positive
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal
+from sidegan.design.optimal import Candidates, a_optimal, d_optimal
 from sidegan.errors import ConfigError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
+
+_HELD = 20_000  # trajectories whose information is held: 300 MB at 43 parameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +39,10 @@ def choose(
     """
     if settings.method == "greedy":
         return greedy(diagonal, settings.count)
-    information = information_of(body, trajectory, c, noise=settings.noise)
+
+    def information(some: Tensor) -> Tensor:
+        return information_of(body, trajectory, some, noise=settings.noise)
+
     pick = a_optimal if settings.method == "a_optimal" else d_optimal
-    return pick(information, settings.count)
+    pool = information(c) if len(c) <= _HELD else Candidates(len(c), lambda index: information(c[index]))
+    return pick(pool, settings.count)

@@ -6,6 +6,7 @@ from torch import Tensor
 from sidegan.design.excitation import Excitation, diversity, excite, nearest_distance
 from sidegan.design.fidelity import beyond, density_and_coverage, distance_to, proportions, told_apart
 from sidegan.library.collection import Library
+from sidegan.library.parquet import MARGIN
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
@@ -16,26 +17,31 @@ _LEAST = 1e-30  # of diag(YᵀY), which is zero where a column is never excited
 
 def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
     """A library of coefficients (N, J, H, 2) with everything measured about them."""
-    parts = []
-    for batch in c.detach().to("cpu", torch.float64).split(_AT_ONCE):
-        validity = check(constraints, trajectory, batch)
-        excitation = excite(constraints.body, trajectory, batch, round(RATE * trajectory.period))
-        part = Library(
-            coefficients=batch,
-            valid=validity.valid,
-            margins=validity.margins,
-            fitness=excitation.eigenvalue_fitness,
-            diagonal_fitness=excitation.diagonal_fitness,
-            spectrum=excitation.spectrum,
-            diagonal=excitation.diagonal,
-            source=[source] * len(batch),
-            robot=constraints.arm.name,
-            digest=constraints.arm.digest,
-            period=trajectory.period,
-            home=tuple(trajectory.home or ()),
-        )
-        parts.append(part)
-    return parts[0].merge(*parts[1:])
+    c, columns = c.detach().to("cpu", torch.float64), dict[str, Tensor]()
+    for index in torch.arange(len(c)).split(_AT_ONCE):
+        validity = check(constraints, trajectory, c[index])
+        excitation = excite(constraints.body, trajectory, c[index], round(RATE * trajectory.period))
+        found = {
+            "valid": validity.valid,
+            "fitness": excitation.eigenvalue_fitness,
+            "diagonal_fitness": excitation.diagonal_fitness,
+            "spectrum": excitation.spectrum,
+            "diagonal": excitation.diagonal,
+            **{f"{MARGIN}{name}": x for name, x in validity.margins.items()},
+        }
+        for name, x in found.items():  # in place: what a large library takes is held once
+            columns.setdefault(name, x.new_empty(len(c), *x.shape[1:]))[index] = x
+    margins = {name: columns.pop(f"{MARGIN}{name}") for name in validity.margins}
+    return Library(
+        coefficients=c,
+        margins=margins,
+        **columns,
+        source=[source] * len(c),
+        robot=constraints.arm.name,
+        digest=constraints.arm.digest,
+        period=trajectory.period,
+        home=tuple(trajectory.home or ()),
+    )
 
 
 def summary(library: Library) -> dict[str, float]:

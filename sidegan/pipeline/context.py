@@ -138,9 +138,10 @@ class RunContext:
         """Metrics after every epoch of a training that must be there."""
         return read_json(self.store.require(artifact) / HISTORY)
 
-    def load(self, artifact: Artifact) -> Library:
-        """Trajectories in an artifact that must be there."""
-        return Library.load(self.store.require(artifact) / LIBRARY, self.cell.arm)
+    def load(self, artifact: Artifact, *others: Artifact) -> Library:
+        """Trajectories in artifacts that must be there, one after the other."""
+        first, *more = (self.store.require(one) / LIBRARY for one in (artifact, *others))
+        return Library.load(first, self.cell.arm, *more)
 
     def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
         """Table in an artifact that must be there."""

@@ -21,7 +21,11 @@ WRITERS = {
     "torch": lambda path: storage.write_torch(path, STATE),
     "parquet": lambda path: storage.write_parquet(path, TABLE, compression="none"),
 }
-READERS = {"json": read_json, "torch": read_torch, "parquet": read_parquet}
+READERS = {
+    "json": read_json,
+    "torch": read_torch,
+    "parquet": lambda path: pa.concat_tables(read_parquet(path)),
+}
 
 
 @pytest.fixture
@@ -50,7 +54,8 @@ def test_what_is_written_is_read(path):
     state = read_torch(path)
     assert torch.equal(state.pop("weight"), STATE["weight"]) and state == {"epoch": 3, "names": ["a"]}
     WRITERS["parquet"](path)
-    assert read_parquet(path).equals(TABLE)
+    assert READERS["parquet"](path).equals(TABLE)
+    assert storage.parquet_rows(path) == len(TABLE)
     write_bytes(path, b"\x00\xff")
     assert path.read_bytes() == b"\x00\xff"
 

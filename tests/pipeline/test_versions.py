@@ -38,7 +38,7 @@ def fixed(context, monkeypatch):
     made = context("gan=eigen", experiment="reproduction")
     c = torch.from_numpy(draw(1, 24, 2, 3, 2)) / torch.tensor([1.0, 2.0, 3.0], dtype=torch.float64)[:, None]
     library = measured(made.cell.constraints, made.cell.trajectory, c, "fixed")
-    monkeypatch.setattr(type(made), "load", lambda self, artifact: library)
+    monkeypatch.setattr(type(made), "load", lambda self, *artifacts: library)
     return made
 
 

@@ -107,7 +107,7 @@ def test_sets_are_measured_beside_half_of_the_seeds_and_by_random_draws(planted,
     """Seeds, the same ones shifted, and ones that hardly move: each is told from the others."""
     made, _, _ = planted
     seeds = measured(made.cell.constraints, made.cell.trajectory, drawn(made, 80, reach=0.4), "seeds")
-    monkeypatch.setattr(RunContext, "load", lambda self, artifact: seeds)
+    monkeypatch.setattr(RunContext, "load", lambda self, *artifacts: seeds)
 
     def measures_of(name, c):
         library = measured(made.cell.constraints, made.cell.trajectory, c, name)
@@ -138,7 +138,7 @@ def executed(context, monkeypatch):
     made = context(*TIGHT)
     c = random_valid(made, 6, "learned").coefficients
     library = measured(made.cell.constraints, made.cell.trajectory, c, "planted")
-    monkeypatch.setattr(RunContext, "load", lambda self, artifact: library)
+    monkeypatch.setattr(RunContext, "load", lambda self, *artifacts: library)
     return made, ExcitationSet("planted", None, made.cell.trajectory, random_set(made)), c
 
 

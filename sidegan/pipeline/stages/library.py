@@ -18,6 +18,8 @@ from sidegan.pipeline.stages.training import generator, generators
 
 log = logging.getLogger(__name__)
 
+_TOGETHER = 20_000  # trajectories of a library and the seeds whose diversity is looked at
+
 
 def library(run: RunContext, name: str, training: int) -> Artifact:
     """The valid trajectories of one generator."""
@@ -58,8 +60,11 @@ def _make(run: RunContext, build: Build, name: str, training: int) -> None:
 
 def _union(run: RunContext, made: Library, noise: torch.Generator) -> dict[str, float]:
     """Diversity of the library and the seeds put together."""
-    both = run.load(seed_set(run)).merge(made)
-    shuffled = summary(both.take(torch.randperm(len(both), generator=noise)))
+    seeds = run.load(seed_set(run))
+    order = torch.randperm(len(seeds) + len(made), generator=noise)[:_TOGETHER]
+    of_seeds = order < len(seeds)
+    both = seeds.take(order[of_seeds]).merge(made.take(order[~of_seeds] - len(seeds)))
+    shuffled = summary(both.take(of_seeds.logical_not().argsort(stable=True).argsort()))
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 

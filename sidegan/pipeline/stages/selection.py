@@ -34,8 +34,7 @@ class Pool:
 
     def load(self, run: RunContext) -> Library:
         """All its trajectories."""
-        first, *others = (run.load(one) for one in self.parts)
-        return first.merge(*others)
+        return run.load(*self.parts)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,153 @@
+"""How cost grows: CPU seconds, peak memory and size of files, each large size in a process of its own.
+
+python -m benchmarks.growth library 100000
+"""
+
+import json
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from sidegan.design.problem import Problem
+from sidegan.design.selection import Selection, choose
+from sidegan.identification import RIGID, Measurements, TorqueModel
+from sidegan.identification.fit import LeastSquares
+from sidegan.identification.gather import gather
+from sidegan.library.draw import Expansion, draw_valid
+from sidegan.library.measure import measured
+from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import load_robot
+from sidegan.validity import Constraints, Plane, check
+
+_COUNT, _SAMPLES, _HARMONICS = 400, 80, 6  # trajectories of a small size, and what is not varied
+_REACH, _BATCH = 0.5, 1000  # of random draws of a library
+_PICKED = 35
+_PIECE = 100.0  # [s] of motion that is held at once, at 100 Hz
+
+Costs = dict[str, float]
+
+
+def _lwr() -> Constraints:
+    return Constraints(load_robot("kuka_lwr4"), [Plane((0.0, 0.0, 1.0), 0.10)])
+
+
+def _spent(work: Callable[[], object]) -> float:
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def _small(constraints: Constraints, harmonics: int = _HARMONICS, samples: int = _SAMPLES) -> Costs:
+    """CPU time [µs] of a trajectory: YᵀY, and validity."""
+    family = Trajectory(constraints.arm.joints, harmonics)
+    c = Problem(constraints, family).start(_COUNT, torch.Generator().manual_seed(0))
+    works = {
+        "regressor": lambda: gram(constraints.body, family, c, samples),
+        "validity": lambda: check(constraints, family, c),
+    }
+    for work in works.values():
+        work()
+    return {name: 1e6 * min(_spent(work) for _ in range(3)) / _COUNT for name, work in works.items()}
+
+
+def joints(size: int) -> Costs:
+    """A random chain of so many joints."""
+    from tests.chains import random_chain
+
+    return _small(Constraints(random_chain(size, 0)[0], [], torque=False))
+
+
+def samples(size: int) -> Costs:
+    """So many samples of each trajectory, which validity does not know."""
+    return {"regressor": _small(_lwr(), samples=size)["regressor"]}
+
+
+def harmonics(size: int) -> Costs:
+    """So many harmonics."""
+    return _small(_lwr(), harmonics=size)
+
+
+def library(size: int) -> Costs:
+    """A library of random valid trajectories."""
+    constraints, noise = _lwr(), torch.Generator().manual_seed(0)
+    family = Trajectory(constraints.arm.joints)
+    problem, settings = Problem(constraints, family), Expansion(size, _BATCH, 20 * size, size)
+    found, start = Costs(), time.process_time()
+    draws = draw_valid(
+        lambda n: problem.start(n, noise, _REACH), lambda c: check(constraints, family, c), settings, "random"
+    )
+    found["draw and check"] = time.process_time() - start
+    start = time.process_time()
+    made = measured(constraints, family, draws.coefficients, "random")
+    found["measure"] = time.process_time() - start
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "library.parquet"
+        found["save"] = _spent(lambda: made.save(path))
+        found["file"] = path.stat().st_size / 1e6
+    assert len(made) == size and made.valid.all()
+    return found
+
+
+def _pick(method: str, size: int) -> Costs:
+    constraints, noise = _lwr(), torch.Generator().manual_seed(0)
+    family = Trajectory(constraints.arm.joints)
+    c = Problem(constraints, family).start(size, noise)
+    diagonal = torch.rand(size, constraints.body.parameters_count, generator=noise, dtype=torch.float64)
+    picked = list[torch.Tensor]()
+    settings = Selection(_PICKED, method, None)
+    found = {"pick": _spent(lambda: picked.append(choose(settings, constraints.body, family, c, diagonal)))}
+    assert len(set(picked[0].tolist())) == _PICKED
+    return found
+
+
+def greedy(size: int) -> Costs:
+    """The paper's pick of 35."""
+    return _pick("greedy", size)
+
+
+def d_optimal(size: int) -> Costs:
+    """The D-optimal pick of 35."""
+    return _pick("d_optimal", size)
+
+
+def rls(size: int) -> Costs:
+    """Least squares of so many seconds of motion at 100 Hz, read piece by piece."""
+    constraints = _lwr()
+    body, family = RigidBody(constraints.arm), Trajectory(constraints.arm.joints, period=_PIECE)
+    c = Problem(constraints, family).start(1, torch.Generator().manual_seed(0))
+    motion = family.roll_out(c, family.grid(round(100 * _PIECE)))
+    part = Measurements(*(x[0] for x in motion[1:]), body.torque(*motion[1:])[0])
+    model, pieces = TorqueModel(body, RIGID), round(size / _PIECE)
+    return {"fit": _spent(lambda: LeastSquares().fit(gather(model, (part for _ in range(pieces)))))}
+
+
+POINTS: dict[Callable[[int], Costs], list[int]] = {
+    joints: [2, 4, 7, 10, 14],
+    samples: [40, 80, 160, 320, 640],
+    harmonics: [2, 4, 6, 12, 24],
+    library: [1_000, 10_000, 100_000, 1_000_000],
+    greedy: [10_000, 100_000, 1_000_000],
+    d_optimal: [10_000, 100_000, 1_000_000],
+    rls: [1_000, 10_000, 100_000],
+}
+
+
+def main(name: str, *sizes: str) -> None:
+    """Costs of these sizes, one JSON object."""
+    torch.set_num_threads(1)
+    work, found = globals()[name], {}
+    for size in sizes:
+        costs = work(int(size))
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # [MB] up to now
+        found[size] = costs | ({"peak": peak} if len(sizes) == 1 else {})
+    sys.stdout.write(json.dumps(found) + "\n")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,157 @@
+"""docs/benchmarks.md, its figure and its numbers, measured here: what is there already stays.
+
+python -m benchmarks.page                 # rates that are missing, growth that is missing, and the page
+python -m benchmarks.page -k torque       # these rates anew
+python -m benchmarks.page device.json     # a GPU's, as benchmarks.device printed them elsewhere
+python -m benchmarks.page only            # the page alone
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import pytest
+
+from benchmarks.growth import POINTS
+
+_DOCS = Path(__file__).parents[1] / "docs"
+_NUMBERS, _PAGE, _FIGURE = _DOCS / "benchmarks.json", _DOCS / "benchmarks.md", _DOCS / "images" / "growth.png"
+_PACKAGES = ["sidegan", "numpy", "torch", "numba", "pin", "mujoco", "figaroh", "frax", "jax"]
+_LARGE = ("library", "greedy", "d_optimal", "rls")  # a process for each size
+_UNITS = {"file": "MB", "peak": "MB", "regressor": "µs", "validity": "µs"}
+
+
+def _rates(*words: str) -> dict[str, Any]:
+    """Rows of the table, by work and by whom."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rates.json"
+        pytest.main(["benchmarks", "-n", "0", "--benchmark-only", f"--benchmark-json={file}", *words])
+        rows = json.loads(file.read_text())["benchmarks"]
+    found: dict[str, Any] = {}
+    for row in rows:
+        by, stats = (row["params"] or {}).get("by", "sidegan"), row["stats"]
+        keys = {"median": "median", "low": "min", "high": "max"}
+        one = {key: stats[name] for key, name in keys.items()} | {"wall": row["extra_info"].get("wall") or []}
+        found.setdefault(row["group"], {})[by] = one
+    return found
+
+
+def _grown(name: str, sizes: list[str]) -> dict[str, Any]:
+    command = [sys.executable, "-m", "benchmarks.growth", name, *sizes]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def _grow(known: dict[str, Any]) -> None:
+    """Measure the sizes that are missing."""
+    for work, sizes in POINTS.items():
+        name = work.__name__
+        missing = [str(one) for one in sizes if str(one) not in known.setdefault(name, {})]
+        for some in [[one] for one in missing] if name in _LARGE else [missing] if missing else []:
+            known[name] |= _grown(name, some)
+
+
+def _table(rows: list[list[str]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+
+
+def _number(x: float) -> str:
+    return f"{x:,.0f}" if x >= 1000 else f"{x:.3g}"
+
+
+def _table_of_rates(rates: dict[str, Any]) -> str:
+    rows = [["work", "by", "a core, per CPU second", "two cores, per second", "ours is faster by"]]
+    for group, parts in rates.items():
+        ours = parts.get("sidegan")
+        for by, one in parts.items():
+            wall = _number(1 / min(one["wall"])) if one["wall"] else ""
+            ratio = ""
+            if ours and one is not ours:
+                ends = [one[a] / ours[b] for a, b in (("median", "median"), ("low", "high"), ("high", "low"))]
+                ratio = "{} ({} … {})".format(*map(_number, ends))
+            rows.append([group, by, _number(1 / one["median"]), wall, ratio])
+    return _table(rows)
+
+
+def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
+    keys = list(next(iter(sizes.values())))
+    head = [name.replace("_", "-"), *(f"{key} [{_UNITS.get(key, 'CPU s')}]" for key in keys)]
+    ordered = sorted(sizes.items(), key=lambda one: int(one[0]))
+    rows = [[f"{int(size):,}", *(_number(x) for x in costs.values())] for size, costs in ordered]
+    return _table([head, *rows])
+
+
+def _draw(growth: dict[str, Any]) -> None:
+    figure, axes = plt.subplots(1, len(POINTS), figsize=(3 * len(POINTS), 3), layout="constrained")
+    for axis, work in zip(axes, POINTS):
+        sizes = sorted((int(size), costs) for size, costs in growth.get(work.__name__, {}).items())
+        for key in sizes[0][1] if sizes else []:
+            if _UNITS.get(key) != "MB":
+                axis.loglog([x for x, _ in sizes], [costs[key] for _, costs in sizes], "o-", label=key)
+        if sizes:
+            ends, top = [sizes[0][0], sizes[-1][0]], max(x for x in sizes[-1][1].values())
+            axis.loglog(ends, [top * x / ends[1] for x in ends], ":", color="grey", label="linear")
+        small = work.__name__ not in _LARGE
+        axis.set(title=work.__name__.replace("_", "-"), ylabel="µs a trajectory" if small else "CPU s")
+        axis.legend(fontsize=7)
+    figure.savefig(_FIGURE, dpi=90)
+
+
+def _versions() -> str:
+    found = []
+    for name in _PACKAGES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            found.append(f"{name} absent")
+    return ", ".join(found)
+
+
+def _processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    name = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "processor")
+    return f"{name}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
+
+
+def _write(numbers: dict[str, Any]) -> None:
+    _NUMBERS.write_text(json.dumps(numbers, indent=1) + "\n")
+    devices = numbers.get("device", {})
+    rows = [["networks", "device", "epoch [s]", "sample [µs]"]]
+    rows += [
+        [key, one["name"], _number(one["epoch"]), _number(one["sample"])] for key, one in devices.items()
+    ]
+    if "cuda" not in devices:
+        rows.append(["cuda", "none on this machine", "", ""])
+    growth = {name: sizes for name, sizes in numbers["growth"].items() if sizes}
+    _draw(growth)
+    text = (Path(__file__).parent / "page.md").read_text()
+    fields = {"versions": numbers["versions"], "processor": numbers["processor"]}
+    fields |= {"rates": _table_of_rates(numbers["rates"]), "device": _table(rows)}
+    tables = "\n\n".join(_table_of_growth(*one) for one in growth.items())
+    _PAGE.write_text(text.format(growth=tables, **fields))
+
+
+def main(words: list[str]) -> None:
+    """Measure and write."""
+    numbers = json.loads(_NUMBERS.read_text()) if _NUMBERS.exists() else {"rates": {}, "growth": {}}
+    if words == ["only"]:
+        pass
+    elif words and words[0].endswith(".json"):
+        numbers["device"] = json.loads(Path(words[0]).read_text())
+    else:
+        numbers |= {"versions": _versions(), "processor": _processor()}
+        for group, parts in (_rates(*words) if words or not numbers["rates"] else {}).items():
+            numbers["rates"].setdefault(group, {}).update(parts)
+        if not words:
+            _grow(numbers["growth"])
+    _write(numbers)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
