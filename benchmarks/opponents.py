@@ -185,7 +185,7 @@ def frax_torque(arm: Arm, folder: Path) -> Any:
     frax = pytest.importorskip("frax", reason="frax is not installed", exc_type=ImportError)
     jax.config.update("jax_enable_x64", True)
     tree = ET.parse(arm.urdf)
-    for link in (one for one in tree.getroot().iter("link") if one.find("inertial") is None):
+    for link in (element for element in tree.getroot().iter("link") if element.find("inertial") is None):
         inertial = ET.SubElement(link, "inertial")  # frax asks one of the base as well
         ET.SubElement(inertial, "mass", value="1")
         ET.SubElement(inertial, "inertia", ixx="1", iyy="1", izz="1", ixy="0", ixz="0", iyz="0")

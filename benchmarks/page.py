@@ -133,7 +133,7 @@ def _write(numbers: dict[str, Any]) -> None:
     text = (Path(__file__).parent / "page.md").read_text()
     fields = {"versions": numbers["versions"], "processor": numbers["processor"]}
     fields |= {"rates": _table_of_rates(numbers["rates"]), "device": _table(rows)}
-    tables = "\n\n".join(_table_of_growth(*one) for one in growth.items())
+    tables = "\n\n".join(_table_of_growth(*item) for item in growth.items())
     _PAGE.write_text(text.format(growth=tables, **fields))
 
 

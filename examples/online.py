@@ -1,7 +1,7 @@
 """An online loop: while an arm moves along one trajectory, the next one is designed within half a second."""
 
 from sidegan.design.problem import Problem
-from sidegan.design.search import Condition, search
+from sidegan.design.search import ConditionGoal, search
 from sidegan.design.settings import SearchSettings
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
@@ -10,7 +10,7 @@ from sidegan.validity import Constraints
 arm = load_robot("planar2")
 family = Trajectory(arm.joints, harmonics=4, period=8.0)
 problem = Problem(Constraints(arm, []), family)
-aim = Condition(problem)  # a small condition number of all trajectories together
+aim = ConditionGoal(problem)  # a small condition number of all trajectories together
 settings = SearchSettings(evaluations=50, patience=50, samples=40, reserve=0.05)
 search(problem, aim.next(), settings)  # once without a deadline, which loads what is compiled
 

@@ -123,7 +123,9 @@ class Artifacts:
     @cached_property
     def _measures(self) -> dict[tuple[str, int], Artifact]:
         """Measures of each set, by its name and training."""
-        return {(one.name, one.training or 0): measures(self.run, one) for one in measured_pools(self.run)}
+        return {
+            (pool.name, pool.training or 0): measures(self.run, pool) for pool in measured_pools(self.run)
+        }
 
     @cached_property
     def longs(self) -> dict[str, tuple[Report, Library]]:
@@ -183,7 +185,10 @@ class Artifacts:
     def _of_sets(
         self, made: Callable[[RunContext, ExcitationSet], Artifact], file: str = RESULTS
     ) -> pd.DataFrame:
-        frames = [self.run.frame(made(self.run, one), file) for one in excitation_sets(self.run)]
+        frames = [
+            self.run.frame(made(self.run, excitation_set), file)
+            for excitation_set in excitation_sets(self.run)
+        ]
         return pd.concat(frames, ignore_index=True)
 
     def _expected(self, noise: str) -> pd.DataFrame:
@@ -224,6 +229,6 @@ def comparison(run: RunContext) -> dict[str, Artifacts]:
 def _made(run: RunContext, name: str) -> bool:
     """Whether all that a stage makes is there."""
     try:
-        return all(run.store.find(one) is not None for one in stage(name).artifacts(run))
+        return all(run.store.find(artifact) is not None for artifact in stage(name).artifacts(run))
     except SideganError:  # not even what it would be made from
         return False

@@ -26,6 +26,7 @@ from experiments.finding import (
     unless_same,
     words,
 )
+from experiments.reference import PAPER
 from experiments.training import EARLY, LATE, RELIABLE
 from experiments.verdicts import (
     HOLDS,
@@ -40,7 +41,6 @@ from experiments.verdicts import (
     proportion,
     together,
 )
-from experiments.words import PAPER
 from sidegan.base.names import plain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.pipeline.stages.seeds import seed_set

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.words import COLUMNS, PAPER
+from experiments.reference import COLUMNS, PAPER
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator as trained
 from sidegan.pipeline.stages.training import generators, surrogates
@@ -57,7 +57,7 @@ def longs(artifacts: Artifacts) -> pd.DataFrame:
 def timing(artifacts: Artifacts) -> pd.DataFrame:
     """Each time of the paper's text beside ours, for people."""
     speed, run, seed = artifacts.speed, artifacts.run, artifacts.seed_seconds
-    trainings = [artifacts.costs(trained(run, *one))["cpu_seconds"] for one in generators(run)]
+    trainings = [artifacts.costs(trained(run, *generator))["cpu_seconds"] for generator in generators(run)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
     rows = {
         "long": ("the single long trajectory, CPU", long),

@@ -13,6 +13,7 @@ from experiments import training
 from experiments.artifacts import Artifacts
 from experiments.finding import SIDE_GANS, words
 from experiments.pages import leave
+from experiments.reference import PAPER
 from experiments.verdicts import (
     CONFIDENCE,
     HOLDS,
@@ -26,7 +27,6 @@ from experiments.verdicts import (
     log_ratio,
     of_several,
 )
-from experiments.words import PAPER
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 

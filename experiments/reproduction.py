@@ -10,8 +10,8 @@ from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, training
 from experiments.artifacts import SEEDS, Artifacts, comparison
+from experiments.reference import PAPER
 from experiments.verdicts import CONFIDENCE
-from experiments.words import PAPER
 from sidegan.base.storage import write_json
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.context import RunContext

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sidegan.cell import Cell, Workspace
-    from sidegan.controllers import Delivery
+    from sidegan.controllers import ExportSettings
     from sidegan.design.settings import SearchSettings
     from sidegan.errors import SideganError
     from sidegan.gan.settings import SurrogateSettings, Variant
@@ -33,8 +33,8 @@ __version__ = "0.2.0"
 __all__ = [
     "Arm",
     "Cell",
-    "Delivery",
     "EstimationSettings",
+    "ExportSettings",
     "Generator",
     "GoalSettings",
     "IdentifiedModel",
@@ -58,7 +58,7 @@ __all__ = [
 
 _MODULES = {
     "cell": ("Cell", "Workspace"),
-    "controllers": ("Delivery",),
+    "controllers": ("ExportSettings",),
     "design.settings": ("SearchSettings",),
     "errors": ("SideganError",),
     "gan.settings": ("SurrogateSettings", "Variant"),

@@ -37,7 +37,7 @@ def main() -> int:
         sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback
     except KeyboardInterrupt:
         end_sweep("KILLED")
-        code, words = INTERRUPTED, "\nstopped; the same command again goes on where it was"
+        code, words = INTERRUPTED, "\nstopped; the same command continues where it stopped"
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
         code, words = BAD_CONFIG, f"error: {explain(error, sys.argv[1:])}"
     except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
@@ -71,8 +71,8 @@ def _command(cfg: DictConfig) -> None:
 
 def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
     """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
-    words = [one.lstrip("+") for one in overrides]
-    named = [one for one in words if one.partition("=")[0].partition(".")[0] not in _UNNAMED]
+    words = [override.lstrip("+") for override in overrides]
+    named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
     return " ".join([experiment, *named, f"seed={seed}"])[:200]
 
 

@@ -98,7 +98,7 @@ def test_what_others_load_gives_the_true_torques(day):
     assert (share < 0.05).all() and share.mean() < 0.01
 
 
-def test_the_tool_is_told(day):
+def test_the_tool_is_reported(day):
     found, tool = read(day[0] / "payload" / "payload.json"), day[1]["tool"].numpy()
     sigma = found["deviation"]
     assert found["certain"] and abs(found["mass"] - tool[0]) < max(4 * sigma["mass"], 0.02)

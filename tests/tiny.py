@@ -63,7 +63,9 @@ def tiny(*overrides, experiment="exp1"):
     chosen = f"+experiment={experiment}"
     keys, small = _groups(chosen).keys(), [*TINY, *SMALL.get(experiment, ())]
     own = [one for one in small if re.match(r"[~+]*(\w+)", one)[1] in keys]
-    if "condition" not in keys or any(one.startswith(("seeds=", "condition=")) for one in overrides):
+    if "condition" not in keys or any(
+        override.startswith(("seeds=", "condition=")) for override in overrides
+    ):
         own = [one for one in own if one != "seeds=gradient"]
     if "condition=published" in overrides:  # whose surrogates have no such settings
         own = [one for one in own if not one.startswith("surrogates.")]

@@ -92,7 +92,7 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
                     report_of(number)(1, 1)
         except Exception as error:
             if why := _lost(error):
-                rest = "the same command again goes on where it was"
+                rest = "the same command continues where it stopped"
                 raise SideganError(f"{description}: {why}; {rest}") from error
             raise
         return results

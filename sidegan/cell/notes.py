@@ -4,10 +4,14 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from sidegan.base.names import counted, listed
-from sidegan.robot import Arm, doubtful_links, tell_doubtful, tell_placeholder_links
+from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
 from sidegan.robot.setup import allowed
-from sidegan.validity.pairs import room_between, tell_displaced
-from sidegan.validity.placeholders import tell_friction, tell_placeholders, tell_weak
+from sidegan.validity.pairs import describe_displaced_shapes, room_between
+from sidegan.validity.placeholders import (
+    describe_excessive_friction,
+    describe_placeholder_limits,
+    describe_weak_limits,
+)
 
 if TYPE_CHECKING:
     from sidegan.cell.cell import Cell
@@ -16,14 +20,14 @@ if TYPE_CHECKING:
 def doubts(cell: "Cell") -> Iterator[str]:
     """Where the description tells suspiciously little or much; some are empty."""
     arm, constraints = cell.arm, cell.constraints
-    yield tell_placeholders(cell.whole_arm)
+    yield describe_placeholder_limits(cell.whole_arm)
     if cell.workspace.torque:
-        yield tell_weak(cell.whole_arm)
-        yield tell_friction(cell.whole_arm)
+        yield describe_weak_limits(cell.whole_arm)
+        yield describe_excessive_friction(cell.whole_arm)
     yield _touching(cell)
-    yield tell_displaced(arm)
+    yield describe_displaced_shapes(arm)
     yield _masses(arm)
-    if placeholders := tell_placeholder_links(arm):
+    if placeholders := describe_placeholder_links(arm):
         yield (
             f"{placeholders}: torques, their limits, energies and what a set leaves uncertain mean "
             "nothing until a model is identified; goal.objective=condition needs no masses"
@@ -34,13 +38,13 @@ def doubts(cell: "Cell") -> Iterator[str]:
 
 def _masses(arm: Arm) -> str:
     """Links whose masses are doubtful, and the torques that depend on them."""
-    masses = tell_doubtful(arm)
+    masses = describe_doubtful_links(arm)
     if masses and not arm.inertial_parameters.any():
-        return f"{masses}; torques are not known: their limits are not checked, nor peaks told"
+        return f"{masses}; torques are not known: their limits are not checked and no peaks are shown"
     if masses:
         last = max(map(arm.link_names.index, doubtful_links(arm)))
         moved = listed(arm.joint_names[: last + 1])
-        return f"{masses}; torques of {moved} may be far from what is checked and told"
+        return f"{masses}; torques of {moved} may differ much from those that are checked and shown"
     return ""
 
 
@@ -66,14 +70,14 @@ def decisions(cell: "Cell") -> Iterator[str]:
             why = "home is where the description has the arm rest:"
         else:
             why = f"{'zeros are' if own is None else 'its own is'} no feasible home; home is"
-        yield f"{why} {place}, or where trajectory.home=… says"
+        yield f"{why} {place}; trajectory.home=… sets another"
     if cell.choices.effort is None:
         why = "" if cell.effort < 1 else ", since less would hardly hold the arm"
         share = f"{cell.effort:.0%} of the velocity and torque limits{why}"
-        yield f"effort: {share}; robot.effort=… says another"
+        yield f"effort: {share}; robot.effort=… sets another"
     yield _friction(cell)
     if cell.workspace.clearance is None and not constraints.arm.capsules.points:
-        yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… says another distance"
+        yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… sets another distance"
     yield f"checked: {constraints.described()}"
 
 

@@ -230,7 +230,7 @@ def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
     if floor is None and stands(arm):
         return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
     if floor is None:
-        return f"no floor: {arm.name} hangs; what it must keep out of is said by workspace.regions"
+        return f"no floor: {arm.name} hangs; set its keep-out regions by workspace.regions"
     if floor_is_known(arm):
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
     guess = f"a guess at what {arm.name} stands on, since no visual and no mesh shows it"

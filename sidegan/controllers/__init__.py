@@ -2,9 +2,9 @@
 
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import POINTS, Course, least_rate, slower
-from sidegan.controllers.deliver import APPROACH, RETURN, deliver
+from sidegan.controllers.export import APPROACH, RETURN, export_set
 from sidegan.controllers.ros2 import SHELL
-from sidegan.controllers.settings import Delivery
+from sidegan.controllers.settings import ExportSettings
 from sidegan.controllers.urscript import SCRIPTED
 
 __all__ = [
@@ -14,9 +14,9 @@ __all__ = [
     "SCRIPTED",
     "SHELL",
     "Course",
-    "Delivery",
+    "ExportSettings",
     "approach",
-    "deliver",
+    "export_set",
     "least_rate",
     "slower",
 ]

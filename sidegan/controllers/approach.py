@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from sidegan.controllers.course import POINTS, Course
-from sidegan.controllers.settings import Delivery
+from sidegan.controllers.settings import ExportSettings
 from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -28,7 +28,7 @@ _CLOSER = "bring the arm closer to home by hand or by its own planner first"
 
 
 def approach(
-    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: Delivery
+    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: ExportSettings
 ) -> Course:
     """A course from one configuration [rad or m] to another on the straight way between them.
 
@@ -117,7 +117,7 @@ def _refuse_heavy(arm: Arm, share: Tensor) -> None:
     row, joint = divmod(int(share.argmax()), arm.joints)
     if share[row, joint] > _HOLDABLE:
         raise InfeasibleError(
-            f"the straight way asks too much torque at any speed, whatever controllers.careful: "
+            f"the straight way needs too much torque at any speed, whatever controllers.careful: "
             f"{arm.joint_names[joint]} needs {float(share[row, joint]):.1%} of its limit to hold the arm on "
             f"it; allow more by robot.effort=…, or {_CLOSER}"
         )

@@ -21,7 +21,7 @@ class Tolerance:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Delivery:
+class ExportSettings:
     """Files for the controllers, and how the trajectories are run."""
 
     formats: list[Literal["csv", "ros2", "urscript"]] = field(default_factory=lambda: ["csv", "ros2"])

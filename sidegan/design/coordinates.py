@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from sidegan.design.problem import Problem
-from sidegan.robot import HIGHER
+from sidegan.robot import DERIVATIVE_ORDER
 
 _POINTS = 20  # per harmonic, for the means over time
 
@@ -36,7 +36,7 @@ class Coordinates:
         metric = position.T @ position / len(times) / room**2
         metric = metric + (velocity.T @ velocity / len(times) + unit) / speed**2
         for name, limit in problem.constraints.higher.items():
-            x = trajectory.basis(times, HIGHER[name]).flatten(1)
+            x = trajectory.basis(times, DERIVATIVE_ORDER[name]).flatten(1)
             metric = metric + x.T @ x / len(times) / limit[:, None, None] ** 2
         values, vectors = torch.linalg.eigh(metric)
         return cls(vectors @ (vectors / values.sqrt()[:, None]).transpose(1, 2))

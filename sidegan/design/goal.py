@@ -82,7 +82,7 @@ class Compiled:
             roots = _fitting("certainty", goal.certainty, (body.joints,))
             self.terms = self.terms._replace(roots=roots)
 
-    def during(self, period: float) -> goals.Goal:
+    def during(self, period: float) -> goals.GoalArrays:
         """The goal for trajectories of so many seconds."""
         order, targets = self._order, self._targets[:, self._order]
         prior = self.subspace.T @ self._prior[np.ix_(order, order)] @ self.subspace
@@ -90,7 +90,7 @@ class Compiled:
             targets = np.linalg.solve(self.subspace, targets.T).T
         else:
             targets = targets @ self.subspace
-        return goals.Goal(
+        return goals.GoalArrays(
             _KINDS[self._goal.kind],
             np.ascontiguousarray(prior),
             self._goal.rate * period,

@@ -88,7 +88,7 @@ class Objective:
             goal=compiled.during(trajectory.period),
         )
         self.plan = plan if penalty is None else self.penalised(plan, penalty)
-        self.room = kernel.room(self.plan)
+        self.scratch = kernel.scratch(self.plan)
 
     def penalised(self, plan: kernel.Plan, penalty: Penalty) -> kernel.Plan:
         """Plan with another penalty."""
@@ -103,7 +103,7 @@ class Objective:
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""
-        return kernel.objective(self.plan, x, gradient, self.room)
+        return kernel.objective(self.plan, x, gradient, self.scratch)
 
 
 def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
@@ -118,7 +118,7 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
 
     def evaluate(c: Array) -> Array:
         numbers = np.empty((len(c), kernel.NUMBERS))
-        kernel.evaluate(one.plan, measure, c.reshape(*c.shape[:2], -1), numbers, one.room)
+        kernel.evaluate(one.plan, measure, c.reshape(*c.shape[:2], -1), numbers, one.scratch)
         return numbers[:, kept]
 
     return evaluate
@@ -159,7 +159,7 @@ def pull_back(
     def work(k: slice) -> None:
         one = Objective(problem, Goal(certainty=certainty), penalty)
         for n in range(len(x))[k]:
-            cost[n] = kernel.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.room)
+            cost[n] = kernel.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.scratch)
 
     share(work, len(x), problem.samples)
     return torch.from_numpy(cost), torch.from_numpy(gradient).reshape(c.shape)

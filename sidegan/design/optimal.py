@@ -96,7 +96,7 @@ def _prior(information: Tensor | Candidates) -> Tensor:
     else:
         mean = information.mean(0)
     if not math.isfinite(condition_of(mean)):
-        raise ShapeError("no trajectory excites some direction of the parameters: nothing tells them apart")
+        raise ShapeError("no trajectory excites some direction of the parameters: they cannot be told apart")
     return _PRIOR * mean
 
 

@@ -10,7 +10,7 @@ from sidegan.errors import ShapeError
 from sidegan.kernels import HOPELESS
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER
+from sidegan.robot import DERIVATIVE_ORDER
 from sidegan.validity import Constraints
 
 _LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
@@ -71,7 +71,7 @@ class Problem:
         position = torch.maximum(away.amax(1) / above, -away.amin(1) / below)
         use = torch.maximum(position, motion.velocity.abs().amax(1) / arm.velocity_limit)
         for name, limit in self.constraints.higher.items():
-            x = self.trajectory.derivative(c, times, HIGHER[name])
+            x = self.trajectory.derivative(c, times, DERIVATIVE_ORDER[name])
             use = torch.maximum(use, x.abs().amax(1) / limit)
         return use.clamp_min(1e-9)
 

@@ -96,7 +96,7 @@ class Descent:
     def _descend(self, plan: Plan, evaluations: int) -> None:
         """So many evaluations from where the search stands; the first is that of its start."""
         self._state.numbers[descent.STARTED] = 0.0
-        descent.descend(plan, _RULES, self._state, self._objective.room, evaluations)
+        descent.descend(plan, _RULES, self._state, self._objective.scratch, evaluations)
 
 
 def proven(problem: Problem, c: Tensor, smallest: float = 0.5) -> tuple[Tensor, Tensor, Validity]:
@@ -167,7 +167,7 @@ def search(
     if best is None:
         faults = verdict.failures(0) if verdict else []
         said = "; ".join(map(str, faults)) or "there was no time"
-        helps = [remedy(problem.constraints, (one.constraint, one.where)) for one in faults[:1]]
+        helps = [remedy(problem.constraints, (fault.constraint, fault.where)) for fault in faults[:1]]
         raise InfeasibleError("; ".join([f"no trajectory was proven in {done} evaluations: {said}", *helps]))
     return best
 
@@ -182,7 +182,7 @@ class SetGoal(Protocol):
         """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
 
 
-class Condition:
+class ConditionGoal:
     """A small condition number of a whole set, of rigid bodies alone."""
 
     def __init__(self, problem: Problem) -> None:

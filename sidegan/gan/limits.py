@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, Arm
+from sidegan.robot import DERIVATIVE_ORDER, Arm
 
 _POINTS = 24  # time points per harmonic
 _SHARPNESS = 8.0  # of the turn from proportional to saturated; use 1 becomes 0.92
@@ -36,7 +36,7 @@ class LimitLayer(nn.Module):
         count = _POINTS * trajectory.harmonics
         times = torch.linspace(0.0, trajectory.period, count + 1, dtype=torch.float64)
         self.gap = trajectory.period / count
-        self.orders = [1, *(HIGHER[name] for name in arm.higher_limits)]
+        self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
         home = torch.tensor(trajectory.home).double()
         room = torch.stack([arm.position_upper - home, home - arm.position_lower]).clamp_min(_LEAST_ROOM)
         buffers = {

@@ -29,7 +29,7 @@ class Refreshed(pl.Callback):
     def on_train_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Begin with an optimiser at rest, or as it was; the surrogates are on their device by now."""
         self.surrogates = (pl_module.success_predictor, pl_module.converter)
-        weights = chain(*(one.parameters() for one in self.surrogates))
+        weights = chain(*(surrogate.parameters() for surrogate in self.surrogates))
         self.adam = torch.optim.Adam(weights, self.settings.learning_rate)
         if self.saved is not None:
             self.adam.load_state_dict(self.saved)
@@ -65,7 +65,7 @@ class Refreshed(pl.Callback):
 
     def state_dict(self) -> dict[str, Any]:
         """What a checkpoint needs to go on."""
-        window = [tuple(one) for one in self.window]
+        window = [tuple(batch) for batch in self.window]
         return {"adam": self.adam.state_dict(), "window": window, "random": self.random.get_state()}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:

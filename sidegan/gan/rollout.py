@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, Arm
+from sidegan.robot import DERIVATIVE_ORDER, Arm
 
 _PEAKS = 4  # finer time points per step at which the limit use is taken, so that peaks are seen
 _ACCELERATION = 5.0  # [rad/s²] that counts as one
@@ -50,7 +50,7 @@ class RollOut(nn.Module):
         q = motion[0] + self.home[:, None]
         used = (q - self.middle[:, None]) / self.room[:, None]
         rate = motion[1] / self.speed[:, None]
-        shares = [motion[HIGHER[name]] / getattr(self, name)[:, None] for name in self.higher]
+        shares = [motion[DERIVATIVE_ORDER[name]] / getattr(self, name)[:, None] for name in self.higher]
         tightest = [x.abs().amax(1, keepdim=True) for x in (used, rate, *shares)]
         peaks = [nn.functional.max_pool1d(x, _PEAKS) for x in tightest]
         q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rate, motion[2]))

@@ -30,16 +30,16 @@ class Traits(NamedTuple):
     seeded: bool = True  # whether it learns from a seed set, or from the arm and its workspace alone
     rewarded: bool = False  # whether for the prediction of torques
     published: bool = False  # whether by the recipe of the paper's authors
-    lacking: tuple[str, ...] = ()  # losses that it does not have
+    missing: tuple[str, ...] = ()  # losses that it does not have
 
 
 TRAITS: dict[Name, Traits] = {
-    "Vanilla": Traits(lacking=_SURROGATES),
+    "Vanilla": Traits(missing=_SURROGATES),
     "Eigen": Traits("spectrum"),
     "Diagonal": Traits("diagonal"),
     "Predicting": Traits("energies", rewarded=True),
-    "Exact": Traits(seeded=False, rewarded=True, lacking=("adversarial", "features")),
-    "PublishedVanilla": Traits(published=True, lacking=_SURROGATES),
+    "Exact": Traits(seeded=False, rewarded=True, missing=("adversarial", "features")),
+    "PublishedVanilla": Traits(published=True, missing=_SURROGATES),
     "PublishedEigen": Traits("spectrum", published=True),
     "PublishedDiagonal": Traits("diagonal", published=True),
 }
@@ -131,7 +131,7 @@ class Variant:
     published: Published | None = None  # of the published ones
 
     def __post_init__(self) -> None:
-        if foreign := [k for k in self.traits.lacking if getattr(self.weights, k)]:
+        if foreign := [k for k in self.traits.missing if getattr(self.weights, k)]:
             names = ", ".join(f"weights.{name}" for name in foreign)
             raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
         if self.features and self.weights.fitness and self.fitness_start >= self.epochs:

@@ -160,7 +160,7 @@ class SideGAN(pl.LightningModule):
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
         """Adam for the generator, and for the discriminators where there are any."""
-        critics = [parameter for one in self.adversaries for parameter in one.parameters()]
+        critics = [parameter for adversary in self.adversaries for parameter in adversary.parameters()]
         learning = [list(self.generator.parameters()), critics]
         rate, betas = self.settings.learning_rate, self.settings.betas
         fused = self.device.type != "mps"  # one pass over all weights: five times as fast

@@ -61,7 +61,7 @@ def fit(
         last = None if work is None else work / f"{_LAST}.ckpt"
         known = last if last is not None and readable(last) else None
         if last is not None and last.exists() and known is None:
-            _log.warning("the checkpoint %s is damaged: the training begins anew", last)
+            _log.warning("the checkpoint %s is damaged: the training starts over", last)
         try:
             trainer.fit(module, batches, ckpt_path=known, weights_only=True)
         except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones

@@ -68,7 +68,7 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
     batches = DataLoader(rows, settings.batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
-    fit(model, batches, settings.epochs, [*refresh, Measured(run)], run.work, run.device)
+    fit(model, batches, settings.epochs, [*refresh, EpochMetrics(run)], run.work, run.device)
     files = [_left(run, epoch) for epoch in range(settings.epochs)]
     history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_torch, files)))
     return Trained(model.generator.eval(), list(history), torch.cat(samples))
@@ -79,7 +79,7 @@ def _left(run: Run, epoch: int) -> Path:
     return run.work / f"epoch-{epoch}.pt"
 
 
-class Measured(pl.Callback):
+class EpochMetrics(pl.Callback):
     """True physics of what a generator makes after every epoch, left in a file."""
 
     def __init__(self, run: Run) -> None:

@@ -3,6 +3,7 @@
 from sidegan.identification.estimate import METHODS, estimate
 from sidegan.identification.measurements import Measurements, Noise, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
+from sidegan.identification.quality import quality
 from sidegan.identification.score import folds, score
 from sidegan.identification.settings import (
     EstimationSettings,
@@ -11,7 +12,6 @@ from sidegan.identification.settings import (
     ReplicationSettings,
     StudySettings,
 )
-from sidegan.identification.trust import trust
 
 __all__ = [
     "FULL",
@@ -29,6 +29,6 @@ __all__ = [
     "estimate",
     "folds",
     "measure",
+    "quality",
     "score",
-    "trust",
 ]

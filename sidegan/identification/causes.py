@@ -45,29 +45,33 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     What would make others follow is told alone.
     """
     model, arm, links = found.model, found.model.arm, found.links
-    remarks = {signal: text for one in found.recordings[::-1] for signal, text in one.remarks.items()}
-    mended = USABLE if found.trust.verdict == BAD else GOOD  # or the signal that they contradict is wrong
+    remarks = {
+        signal: text for recording in found.recordings[::-1] for signal, text in recording.remarks.items()
+    }
+    mended = USABLE if found.quality.verdict == BAD else GOOD  # or the signal that they contradict is wrong
     told = [Finding(mended, text) for text in remarks.values()]
-    if late := [one.late for one in found.recordings if one.late]:
+    if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *told], False
-    agreement = agreement_of(model.body, [one for each in found.training for one in each.segments])
+    agreement = agreement_of(model.body, [segment for each in found.training for segment in each.segments])
     if exchanged := agreement.exchanged(arm):
         return [Finding(BAD, exchanged), *told], False
     causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
     if gravity is None and (against := agreement.reversed(arm, driven=True)):
         causes.insert(0, Finding(USABLE, against))
     if not causes and gravity is None:
-        faults = [*_odd_scale(found, agreement)] or ([] if found.trust.verdict == GOOD else [*_faults(found)])
+        faults = [*_odd_scale(found, agreement)] or (
+            [] if found.quality.verdict == GOOD else [*_faults(found)]
+        )
         causes += [Finding(USABLE, text) for text in faults]
     torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
         masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
     if gravity is not None:
-        error, now = _error_under(found, agreement.load.gravity), found.trust.judged.nmse_mean
+        error, now = _error_under(found, agreement.load.gravity), found.quality.judged.nmse_mean
         gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
-    causes += [one for one in implausible_links(arm, links) if torques_tell[one.joint]]
+    causes += [finding for finding in implausible_links(arm, links) if torques_tell[finding.joint]]
     return [*causes, *told, *_offsets(found)], gravity is not None
 
 
@@ -82,12 +86,12 @@ def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
     """Mean nMSE of the chosen method with another model, over the joints that noise does not drown."""
     samples, held_out = measurements_of(found.training), measurements_of(found.validation)
     parameters = estimate(found.chosen.method, model, samples).parameters
-    return found.trust.mean(score(model, parameters, held_out or samples))
+    return found.quality.mean(score(model, parameters, held_out or samples))
 
 
 def _faults(found: IdentifiedArm) -> Iterator[str]:
     """Faults of the recordings, or of what is asked for, each of which would explain most of the misfit."""
-    terms, now = found.model.terms, found.trust.mean(found.trust.judged)
+    terms, now = found.model.terms, found.quality.mean(found.quality.judged)
     if not terms.rotor_inertia:
         error = _error_of(found, TorqueModel(found.model.body, replace(terms, rotor_inertia=True)))
         if error < _EXPLAINED * now:
@@ -126,8 +130,8 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
     """The recording that another load than the others' explains."""
     if len(found.recordings) < 2:
         return
-    samples = [measurements_of([one]) for one in found.recordings]
-    without, with_load = zip(*(gathered(found.model, one, one) for one in samples))
+    samples = [measurements_of([recording]) for recording in found.recordings]
+    without, with_load = zip(*(gathered(found.model, sample, sample) for sample in samples))
     each = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
     if len(each) == 2:
         each = each[1:]  # which of both it is cannot be told
@@ -137,7 +141,7 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
         yield (
             f"{found.recordings[k].name} was recorded with another load than the others: {mass:+.2g} ± "
             f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explain it; identify from recordings "
-            "with one load (+experiment=payload tells what differs)"
+            "with one load (+experiment=payload identifies the difference)"
         )
 
 
@@ -163,10 +167,10 @@ def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
     each = zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist())
     for name, value, deviation in [one for one in each if one[0].startswith("fo")]:
         j = joint_of(name)
-        usual, unit = float(found.trust.usual[j]), "N" if arm.prismatic[j] else "N·m"
+        usual, unit = float(found.quality.usual[j]), "N" if arm.prismatic[j] else "N·m"
         if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * float(limits[j]), _SURE * deviation):
             text = (
-                f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, beside a usual torque of "
+                f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, for a usual torque of "
                 f"{usual:.2g} {unit}: the model holds it, but was the sensor tared?"
             )
             yield Finding(GOOD, text, j)

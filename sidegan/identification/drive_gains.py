@@ -67,7 +67,7 @@ def drive_gains(
     parts = gathered(model, unloaded, loaded)
     effect = parts[1].sums.information[:, -LOAD:, -LOAD:] @ load @ load
     if silent := model.arm.named(effect <= _SILENT * effect.max()):
-        raise ConfigError(f"the load has no effect on {silent}: what its drive gives cannot be told")
+        raise ConfigError(f"the load has no effect on {silent}: the gain of its drive cannot be determined")
     whole = torch.block_diag(torch.eye(model.count, dtype=torch.float64), load[:, None])
     sums = parts[0].sums.plus(parts[1].sums)
     each = [solve(whole.T @ a @ whole, b @ whole, _LEAST) for a, b in zip(sums.information, sums.moment)]

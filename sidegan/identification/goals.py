@@ -48,7 +48,7 @@ class Parameters:
         variances = torch.linalg.inv(known + motion).diagonal()[self._ours]
         return variances.clamp_min(0).sqrt() * self._unit
 
-    def said(self, deviations: Tensor, before: Tensor) -> str:
+    def summary(self, deviations: Tensor, before: Tensor) -> str:
         """By how much the deviations fall."""
         share = float((deviations / before).log().mean().exp())
         whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
@@ -78,7 +78,7 @@ class Tool:
         variances = torch.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._doubt).diagonal()
         return variances.clamp_min(0).sqrt() * self._typical
 
-    def said(self, deviations: Tensor, before: Tensor) -> str:
+    def summary(self, deviations: Tensor, before: Tensor) -> str:
         """Errors of mass, centre of mass times mass, and inertia, as far as the motion tells them."""
         told = deviations < _TOLD * before
         groups = zip(_UNITS, deviations.split([1, 3, 6]), told.split([1, 3, 6]))
@@ -86,7 +86,7 @@ class Tool:
         untold = [name.removeprefix("tool ") for name, some in zip(self.names, told.tolist()) if not some]
         runs = "" if self._runs == 1 else ", executed with and without it"
         but = f" but for {', '.join(untold)}" if untold else ""
-        return f"a tool is told to {', '.join(sizes) or 'nothing'}{but}{runs}"
+        return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
 
 
 class Prediction:
@@ -104,7 +104,7 @@ class Prediction:
         covariance = torch.linalg.inv(known + motion)
         return (self._each * covariance).sum((1, 2)).clamp_min(0).sqrt()
 
-    def said(self, deviations: Tensor, before: Tensor) -> str:
+    def summary(self, deviations: Tensor, before: Tensor) -> str:
         """The error on average."""
         now, then = (float(x.square().mean().sqrt()) for x in (deviations, before))
         return f"torques of other motions are uncertain by {now:.2%} of their usual size, before {then:.2%}"

@@ -7,12 +7,12 @@ import torch
 from torch import Tensor
 
 from sidegan.identification.estimate import Estimate
-from sidegan.identification.lacking import Lacks, lacks
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import typical
 from sidegan.identification.score import Score
-from sidegan.identification.verdict import Trust
+from sidegan.identification.unmodelled import Unmodelled, find_unmodelled
+from sidegan.identification.verdict import Quality
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Drives
 
@@ -46,7 +46,7 @@ class IdentifiedArm:
     estimates: dict[str, Estimate]  # by method: the chosen one, equal weights, the consistent one
     tests: Tested
     trained: dict[str, Score]  # errors of each method on what it was identified from
-    trust: Trust  # whether to trust the model to use
+    quality: Quality  # whether to trust the model to use
     choice: Choice  # of that model
 
     @property
@@ -57,7 +57,7 @@ class IdentifiedArm:
     @property
     def chosen(self) -> Estimate:
         """Estimate of the chosen method."""
-        return self.trust.estimate
+        return self.quality.estimate
 
     @property
     def use(self) -> str:
@@ -104,15 +104,15 @@ class IdentifiedArm:
         return Drives(**{kind: found.get(kind, none).clamp_min(0.0) for kind, none in drives.items()})
 
     @cached_property
-    def lacks(self) -> Lacks:
+    def unmodelled(self) -> Unmodelled:
         """Torques that the model lacks, from the residuals of the chosen method."""
-        return lacks(self.model, self.chosen, measurements_of(self.training))
+        return find_unmodelled(self.model, self.chosen, measurements_of(self.training))
 
     @property
     def left_over(self) -> list[str]:
         """Torques that are left over, a sentence for each joint that lacks something."""
-        names = [self.trust.joint(j) for j in range(self.model.joints)]
-        return self.lacks.sentences(names, self.trust.torque_deviation)
+        names = [self.quality.joint(j) for j in range(self.model.joints)]
+        return self.unmodelled.sentences(names, self.quality.torque_deviation)
 
 
 def measurements_of(recordings: list[CheckedRecording]) -> list[Measurements]:

@@ -39,9 +39,9 @@ def is_noise(
     torque have nothing in common. What cannot be told is no noise.
     """
     left = [
-        _left(model, parameters, covariance, segment, one.grid.cutoff, one.noise)
-        for one in recordings
-        for segment in one.segments
+        _left(model, parameters, covariance, segment, recording.grid.cutoff, recording.noise)
+        for recording in recordings
+        for segment in recording.segments
     ]
     energy, expected, values = (torch.stack(x).sum(0) for x in list(zip(*left))[:3])
     if (values < _LEAST).any():

@@ -81,7 +81,7 @@ def measured_sums(
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for some in family[1].split(_TRAJECTORIES_AT_ONCE) if count else ():
         exact = measure(body, family[0].roll_out(some, family[0].times(settings.rate)))
-        noisy = (disturbed(exact, settings.noise, one, len(some)) for one in generators)
+        noisy = (disturbed(exact, settings.noise, generator, len(some)) for generator in generators)
         if settings.noise.state:
             parts = [gather(model, one).sums for one in noisy]
         else:

@@ -44,7 +44,7 @@ _FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Trust:
+class Quality:
     """Quality of an identified model, and the verdict that follows from it."""
 
     arm: Arm  # the arm that was identified
@@ -63,7 +63,7 @@ class Trust:
     @property
     def verdict(self) -> str:
         """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
-        levels = [one.level for one in self.findings]
+        levels = [finding.level for finding in self.findings]
         return next((level for level in (BAD, USABLE) if level in levels), GOOD)
 
     @property
@@ -73,7 +73,7 @@ class Trust:
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
         gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
-        for group in [*([one] for one in self.causes), *gravest_first]:
+        for group in [*([cause] for cause in self.causes), *gravest_first]:
             texts, joint = "; ".join(one.text for one in group), group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
         if self.verdict == GOOD:
@@ -95,7 +95,7 @@ class Trust:
     @property
     def faulty(self) -> bool:
         """Whether something is to be mended before more motion helps."""
-        return any(one.level != GOOD for one in self.causes)
+        return any(cause.level != GOOD for cause in self.causes)
 
     @property
     def drowned(self) -> Tensor:
@@ -132,30 +132,36 @@ class Trust:
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
-def _held_out(trust: Trust) -> Iterator[Finding]:
-    train, validation, folds = trust.train, trust.held_out, trust.folds
+def _held_out(quality: Quality) -> Iterator[Finding]:
+    train, validation, folds = quality.train, quality.held_out, quality.folds
     if validation is None:
         yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
-    elif trust.mean(validation) > max(_OVERFIT * trust.mean(train), _GOOD_NMSE / 2):
-        ratio = f"validation nMSE is {trust.mean(validation) / trust.mean(train):.1f} times that of training"
-        yield Finding(USABLE, ratio if trust.faulty else f"{ratio}: give more, or more varied, recordings")
-    if trust.described and not trust.faulty and (error := trust.mean(trust.nominal_score)) > _GOOD_NMSE:
+    elif quality.mean(validation) > max(_OVERFIT * quality.mean(train), _GOOD_NMSE / 2):
+        ratio = (
+            f"validation nMSE is {quality.mean(validation) / quality.mean(train):.1f} times that of training"
+        )
+        yield Finding(USABLE, ratio if quality.faulty else f"{ratio}: give more, or more varied, recordings")
+    if (
+        quality.described
+        and not quality.faulty
+        and (error := quality.mean(quality.nominal_score)) > _GOOD_NMSE
+    ):
         text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
         yield Finding(USABLE, text)
-    if folds is not None and trust.mean(folds) > _GOOD_NMSE:
-        errors = folds.nmse[:, ~trust.drowned].mean(1)
+    if folds is not None and quality.mean(folds) > _GOOD_NMSE:
+        errors = folds.nmse[:, ~quality.drowned].mean(1)
         worst, error = int(errors.argmax()), float(errors.max())
         yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
 
 
-def _misfits(trust: Trust) -> Iterator[Finding]:
-    judged, where, drowned = trust.judged, trust.where, trust.drowned.tolist()
-    if (mean := trust.mean(judged)) > _GOOD_NMSE:
+def _misfits(quality: Quality) -> Iterator[Finding]:
+    judged, where, drowned = quality.judged, quality.where, quality.drowned.tolist()
+    if (mean := quality.mean(judged)) > _GOOD_NMSE:
         others = " of the other joints" * any(drowned)
         yield Finding(BAD if mean > _USABLE_NMSE else USABLE, f"mean nMSE{others} is {mean:.3g} on {where}")
     for j, error in enumerate(judged.nmse.tolist()):
         if drowned[j]:
-            yield _drowned(trust, j)
+            yield _drowned(quality, j)
         elif error > _GOOD_JOINT:
             level = BAD if error > _USABLE_JOINT else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
@@ -163,15 +169,19 @@ def _misfits(trust: Trust) -> Iterator[Finding]:
             yield Finding(level, f"{text} on {where}", j)
 
 
-def _drowned(trust: Trust, j: int) -> Finding:
+def _drowned(quality: Quality, j: int) -> Finding:
     """Finding on a joint whose torque is below its noise: it is judged by N·m beside its limit."""
-    unit, limit = "N" if trust.arm.prismatic[j] else "N·m", float(trust.arm.torque_limit[j])
-    usual, noise, share = float(trust.usual[j]), float(trust.judged.rmse[j]), float(trust.torque_deviation[j])
+    unit, limit = "N" if quality.arm.prismatic[j] else "N·m", float(quality.arm.torque_limit[j])
+    usual, noise, share = (
+        float(quality.usual[j]),
+        float(quality.judged.rmse[j]),
+        float(quality.torque_deviation[j]),
+    )
     known = math.isfinite(limit)
     level = BAD if (share * usual > _USABLE_LIMIT * limit if known else share > _USABLE_TORQUE) else USABLE
     return Finding(
         level,
-        f"what is left is noise of {noise:.2g} {unit}, beside a usual torque of {usual:.2g} {unit}"
+        f"what is left is noise of {noise:.2g} {unit}, for a usual torque of {usual:.2g} {unit}"
         + f" and a limit of {limit:.3g} {unit}" * known
         + f"; torque in other motions is uncertain by {share * usual:.2g} {unit}: repetitions or a longer "
         "recording make that less, a larger motion does not",
@@ -179,29 +189,29 @@ def _drowned(trust: Trust, j: int) -> Finding:
     )
 
 
-def _excitation(trust: Trust) -> Iterator[Finding]:
-    condition = trust.estimate.condition
+def _excitation(quality: Quality) -> Iterator[Finding]:
+    condition = quality.estimate.condition
     if math.isinf(condition):
         yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
     elif condition > _CONDITION:
         alike = f"condition number {condition:.0f} of the scaled regressor"
         yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
-    for j, share in enumerate(trust.torque_deviation.tolist()):
-        if trust.drowned[j]:
+    for j, share in enumerate(quality.torque_deviation.tolist()):
+        if quality.drowned[j]:
             continue
-        own = listed([name for name in trust.weak if joint_of(name) == j], _NAMED)
+        own = listed([name for name in quality.weak if joint_of(name) == j], _NAMED)
         if share > _GOOD_TORQUE:
             level = BAD if share > _USABLE_TORQUE else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"not identifiable from this data, torque in other motions is uncertain by {size}"
             names = f" ({own})" if own else ""
-            yield Finding(level, f"{text}{names}{_advice(trust, j)}", j)
+            yield Finding(level, f"{text}{names}{_advice(quality, j)}", j)
         elif own:
-            yield Finding(USABLE, f"{own} cannot be told{_advice(trust, j)}", j)
+            yield Finding(USABLE, f"{own} cannot be determined{_advice(quality, j)}", j)
 
 
-def _negative(trust: Trust) -> Iterator[Finding]:
-    estimate = trust.estimate
+def _negative(quality: Quality) -> Iterator[Finding]:
+    estimate = quality.estimate
     each = zip(estimate.names, estimate.parameters.tolist(), estimate.deviation.tolist())
     signed = [one for one in each if one[0].rstrip("0123456789") in _FRICTION]
     clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
@@ -211,12 +221,12 @@ def _negative(trust: Trust) -> Iterator[Finding]:
             yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", joint_of(name))
 
 
-def _advice(trust: Trust, j: int) -> str:
+def _advice(quality: Quality, j: int) -> str:
     """Advice on exciting a joint better; nothing where something else is to be mended first."""
-    if trust.faulty:
+    if quality.faulty:
         return ""
-    arm, unit = trust.arm, "m" if trust.arm.prismatic[j] else "rad"
-    moved, fastest = (float(x[j]) for x in trust.estimate.reach)
+    arm, unit = quality.arm, "m" if quality.arm.prismatic[j] else "rad"
+    moved, fastest = (float(x[j]) for x in quality.estimate.reach)
     span, limit = float(arm.position_upper[j] - arm.position_lower[j]), float(arm.velocity_limit[j])
     wishes = []
     if moved < _LITTLE * span:

@@ -21,9 +21,9 @@ from sidegan.identification.identified import (
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.noise import is_noise
+from sidegan.identification.quality import quality
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings
-from sidegan.identification.trust import trust
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
@@ -67,11 +67,13 @@ def identify_arm(
     if tests is trained:
         unseen, how = _halves(model, samples, methods), "on halves by each other"
     use = preferred(settings.method, unseen)
-    judged = trust(model, estimates[settings.method], held_out or None, turns.get(use))
+    judged = quality(model, estimates[settings.method], held_out or None, turns.get(use))
     judged = replace(judged, train=trained[use], validation=tests[use] if held_out else None)
     sets = [one for one in (training, validation) if one]
     used = model, estimates[use].parameters, estimates[use].covariance
-    judged = replace(judged, noise=torch.stack([is_noise(*used, one) for one in sets]).all(0))
+    judged = replace(
+        judged, noise=torch.stack([is_noise(*used, excitation_set) for excitation_set in sets]).all(0)
+    )
     found = IdentifiedArm(
         model=model,
         training=training,
@@ -79,11 +81,11 @@ def identify_arm(
         estimates=estimates,
         tests=Tested(kind, tests),
         trained=trained,
-        trust=judged,
+        quality=judged,
         choice=Choice(use, unseen, how),
     )
     causes, gravity = causes_of(found)
-    return replace(found, trust=replace(judged, causes=tuple(causes), other_gravity=gravity))
+    return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
 def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
@@ -103,7 +105,10 @@ def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -
 
     Empty where a half determines too little.
     """
-    halves = [one[: len(one) // 2] for one in samples], [one[len(one) // 2 :] for one in samples]
+    halves = (
+        [sample[: len(sample) // 2] for sample in samples],
+        [sample[len(sample) // 2 :] for sample in samples],
+    )
     names = next(iter(methods)), CONSISTENT
     try:
         return {name: folds(name, model, halves, **methods[name]).pooled.nmse for name in names}

@@ -32,19 +32,19 @@ A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and
 Span = tuple[int, int]  # first of some times, and how many
 
 
-class Room(NamedTuple):
-    """Room for the kernel at work: rows of lanes."""
+class Scratch(NamedTuple):
+    """Scratch for the kernel at work: rows of lanes."""
 
     world: Array  # frames of the base and the joints, (J + 1, _FRAME · LANES)
     ends: Array  # capsules, (C, _ENDS · LANES)
     gap: Array  # (LANES,)
 
 
-def room(capsules: int, joints: int) -> Room:
-    """Room to work in; not to be shared among threads."""
+def scratch(capsules: int, joints: int) -> Scratch:
+    """Scratch to work in; not to be shared among threads."""
     world = aligned(joints + 1, _FRAME * LANES)
     world[0].reshape(_FRAME, LANES)[[0, 4, 8]] = 1.0  # the base stands as the world does
-    return Room(world, aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
+    return Scratch(world, aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
 
 
 @kernel
@@ -76,7 +76,7 @@ def _place_capsule(shapes: Shapes, k: int, frame: Lanes, ends: Lanes, count: int
 
 
 @kernel
-def _push(chain: Chain, work: Room, at: Block, point: Vector, force: Vector, push: Array) -> None:
+def _push(chain: Chain, work: Scratch, at: Block, point: Vector, force: Vector, push: Array) -> None:
     """Add the slope in the positions, (J, S), of what has the slope ``force`` in a point of a link."""
     frame, start, n = at
     for j in range(frame):
@@ -90,7 +90,7 @@ def _push(chain: Chain, work: Room, at: Block, point: Vector, force: Vector, pus
 
 @kernel
 def _pairs(
-    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Room
+    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float]:
     """Cost of pairs in a block of times, and the smallest of their distances; see ``keep_apart``."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
@@ -119,7 +119,7 @@ def _pairs(
 
 @kernel
 def _regions(
-    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Room
+    chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float]:
     """Cost of capsules near keep-out regions, and the smallest distance, likewise."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
@@ -142,7 +142,7 @@ def _regions(
 
 
 @kernel
-def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Room) -> None:
+def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Scratch) -> None:
     """Write frames and capsules in the world in a block of times."""
     start, count = span
     for i in range(states.shape[2]):
@@ -153,7 +153,7 @@ def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Ro
 
 @kernel
 def keep_apart(
-    chain: Chain, shapes: Shapes, states: Array, asked: tuple[float, float], push: Array, work: Room
+    chain: Chain, shapes: Shapes, states: Array, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float, float]:
     """Cost of distances over all times, and the smallest one of pairs and of regions [m], or ``reach``.
 

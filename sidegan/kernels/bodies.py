@@ -47,7 +47,7 @@ class Place(NamedTuple):
 
 
 def place_for(shapes: Shapes, joints: int) -> Place:
-    """Room for an arm's place, with the base in its own."""
+    """Scratch for an arm's place, with the base in its own."""
     sizes = (joints + 1, 9), (joints + 1, 3), (joints, 9), (joints, 3), (3, len(shapes.frame), 3), (6, 4)
     at = Place(*map(np.zeros, sizes))
     at.turn[0] = np.eye(3).flatten()

@@ -11,7 +11,7 @@ import numpy as np
 from sidegan.kernels.chain import Array
 from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.jit import kernel
-from sidegan.kernels.objective import Plan, Room, objective_of
+from sidegan.kernels.objective import Plan, Scratch, objective_of
 
 # Numbers of a search.
 GOAL, COST, LENGTH, USED, HEAD, STARTED, NUMBERS = range(7)
@@ -44,7 +44,7 @@ class Search(NamedTuple):
 
 
 def search(joints: int, functions: int, memory: int) -> Search:
-    """Room for a search that has not begun."""
+    """Scratch for a search that has not begun."""
     size, slots = joints * functions, memory + 1
     x, gradient, direction, trial, slope = (np.zeros(size) for _ in range(5))
     rows = trial.reshape(joints, functions), slope.reshape(joints, functions)
@@ -132,7 +132,7 @@ def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: floa
 
 
 @kernel
-def descend(plan: Plan, rules: Rules, state: Search, work: Room, evaluations: int) -> None:
+def descend(plan: Plan, rules: Rules, state: Search, work: Scratch, evaluations: int) -> None:
     """So many evaluations; the first of a search that has not begun is that of its start."""
     for _ in range(evaluations):
         fresh = state.numbers[STARTED] == 0

@@ -73,8 +73,8 @@ class Limits(NamedTuple):
     rotor: Array  # inertia of rotors behind the gears [kg·m² or kg], (J,)
 
 
-class Room(NamedTuple):
-    """Room for one kernel at work: rows of lanes for each joint or link."""
+class Scratch(NamedTuple):
+    """Scratch for one kernel at work: rows of lanes for each joint or link."""
 
     state: Array
     links: Array
@@ -86,11 +86,11 @@ class Room(NamedTuple):
     adjoints: Array
 
 
-def room(chain: Chain) -> Room:
-    """Room to work on an arm, whose base is at rest and accelerated against gravity; of one thread."""
+def scratch(chain: Chain) -> Scratch:
+    """Scratch to work on an arm, whose base is at rest and accelerated against gravity; of one thread."""
     joints, links = len(chain.prismatic), len(chain.prismatic) + 1
     rows = [(joints, _STATE), (links, _LINK), (joints, 6), (10,), (joints, 6), (joints, 1), (6,)]
-    work = Room(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
+    work = Scratch(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
     work.links[0].reshape(_LINK, LANES)[A:] = -chain.gravity[:, None]
     return work
 
@@ -216,7 +216,7 @@ def clear(x: Lanes) -> None:
 
 
 @kernel
-def enter(chain: Chain, states: Array, block: Block, width: int, work: Room) -> None:
+def enter(chain: Chain, states: Array, block: Block, width: int, work: Scratch) -> None:
     """Motion of all links in a block of states, and adjoints of zero."""
     fill(states, block, width, work.state)
     for i in range(len(chain.prismatic)):
@@ -226,7 +226,7 @@ def enter(chain: Chain, states: Array, block: Block, width: int, work: Room) -> 
 
 
 @kernel
-def forces(chain: Chain, v: Array, work: Room, width: int) -> None:
+def forces(chain: Chain, v: Array, work: Scratch, width: int) -> None:
     """Carried wrenches and torques of one parameter set, (10 J,)."""
     joints, links, wrenches = len(chain.prismatic), work.links, work.wrenches
     for i in range(joints):
@@ -238,7 +238,7 @@ def forces(chain: Chain, v: Array, work: Room, width: int) -> None:
 
 
 @kernel
-def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Room) -> None:
+def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Scratch) -> None:
     """Write the torques (B, K, J, T) of states (5, B, J, T) with parameter sets (B, K, 10 J)."""
     joints, count = states.shape[2], states.shape[3]
     step = step_of(count)
@@ -325,7 +325,7 @@ def _unmove(
 
 
 @kernel
-def push(chain: Chain, v: Array, work: Room, width: int) -> None:
+def push(chain: Chain, v: Array, work: Scratch, width: int) -> None:
     """Add the slopes of sᵀ τ to the adjoints, where s stands in place of the torques τ."""
     clear(work.twist)
     for i in range(len(chain.prismatic)):
@@ -335,7 +335,7 @@ def push(chain: Chain, v: Array, work: Room, width: int) -> None:
 
 
 @kernel
-def pull(chain: Chain, work: Room, slope: Array, block: Block, width: int) -> None:
+def pull(chain: Chain, work: Scratch, slope: Array, block: Block, width: int) -> None:
     """Carry the adjoints down to the base; write the slopes of a block in q, dq and ddq."""
     links, adjoints = work.links, work.adjoints
     b, start, lanes = block
@@ -354,7 +354,7 @@ def beyond(x: float, limit: float, reserve: float) -> float:
 
 
 @kernel_in_any_order
-def keep(limits: Limits, work: Room, lanes: int) -> float:
+def keep(limits: Limits, work: Scratch, lanes: int) -> float:
     """Cost of the torques of a block, whose slopes take their place; friction and rotors add theirs."""
     total = 0.0
     for i in range(len(limits.torque)):

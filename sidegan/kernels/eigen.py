@@ -164,8 +164,8 @@ def _sound(d: Array, e: Array, values: Array, z: Array) -> bool:
     return True
 
 
-def room(size: int, count: int) -> tuple[Array, Array]:
-    """Room for the kernel at work; not to be shared among threads."""
+def scratch(size: int, count: int) -> tuple[Array, Array]:
+    """Scratch for the kernel at work; not to be shared among threads."""
     return np.zeros((5, size)), np.zeros((5, count * _POINTS))
 
 
@@ -174,7 +174,7 @@ def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -
     """Write the eigenvalue of rank ``first``, from the smallest, and the largest one, (2,).
 
     They are those of a symmetric matrix with elements up to one. The matrix (p, p) is
-    overwritten; the rest is ``room`` for two values or more.
+    overwritten; the rest is ``scratch`` for two values or more.
     """
     _tridiagonal(matrix, rows[0], rows[1], rows[2], rows[3])
     _close_in(rows[0], rows[1], 1, first, values, shifts)
@@ -187,7 +187,7 @@ def extremes(
     """Write the ``low`` smallest eigenvalues and as many of the largest as there is place for, ascending.
 
     The symmetric matrices (B, p, p), with elements up to one, are overwritten. Written are values, (B, K),
-    unit eigenvectors row by row, (B, K, p), and whether they are to be trusted, (B,); the rest is ``room``.
+    unit eigenvectors row by row, (B, K, p), and whether they are reliable, (B,); the rest is ``scratch``.
     """
     d, e, tau, w, up = rows[0], rows[1], rows[2], rows[3], rows[4]
     size = a.shape[1]

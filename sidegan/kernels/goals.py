@@ -19,7 +19,7 @@ CONDITION, DIAGONAL, VARIANCE, VOLUME, TOOL = range(5)  # kinds of goals
 _TINY = 1e-300
 
 
-class Goal(NamedTuple):
+class GoalArrays(NamedTuple):
     """Function that is to be made small.
 
     The ratio of the diagonal of G; for M = prior + amount · G in an orthonormal basis the condition number
@@ -36,8 +36,8 @@ class Goal(NamedTuple):
     runs: float  # 1 or 2
 
 
-class Room(NamedTuple):
-    """Room for a goal at work; not to be shared among threads."""
+class Scratch(NamedTuple):
+    """Scratch for a goal at work; not to be shared among threads."""
 
     product: Array  # (p, p)
     inner: Array  # G in the orthonormal basis, (p, p)
@@ -54,12 +54,12 @@ class Room(NamedTuple):
     base: Array  # the directions over the base columns, (D, p)
 
 
-def room(goal: Goal) -> Room:
-    """Room to work on a goal, and on any other with as many parameters and targets."""
+def scratch(goal: GoalArrays) -> Scratch:
+    """Scratch to work on a goal, and on any other with as many parameters and targets."""
     size, targets = len(goal.prior), len(goal.targets)
     count, most = min(size, LOWEST + HIGHEST), max(size, 2 * targets)
-    rows, shifts = eigen.room(size, max(count, 2))
-    return Room(
+    rows, shifts = eigen.scratch(size, max(count, 2))
+    return Scratch(
         product=np.zeros((size, size)),
         inner=np.zeros((size, size)),
         whole=np.zeros((1, size, size)),
@@ -140,7 +140,7 @@ def _end_of(matrix: Array, count: int, k: int) -> int:
 
 
 @part
-def _ends(work: Room) -> None:
+def _ends(work: Scratch) -> None:
     """Eigenpairs at both ends of the spectrum of the inner matrix, which ``whole`` is too."""
     size, whole, count = len(work.inner), work.whole[0], len(work.values[0])
     if size > count:
@@ -159,7 +159,7 @@ def _ends(work: Room) -> None:
 
 
 @kernel
-def _condition(goal: Goal, subspace: Array, work: Room) -> float:
+def _condition(goal: GoalArrays, subspace: Array, work: Scratch) -> float:
     """Smooth log condition number of the whole matrix; writes its directions."""
     size, scale, whole = len(subspace), 0.0, work.whole[0]
     for i in range(size):
@@ -177,7 +177,7 @@ def _condition(goal: Goal, subspace: Array, work: Room) -> float:
 
 
 @kernel
-def _diagonal(gram: Array, work: Room) -> float:
+def _diagonal(gram: Array, work: Scratch) -> float:
     """Smooth log ratio of the diagonal; writes its directions, which are base columns."""
     count = len(work.values[0])
     for k in range(count):
@@ -225,7 +225,7 @@ def _log_det(factor: Array) -> float:
 
 
 @kernel
-def _covariance(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
+def _covariance(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]:
     """Log of trace or determinant of the targets' covariance, and how many directions it wrote."""
     size, count, inverse, halves, trace = len(subspace), len(goal.targets), work.product, work.halves, 0.0
     for m in range(count):
@@ -246,7 +246,7 @@ def _covariance(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
 
 
 @kernel
-def _tool(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
+def _tool(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]:
     """Log det of a tool's covariance, and how many directions it wrote.
 
     With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t its information is
@@ -278,7 +278,7 @@ def _tool(goal: Goal, subspace: Array, work: Room) -> tuple[float, int]:
 
 
 @part
-def goal_of(goal: Goal, subspace: Array, gram: Array, work: Room) -> tuple[float, int]:
+def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: Scratch) -> tuple[float, int]:
     """The goal at a Gram matrix of the base columns (p, p), and how many directions it wrote.
 
     It is infinite, and without directions, where the matrix is not finite or not positive definite.

@@ -24,7 +24,7 @@ from sidegan.kernels.dynamics import (
     push,
     step_of,
 )
-from sidegan.kernels.dynamics import Room as Lanes
+from sidegan.kernels.dynamics import Scratch as Lanes
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.regressor import SPAN, Columns, mirror, rows_of, tile
 
@@ -56,7 +56,7 @@ def no_terms(joints: int) -> JointTerms:
 
 
 def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
-    """Room for T samples and K parameter sets."""
+    """Scratch for T samples and K parameter sets."""
     count = len(terms.kinds)
     values, rates, pushes = (np.zeros((count, samples)) for _ in range(3))
     return Signals(values, rates, pushes, np.zeros((sets, count)))

@@ -2,7 +2,7 @@
 
 A kernel that other kernels call is compiled into them; only one that Python calls gets what Python needs,
 which takes longer to compile than most kernels. Without reference counts (``_nrt``) kernels are twice as
-fast, and in return cannot allocate anything: whoever calls one gives it room to work in.
+fast, and in return cannot allocate anything: the caller passes scratch arrays.
 """
 
 import hashlib

@@ -36,41 +36,41 @@ class Plan(NamedTuple):
     higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
     close: float  # weight of what small distances lack, at the finer samples [1/m²]
     reach: float  # smallest distance that costs nothing [m]
-    goal: goals.Goal
+    goal: goals.GoalArrays
 
 
-class Room(NamedTuple):
-    """Room for the kernel at work; not to be shared among threads."""
+class Scratch(NamedTuple):
+    """Scratch for the kernel at work; not to be shared among threads."""
 
     c: Array  # coefficients, (J, K)
     states: Array  # (5, 1, J, T)
     fine: Array  # the same at the finer samples, without accelerations, (5, 1, J, S)
     line: Array  # one derivative at the finer samples, (J, S)
-    lanes: dynamics.Room
+    lanes: dynamics.Scratch
     y: Array  # regressor
     gram: Array  # (1, P, P)
-    goal: goals.Room
+    goal: goals.Scratch
     sets: Array  # inertial parameters of the directions, (D, 10 J)
     signals: information.Signals
     slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
     push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
-    near: apart.Room
+    near: apart.Scratch
     back: Array  # slope in the coefficients, (J, K)
     ends: Array  # smallest and largest eigenvalue, (2,)
 
 
-def room(plan: Plan) -> Room:
-    """Room to work on a plan, and on any other with as many of everything."""
+def scratch(plan: Plan) -> Scratch:
+    """Scratch to work on a plan, and on any other with as many of everything."""
     joints, functions, _ = plan.matrix.shape
     size, samples, finer = len(plan.subspace), plan.basis.shape[2], plan.fine.shape[2]
-    goal = goals.room(plan.goal)
+    goal = goals.scratch(plan.goal)
     sets = len(goal.weights)
-    return Room(
+    return Scratch(
         np.zeros((joints, functions)),
         dynamics.aligned(5, 1, joints, samples),
         dynamics.aligned(5, 1, joints, finer),
         dynamics.aligned(joints, finer),
-        dynamics.room(plan.chain),
+        dynamics.scratch(plan.chain),
         dynamics.aligned(size, joints * regressor.SPAN),
         np.zeros((1, size, size)),
         goal,
@@ -78,7 +78,7 @@ def room(plan: Plan) -> Room:
         information.signals_for(plan.extra, samples, sets),
         dynamics.aligned(3, 1, joints, samples),
         dynamics.aligned(len(plan.fine), 1, joints, finer),
-        apart.room(len(plan.shapes.frame), joints),
+        apart.scratch(len(plan.shapes.frame), joints),
         np.zeros((joints, functions)),
         np.zeros(2),
     )
@@ -98,7 +98,7 @@ def _combine(c: Array, basis: Array, out: Array) -> None:
 
 
 @kernel
-def _move(plan: Plan, x: Array, work: Room) -> None:
+def _move(plan: Plan, x: Array, work: Scratch) -> None:
     """Write the coefficients (J, K) [rad/s] of a point (J, K), and the states."""
     for j in range(len(x)):
         for k in range(x.shape[1]):
@@ -107,7 +107,7 @@ def _move(plan: Plan, x: Array, work: Room) -> None:
 
 
 @kernel
-def roll_out(plan: Plan, work: Room) -> None:
+def roll_out(plan: Plan, work: Scratch) -> None:
     """Write the states of the coefficients at both grids of samples."""
     fine, states = work.fine, work.states
     joints, samples, finer = len(plan.home), states.shape[3], fine.shape[3]
@@ -141,7 +141,7 @@ def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: floa
 
 
 @kernel
-def _bound(plan: Plan, work: Room) -> float:
+def _bound(plan: Plan, work: Scratch) -> float:
     """Cost of positions, velocities and higher derivatives; writes their slopes."""
     bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
@@ -158,7 +158,7 @@ def _bound(plan: Plan, work: Room) -> float:
 
 
 @kernel
-def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
+def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
     """Carry the slopes from both grids back to the point."""
     joints, functions = work.back.shape
     samples, finer = work.states.shape[3], work.fine.shape[3]
@@ -177,7 +177,7 @@ def _pull_back(plan: Plan, gradient: Array, work: Room) -> None:
 
 
 @part
-def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
+def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
     """Penalty of the states; writes the gradient of it and of the energy of so many directions."""
     columns, first, samples = plan.columns, plan.columns.first, work.states.shape[3]
     for k in range(count):
@@ -198,7 +198,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Room) -> float:
 
 
 @part
-def objective_of(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+def objective_of(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[float, float]:
     """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
 
     Where there is no goal it is infinite, and the gradient zero.
@@ -215,13 +215,13 @@ def objective_of(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[flo
 
 
 @kernel
-def objective(plan: Plan, x: Array, gradient: Array, work: Room) -> tuple[float, float]:
+def objective(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[float, float]:
     """``objective_of`` by itself."""
     return objective_of(plan, x, gradient, work)
 
 
 @kernel
-def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: Room) -> float:
+def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: Scratch) -> float:
     """Penalty of a point (J, K); writes the gradient of it and of Σ weight · |Y v|² / T, (J, K).
 
     The vectors v are (D, p), of rigid bodies alone; their rows count by the joints' weights.
@@ -257,7 +257,7 @@ def _beyond_most(x: Array, middle: float, limit: float) -> float:
 
 
 @kernel
-def _limits(plan: Plan, numbers: Array, work: Room) -> None:
+def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
     """Write the violations of positions, velocities, torques and higher derivatives."""
     limits, torque = plan.limits, work.slope[0, 0]
     limited = False
@@ -286,7 +286,7 @@ def _limits(plan: Plan, numbers: Array, work: Room) -> None:
 
 
 @kernel
-def _ratio(plan: Plan, measure: Measure, work: Room) -> float:
+def _ratio(plan: Plan, measure: Measure, work: Scratch) -> float:
     """Largest over smallest eigenvalue or diagonal element of YᵀY; infinite where that is rounding."""
     extra, size = (plan.extra, work.signals), len(plan.subspace)
     weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
@@ -308,7 +308,7 @@ def _ratio(plan: Plan, measure: Measure, work: Room) -> float:
 
 
 @kernel
-def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Room) -> None:
+def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Scratch) -> None:
     """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
 
     A violation is the worst relative margin with its sign turned: positive where the constraint is violated.

@@ -8,7 +8,7 @@ from sidegan.kernels.dynamics import (
     SHIFT,
     Block,
     Lanes,
-    Room,
+    Scratch,
     fill,
     load,
     load_motion,
@@ -62,7 +62,7 @@ def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
 
 
 @kernel
-def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: Room, y: Array) -> int:
+def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: Scratch, y: Array) -> int:
     """Write the base regressor of a block of states; how many lanes each joint takes.
 
     A column's row of y holds joint 0's lanes, then joint 1's, … up to the joint of its own link: the
@@ -126,7 +126,7 @@ def mirror(x: Array, factor: float) -> None:
 
 @kernel
 def sums(
-    chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Room, y: Array
+    chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Scratch, y: Array
 ) -> None:
     """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1); zeros before.
 

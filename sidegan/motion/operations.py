@@ -24,7 +24,7 @@ def rows(chain: Chain, columns: Tensor, states: States) -> Tensor:
     count, joints = states[0].shape
     motion, of_links = _states(*(x[None] for x in states)), columns_of_links(columns, joints)
     y = np.zeros((len(columns), joints * (count + dynamics.LANES)))
-    span = regressor.rows_of(chain, motion, (0, 0, count), of_links, dynamics.room(chain), y)
+    span = regressor.rows_of(chain, motion, (0, 0, count), of_links, dynamics.scratch(chain), y)
     whole = torch.from_numpy(y[:, : joints * span]).unflatten(1, (joints, span))
     return whole[:, :, :count].permute(2, 1, 0)
 
@@ -37,7 +37,7 @@ def gram(chain: Chain, columns: Tensor, states: States) -> Tensor:
 
     def work(k: slice) -> None:
         y = dynamics.aligned(size, joints * regressor.SPAN)
-        motion, room = _states(*(x[k] for x in states)), dynamics.room(chain)
+        motion, room = _states(*(x[k] for x in states)), dynamics.scratch(chain)
         signals = information.signals_for(rigid, count, 0)
         information.weighted_grams(chain, motion, of_links, (rigid, signals), grams[k], room, y)
 
@@ -50,7 +50,7 @@ def torques(chain: Chain, states: States, parameters: Tensor) -> Tensor:
     count, joints = states[0].shape
     torque = np.empty((1, 1, joints, count))
     sets = array(parameters.reshape(1, 1, -1))
-    dynamics.torques(chain, _states(*(x[None] for x in states)), sets, torque, dynamics.room(chain))
+    dynamics.torques(chain, _states(*(x[None] for x in states)), sets, torque, dynamics.scratch(chain))
     return torch.from_numpy(torque[0, 0].T)
 
 
@@ -66,7 +66,7 @@ def sums(chain: Chain, columns: Tensor, states: States, torque: Tensor) -> Tenso
         motion = _states(*(x[k][None] for x in parts[:3]))
         y = dynamics.aligned(size, joints * regressor.SPAN)
         pulled = array(parts[3][k].T)[None]
-        regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.room(chain), y)
+        regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.scratch(chain), y)
 
     each(work, threads)
     return torch.from_numpy(products.sum(0))
@@ -86,7 +86,7 @@ def extremes(x: Tensor, low: int, high: int) -> tuple[Tensor, Tensor]:
     values, vectors = np.zeros((batch, count)), np.zeros((batch, count, size))
 
     def work(k: slice) -> None:
-        eigen.extremes(a[k], low, values[k], vectors[k], sound[k], *eigen.room(size, count))
+        eigen.extremes(a[k], low, values[k], vectors[k], sound[k], *eigen.scratch(size, count))
 
     share(work, batch, AS_STATES)
     pairs = torch.from_numpy(values) * scale[:, None], torch.from_numpy(vectors).transpose(1, 2)

@@ -73,7 +73,7 @@ class Artifact:
     @property
     def parents(self) -> set[str]:
         """Digests of the artifacts that it is made from."""
-        return {one.digest for one in self.inputs.values() if isinstance(one, Artifact)}
+        return {source.digest for source in self.inputs.values() if isinstance(source, Artifact)}
 
 
 def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:

@@ -79,5 +79,7 @@ def _unknown(key: str, inner: str) -> str:
     if name in beside:
         return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
     if inner != key and beside:
-        return f"{'.'.join(group)}: {name} is no setting of this group, which has {', '.join(beside)}{near}"
+        return (
+            f"{'.'.join(group)}: {name} is not a setting of this group, which has {', '.join(beside)}{near}"
+        )
     return f"{inner}: there is no such setting{near}"

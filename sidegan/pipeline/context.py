@@ -22,7 +22,7 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
-from sidegan.robot import tell_placeholder_links
+from sidegan.robot import describe_placeholder_links
 
 log = logging.getLogger(__name__)
 
@@ -50,13 +50,15 @@ class RunContext:
         """Whether motions of the arm are planned."""
         return self.cfg.has("workspace")
 
-    def tell(self) -> None:
+    def log_decisions(self) -> None:
         """Log what is suspicious in the description, what it moves, and what was decided for the user."""
         if self.planning:
             warnings, notes = self.cell.warnings, self.cell.notes
         else:
-            placeholders = tell_placeholder_links(arm := self.cell.recorded_arm)
-            warnings = [f"{placeholders}: they are no prior and no reference"] if placeholders else []
+            placeholders = describe_placeholder_links(arm := self.cell.recorded_arm)
+            warnings = (
+                [f"{placeholders}: they serve neither as prior nor as reference"] if placeholders else []
+            )
             notes = list(filter(None, [described(arm)]))
         for text in warnings:
             log.warning("%s", text)
@@ -69,7 +71,7 @@ class RunContext:
 
     def with_other(self, group: str, name: str) -> "RunContext":
         """A copy with another choice of a group: a condition, an arm."""
-        kept = [one for one in self.overrides if one.partition("=")[0] != group]
+        kept = [override for override in self.overrides if override.partition("=")[0] != group]
         return replace(self, cfg=composed(*kept, f"{group}={name}"))
 
     def require_room(self, count: int, setting: str) -> None:

@@ -56,7 +56,7 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     with tracker, engine(parallel.backend, parallel.scheduler, parallel.workers):
         tracker.log_params(config.plain())
         if config.has("robot"):
-            run.tell()
+            run.log_decisions()
         for title, one in stages.items():
             log.info("%s …", title)
             began = time.monotonic()

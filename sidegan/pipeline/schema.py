@@ -18,7 +18,7 @@ _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 
 
 @dataclass(frozen=True)
-class Condition:
+class ConditionSettings:
     """Condition of a comparison: a recipe in a workspace, on one seed set."""
 
     name: str

@@ -16,7 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.cell import TrajectoryFamily, Workspace
-from sidegan.controllers import Delivery
+from sidegan.controllers import ExportSettings
 from sidegan.design.selection import Selection
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
@@ -32,7 +32,7 @@ from sidegan.identification import (
 )
 from sidegan.library.draw import Expansion
 from sidegan.pipeline.dangling import dangling
-from sidegan.pipeline.schema import Condition, Discussion, Parallel, Plants, Robot
+from sidegan.pipeline.schema import ConditionSettings, Discussion, Parallel, Plants, Robot
 from sidegan.plant import PlantSettings
 from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
 from sidegan.seeding.settings import Long, Seeds
@@ -43,7 +43,7 @@ _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 
 
 class Absent:
-    """A group of settings that the command does not compose; whoever asks for one of them is told so."""
+    """A group of settings that the command does not compose; using one of its settings is a ConfigError."""
 
     def __init__(self, group: str) -> None:
         self.group = group
@@ -92,13 +92,13 @@ class Config:
     evaluation: Count = _group("evaluation")  # trajectories per epoch whose true physics is measured
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
-    controllers: Delivery = _group("controllers")
+    controllers: ExportSettings = _group("controllers")
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")
     plants: Plants = _group("plants")  # for the robot of table I
     replication: ReplicationSettings = _group("replication")
-    condition: Condition = _group("condition")
+    condition: ConditionSettings = _group("condition")
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
     beside: dict[str, str] | None = None  # others that it shows where they are made, and their outputs
     arms: list[str] = _group("arms")  # that are compared, files of the group robot

@@ -50,11 +50,11 @@ def run_stage(name: str, stage: Stage, run: RunContext, tracker: Tracker) -> Non
 def _produce(name: str, run: RunContext, artifacts: list[Artifact], missing: set[str]) -> None:
     """Make artifacts side by side, one process each; those that spread their own work one by one."""
     jobs: list[Job] = []
-    for one in artifacts:
-        if one.alone or one.digest not in missing:
-            run.store.produce(one)
+    for artifact in artifacts:
+        if artifact.alone or artifact.digest not in missing:
+            run.store.produce(artifact)
         else:
-            jobs.append(partial(run.store.produce, one))
+            jobs.append(partial(run.store.produce, artifact))
     if jobs:
         run_jobs(f"{name} (%)", jobs, run.cfg.parallel.workers)
 

@@ -62,7 +62,7 @@ class Store:
         try:
             return folder if read_params(folder) == artifact.params else None
         except ArtifactError as error:
-            log.warning("%s: it will be made anew", error)
+            log.warning("%s: it will be made again", error)
             return None
 
     def require(self, artifact: Artifact) -> Path:

@@ -1,6 +1,6 @@
 """Friction and ripple that no linear model has.
 
-The law differs in form from the smooth basis with which ``identification.lacking`` explains residuals.
+The law differs in form from the smooth basis with which ``identification.unmodelled`` explains residuals.
 """
 
 from dataclasses import dataclass

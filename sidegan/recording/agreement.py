@@ -89,7 +89,7 @@ class Agreement(NamedTuple):
             return None
         if not self.load.gravity.any():
             return (
-                "these torques hold no gravity, though the description's links need it: a driver that "
+                "these torques contain no gravity, though the description's links need it: a driver that "
                 "compensates it may publish what is left; record the whole effort, or add that torque to it"
             )
         found, described = (straightened(in_base(arm, g)) for g in (self.load.gravity, arm.gravity))
@@ -116,13 +116,13 @@ class Agreement(NamedTuple):
         if not moved and self.swapped and not self.turned:
             one, other = (arm.joint_names[j] for j in self.swapped)
             return (
-                f"the motions of {one} and {other} look exchanged: the torques are those of each other's "
+                f"the motions of {one} and {other} look swapped: the torques are those of each other's "
                 "positions; are these columns in this order? (recording.position)"
             )
         if not moved:
             return None
         each = [f"that of {arm.joint_names[j]} is what {arm.joint_names[self.order[j]]} needs" for j in moved]
-        return f"torques look exchanged: {', '.join(each)}; are the columns in this order? (recording.torque)"
+        return f"torques look swapped: {', '.join(each)}; are the columns in this order? (recording.torque)"
 
     def warnings(self, arm: Arm) -> list[str]:
         """All of that, and joints whose sign is not told."""
@@ -132,7 +132,7 @@ class Agreement(NamedTuple):
         warnings = [one for one in first if one]
         if silent.any():
             warnings.append(
-                f"the motion does not tell whether the sign of the torque of {arm.named(silent)} is right"
+                f"the motion does not show whether the sign of the torque of {arm.named(silent)} is right"
             )
         return warnings
 

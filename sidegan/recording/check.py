@@ -15,15 +15,15 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
+from sidegan.recording.commanded import Repeated, averaged, load_commanded
 from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import recording_name
 from sidegan.recording.noise import noise_of
 from sidegan.recording.rates import RATES, contradiction
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess, torque_of
-from sidegan.recording.sent import Repeated, averaged, load_sent
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
-from sidegan.recording.standing import load_for
+from sidegan.recording.stationary import load_for
 from sidegan.recording.statistics import Statistics, statistics_of
 from sidegan.robot import Arm
 
@@ -185,7 +185,7 @@ def check_recording(
     refused.refuse_idle(statistics, arm)
     parts, repeated = [recording], None
     if settings.sent is not None:
-        sent = load_sent(Path(settings.sent), arm.joint_names)
+        sent = load_commanded(Path(settings.sent), arm.joint_names)
         parts, repeated = averaged(recording, sent, statistics.gap)
     grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
 

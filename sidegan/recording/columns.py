@@ -6,10 +6,10 @@ from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
+from sidegan.recording.column_names import Series, is_split, own_names, series_of, stamps_of
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
-from sidegan.recording.words import Series, is_split, own_names, series_of, stamps_of
 
 _MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
 _SHOWN = 3  # patterns that a message offers
@@ -196,12 +196,12 @@ class Finder:
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.effort)]
         scores = {
-            one: tuple(sum(len(s.of(*one)) == count for s in some) for some in (signals, series))
-            for one in self.numberings
+            numbering: tuple(sum(len(s.of(*numbering)) == count for s in some) for some in (signals, series))
+            for numbering in self.numberings
         }
         if (most := max(scores.values())) == (0, 0):
             return [(self.joints.places, 0 if any(0 in s.columns for s in signals) else 1)]
-        return [one for one in scores if scores[one] == most]
+        return [score for score in scores if scores[score] == most]
 
     def _left(self, columns: Sequence[str], pattern: str) -> list[str]:
         """Numbered columns that go on after those of the arm's joints, and of locked ones by the pattern."""
@@ -245,11 +245,11 @@ class Finder:
             return
         like = [pattern for pattern in patterns if pattern != AUTO] if not optional else []
         wanted = _filled(pattern or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.numbering[0])
-        own, lacking = self.joints.own, [column for column in wanted if column not in self.available]
-        joints = [name for name, column in zip(own, wanted) if column in lacking] if wanted[1:] else own
+        own, missing = self.joints.own, [column for column in wanted if column not in self.available]
+        joints = [name for name, column in zip(own, wanted) if column in missing] if wanted[1:] else own
         raise RecordingError(
             f"{self.file} has no {signal} of {len(joints)} of the arm's {counted(len(own), 'joint')}: "
-            f"no column {listed([repr(c) for c in lacking])}; it has {self._has()}"
+            f"no column {listed([repr(c) for c in missing])}; it has {self._has()}"
             f"{self._remedy(signal, joints)}"
         )
 
@@ -283,7 +283,7 @@ class Finder:
         """Raise: a signal is there in more than one way, between which nothing decides."""
         listed_ways = " and as ".join(map(repr, ways))
         raise RecordingError(
-            f"{self.file} has {signal} as {listed_ways}; say which is meant: {_typed(signal, ways[0])}"
+            f"{self.file} has {signal} as {listed_ways}; choose one: {_typed(signal, ways[0])}"
         )
 
     def _has(self) -> str:

@@ -58,13 +58,13 @@ class Delay(NamedTuple):
             return f"torques are taken to be {size:g} ms {when} than the motion, as is set"
         if self.lost:
             return (
-                f"torques look more than {LONGEST:g} s {when} than the motion, as far as is looked: "
+                f"torques look more than {LONGEST:g} s {when} than the motion, beyond the search: "
                 "left as it is; are they of this motion, and of one clock? recording.delay=… [s] sets it"
             )
         worth = self.believed and abs(self.seconds) > _WORTH
         left = "left as it is" + "; recording.delay=null takes it off" * worth
         if math.isinf(self.deviation):
-            return "whether torques are later than the motion cannot be told: left as it is"
+            return "whether torques are later than the motion cannot be determined: left as it is"
         rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
         said = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
         return f"{said}: {'taken off' if taken_off else left}"

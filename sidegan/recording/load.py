@@ -215,12 +215,12 @@ def _whole_rows(
         raise RecordingError(
             f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
         )
-    lacking = [
+    missing = [
         [name for name, (column, most) in zip(names, columns) if not abs(column[k]) <= most]
         for k in np.flatnonzero(wrong)
     ]
     return ~wrong, [
-        (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], lacking)
+        (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], missing)
     ]
 
 

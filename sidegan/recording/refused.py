@@ -80,7 +80,7 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     per_turn = 2 ** math.ceil(math.log2(float(upper.max().clamp_min(2))))
     zero = per_turn // 2 if (lower >= 0).all() else 0
     return (
-        f"{_reaches(position, arm, far)}, which no unit mends: are these counts of encoders? With their "
+        f"{_reaches(position, arm, far)}, which no unit explains: are these counts of encoders? With their "
         "counts per turn, and what they read where joints are at zero, perhaps "
         f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
     )

@@ -52,7 +52,7 @@ class Grid:
 
 
 def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
-    """Grid of a recording: cut-off from the bandwidth [Hz] of the motion, or of what was sent; rate from it.
+    """Grid of a recording: cut-off from the bandwidth [Hz] of the motion, or of the commands; rate from it.
 
     Raises:
         RecordingError: when the arm does not move, or the cut-off is so low that nothing is left.
@@ -71,7 +71,7 @@ def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | 
         step=statistics.step,
         gap=statistics.gap,
         bandwidth=bandwidth,
-        source="of what was sent" if sent else "measured",
+        source="of the commands" if sent else "measured",
         cutoff=cutoff,
         stride=max(1, int(1 / (statistics.step * _OVERSAMPLING * cutoff))),
     )

@@ -100,7 +100,7 @@ def json_table(path: Path) -> Table:
                 found.append(dict(_leaves(json.loads(line), "")))
                 rows.append(row)
             except ValueError:
-                skipped += [(row, "is no object of JSON")] if line.strip() else []
+                skipped += [(row, "is not a JSON object")] if line.strip() else []
     frame = pd.DataFrame(found)
     return Table({str(name): frame[name] for name in frame}, np.array(rows, dtype=np.int64), skipped)
 

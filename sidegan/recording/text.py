@@ -131,7 +131,7 @@ def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: A
                 for name in names:
                     columns[name] = _filled(columns.get(name), frame[name].to_numpy(), count, most)
                 count += len(frame)
-    matches = [match for one in messages for match in _SKIPPED.finditer(str(one.message))]
+    matches = [match for message in messages for match in _SKIPPED.finditer(str(message.message))]
     skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
     lines = np.arange(count + len(skipped)) + first  # people count the header as the first
     rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[:count]

@@ -1,16 +1,16 @@
 """Arms: placements, axes, inertias, limits and capsules as tensors, read from a description."""
 
-from sidegan.robot.arm import HIGHER, Arm, Capsules, with_effort
+from sidegan.robot.arm import DERIVATIVE_ORDER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import (
     about_the_centre,
+    describe_doubtful_links,
+    describe_placeholder_links,
     doubtful_links,
     inconsistent_links,
     placeholder_links,
     possible_links,
     pseudo_inertia,
     require_consistent,
-    tell_doubtful,
-    tell_placeholder_links,
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
@@ -19,7 +19,7 @@ from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
 
 __all__ = [
-    "HIGHER",
+    "DERIVATIVE_ORDER",
     "Arm",
     "Capsules",
     "Drives",
@@ -27,6 +27,8 @@ __all__ = [
     "Setup",
     "about_the_centre",
     "built_in_robots",
+    "describe_doubtful_links",
+    "describe_placeholder_links",
     "doubtful_links",
     "inconsistent_links",
     "is_built_in",
@@ -35,8 +37,6 @@ __all__ = [
     "possible_links",
     "pseudo_inertia",
     "require_consistent",
-    "tell_doubtful",
-    "tell_placeholder_links",
     "with_effort",
     "words",
     "write_mjcf",

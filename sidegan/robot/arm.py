@@ -11,7 +11,10 @@ from torch import Tensor
 from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
-HIGHER = {"acceleration": 2, "jerk": 3}  # what else may be limited: derivatives of the position, by order
+DERIVATIVE_ORDER = {
+    "acceleration": 2,
+    "jerk": 3,
+}  # what else may be limited: derivatives of the position, by order
 LOCKED = "locked "  # how a note on joints that stand still begins
 
 FilePlane = tuple[float, float, float, float]  # unit normal, and the height along it [m]

@@ -3,8 +3,8 @@
 import re
 
 from sidegan.errors import RobotError
+from sidegan.robot.fixed_joints import check_locked, fixed_positions
 from sidegan.robot.setup import Setup, choice, override
-from sidegan.robot.standing import check_locked, standing
 from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
@@ -40,7 +40,7 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
             f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with "
             f"their number the work grows; {choice('tip', moving[_MOST_JOINTS - 1].child)} ends the arm there"
         )
-    return moving, standing(tree, moving, given)
+    return moving, fixed_positions(tree, moving, given)
 
 
 def _path(tree: Tree, setup: Setup) -> list[Joint]:

@@ -63,13 +63,13 @@ def doubtful_links(arm: Arm) -> dict[str, str]:
     return found | dict(inconsistent_links(arm))
 
 
-def tell_doubtful(arm: Arm) -> str:
+def describe_doubtful_links(arm: Arm) -> str:
     """Which links of an arm cannot be as they are described, and why; empty where all can."""
     reasons: dict[str, list[str]] = {}
     for name, reason in doubtful_links(arm).items():
         reasons.setdefault(reason, []).append(name)
     said = "; ".join(f"{listed(names)} ({reason})" for reason, names in reasons.items())
-    return f"links of {arm.name} that cannot be as they are described: {said}" if said else ""
+    return f"links of {arm.name} that are physically impossible as described: {said}" if said else ""
 
 
 def possible_links(arm: Arm) -> Tensor:
@@ -102,7 +102,7 @@ def placeholder_links(arm: Arm) -> list[str]:
     return [name for name, marked in zip(arm.link_names, _placeholders(arm).tolist()) if marked]
 
 
-def tell_placeholder_links(arm: Arm) -> str:
+def describe_placeholder_links(arm: Arm) -> str:
     """Which links of an arm are placeholders; empty where none are."""
     alike = "equal masses, equal inertias, centres in the joints"
     links = placeholder_links(arm)

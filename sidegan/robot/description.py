@@ -11,6 +11,7 @@ from sidegan.robot import xml
 from sidegan.robot.arm import FilePlane
 from sidegan.robot.chain import choose
 from sidegan.robot.drives import Drives, described_drives
+from sidegan.robot.fixed_joints import describe_fixed
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
@@ -18,7 +19,6 @@ from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
 from sidegan.robot.postures import group_states, home_among
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.standing import tell
 from sidegan.robot.tree import read_tree
 
 T = TypeVar("T")
@@ -64,7 +64,7 @@ def read_description(
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     read = _of_links(root, where, read_mass)
-    notes = tell(tree, moving, locked, {name: mass for name, (mass, _) in read.items()})
+    notes = describe_fixed(tree, moving, locked, {name: mass for name, (mass, _) in read.items()})
     for joint, value in ((tree.joints[name], value) for name, value in locked.items()):
         lock(joint, value, tree.at(joint))
     moved = {joint.name: joint.child for joint in moving}

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.arm import HIGHER
+from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.drivers import higher, tighten
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
@@ -61,20 +61,20 @@ def limits_of(
             acceleration=said.get("acceleration") or higher(tree, joint, "acceleration") or math.inf,
             jerk=said.get("jerk") or higher(tree, joint, "jerk") or math.inf,
         )
-        for kind in HIGHER:
+        for kind in DERIVATIVE_ORDER:
             if kind not in said and math.isfinite(getattr(found[joint.name], kind)):
                 own.setdefault(kind, []).append(joint.name)
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
-    if described.lacking:
+    if described.missing:
         lines = " ".join(
             override(f"limits.{kind}", one, stated[kind]) for kind, one in described.examples.items()
         )
         if planning:
-            first, *others = described.lacking
-            lacking = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
-            raise RobotError(f"{lacking}; state what the arm can do, for example {lines}")
+            first, *others = described.missing
+            missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
+            raise RobotError(f"{missing}; state what the arm can do, for example {lines}")
         notes.append(f"limits that the description lacks are taken for {lines}")
     for kind, names in own.items():
         other = f"'robot.limits.{kind}={{{names[0]}: …}}' states others"
@@ -112,7 +112,7 @@ class _Described:
     def __init__(self, tree: Tree, home: dict[str, float]) -> None:
         self.tree = tree
         self.home = home
-        self.lacking: list[str] = []
+        self.missing: list[str] = []
         self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
 
     def position(self, joint: Joint) -> _Span:
@@ -155,7 +155,7 @@ class _Described:
         return 0.0 if limit is None else xml.number(limit, key, self.tree.at(joint), "0")
 
     def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
-        self.lacking.append(f"{self.tree.at(joint)} has {has}")
+        self.missing.append(f"{self.tree.at(joint)} has {has}")
         self.examples.setdefault(kind, {})[joint.name] = value
         return value
 

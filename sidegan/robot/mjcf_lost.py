@@ -20,9 +20,13 @@ def without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
     """
     spec = mujoco.MjSpec.from_file(str(path))
     there, seen = Path(spec.modelfiledir, spec.meshdir), Path(spec.modelfiledir, spec.texturedir)
-    meshes = {one.name or Path(one.file).stem: one for one in spec.meshes if _lost(there, one.file)}
-    skins = [one for one in spec.skins if _lost(there, one.file)]
-    pictures = [one for one in spec.textures if any(_lost(seen, file) for file in (one.file, *one.cubefiles))]
+    meshes = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if _lost(there, mesh.file)}
+    skins = [skin for skin in spec.skins if _lost(there, skin.file)]
+    pictures = [
+        texture
+        for texture in spec.textures
+        if any(_lost(seen, file) for file in (texture.file, *texture.cubefiles))
+    ]
     if not (meshes or pictures or skins):
         return None
     colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
@@ -32,7 +36,7 @@ def without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
         where = colliding if geom.contype or geom.conaffinity else shown
         where[geom.parent.name].append(meshes[geom.meshname].file)
         spec.delete(geom)
-    names = {one.name for one in pictures}
+    names = {picture.name for picture in pictures}
     for material in spec.materials:
         material.textures = ["" if name in names else name for name in material.textures]
     for one in (*meshes.values(), *pictures, *skins):

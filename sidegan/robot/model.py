@@ -16,7 +16,7 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 from sidegan.robot.fitting import Points
-from sidegan.robot.hollow import refused_pairs
+from sidegan.robot.hull_conflicts import refused_pairs
 from sidegan.robot.meshes import cache_folder
 from sidegan.robot.orders import of_another_order
 from sidegan.robot.shapes import Shape, is_mesh, shapes_of
@@ -89,11 +89,11 @@ def _refuse_other_orders(
 ) -> None:
     """Refuse shapes that are a thousand times too large or too small for an arm of this length [m]."""
     wrong: dict[str, str] = {}
-    for one in geometry.geometryObjects:
-        one.geometry.computeLocalAABB()
-        size = 2 * float(one.geometry.aabb_radius)
-        if why := of_another_order(size, length, bool(one.parentJoint), is_mesh(one)):
-            wrong.setdefault(model.frames[one.parentFrame].name, why)
+    for geometry_object in geometry.geometryObjects:
+        geometry_object.geometry.computeLocalAABB()
+        size = 2 * float(geometry_object.geometry.aabb_radius)
+        if why := of_another_order(size, length, bool(geometry_object.parentJoint), is_mesh(geometry_object)):
+            wrong.setdefault(model.frames[geometry_object.parentFrame].name, why)
     if wrong:
         shapes = listed([f"{link} {why}" for link, why in wrong.items()], 4)
         raise RobotError(

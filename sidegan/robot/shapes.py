@@ -41,9 +41,11 @@ def shapes_of(
     Links that are hollow are made of more parts, the more the higher their number: 1 or 2.
     """
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
-    for one in geometry.geometryObjects:
-        owner = model.frames[one.parentFrame].name
-        groups.setdefault((owner, "" if is_mesh(one) else one.name), []).append(one)
+    for geometry_object in geometry.geometryObjects:
+        owner = model.frames[geometry_object.parentFrame].name
+        groups.setdefault((owner, "" if is_mesh(geometry_object) else geometry_object.name), []).append(
+            geometry_object
+        )
     count = Counter(owner for owner, _ in groups)
     shapes = []
     for (owner, primitive), group in groups.items():

@@ -107,10 +107,10 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
     if limit is None:
         limit = ET.SubElement(joint, "limit", effort="0")
     ranged = joint.get("type") == "continuous" or {"lower", "upper"} & set(limit.attrib)
-    lacking = {} if ranged else {"lower": arm.position_lower, "upper": arm.position_upper}
+    missing = {} if ranged else {"lower": arm.position_lower, "upper": arm.position_upper}
     if not float(limit.get("velocity", "0")):
-        lacking["velocity"] = arm.velocity_limit
-    for name, values in lacking.items():
+        missing["velocity"] = arm.velocity_limit
+    for name, values in missing.items():
         limit.set(name, repr(float(values[k])))
 
 

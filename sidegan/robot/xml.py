@@ -47,7 +47,7 @@ def parse(text: bytes, path: Path) -> ET.Element:
         raise RobotError(f"{path} is not well-formed XML: {error}") from error
     if root.tag not in ("robot", "mujoco"):
         raise RobotError(
-            f"{path} is no robot's description: its root element is <{root.tag}>, "
+            f"{path} is not a robot description: its root element is <{root.tag}>, "
             "expected <robot> or <mujoco>"
         )
     return root

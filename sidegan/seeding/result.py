@@ -1,4 +1,4 @@
-"""Result of an optimiser: seeds that provably hold every constraint, and what became of the rest."""
+"""Result of an optimiser: seeds that provably hold every constraint, and why the others failed."""
 
 import time
 from abc import ABC, abstractmethod

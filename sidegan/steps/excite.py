@@ -8,7 +8,7 @@ from typing import Any
 from sidegan.base.random import number
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
-from sidegan.design.search import Condition, design_set
+from sidegan.design.search import ConditionGoal, design_set
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
 from sidegan.identification import GoalSettings, Terms
@@ -59,12 +59,14 @@ def excite(
     return replace(made, library=made.library.take(made.energy().argsort(kind="stable").tolist()))
 
 
-def aim_of(cell: Cell, goal: GoalSettings, terms: Terms, known: str | Path | None) -> Uncertain | Condition:
+def aim_of(
+    cell: Cell, goal: GoalSettings, terms: Terms, known: str | Path | None
+) -> Uncertain | ConditionGoal:
     """What a set is designed for, before anything of it is; a ConfigError where it does not fit the arm."""
     if goal.objective == "condition":
         if known is not None:
             raise ConfigError("goal.objective=condition knows no model: leave out known=, or choose another")
-        return Condition(cell.problem)
+        return ConditionGoal(cell.problem)
     if known is None:
         return unmeasured(cell.body, terms, goal)
     found = known_model(Path(known), cell.arm)

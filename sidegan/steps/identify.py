@@ -20,7 +20,7 @@ from sidegan.identification.workflow import identify_arm
 from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
-from sidegan.recording.standing import standing
+from sidegan.recording.stationary import stationary_positions
 from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, link_table, parameter_table
 from sidegan.robot import Arm, load_robot, words
@@ -55,12 +55,12 @@ class IdentifiedModel:
     @property
     def verdict(self) -> str:
         """``"good"``, ``"usable"`` or ``"not trustworthy"``."""
-        return self.arm.trust.verdict
+        return self.arm.quality.verdict
 
     @property
     def reasons(self) -> list[str]:
         """Reasons of the verdict, a sentence each, the gravest first."""
-        return self.arm.trust.reasons
+        return self.arm.quality.reasons
 
     @property
     def parameters(self) -> pd.DataFrame:
@@ -198,7 +198,7 @@ def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: Recording
     """
     if not settings.without:
         return cell.recorded_arm
-    locked = {**(cell.setup.locked or {}), **standing(cell.recorded_arm, recordings, settings)}
+    locked = {**(cell.setup.locked or {}), **stationary_positions(cell.recorded_arm, recordings, settings)}
     return load_robot(cell.robot, replace(cell.setup, locked=locked), planning=False)
 
 

@@ -16,18 +16,18 @@ from torch import Tensor
 from sidegan.base.names import plain
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
-from sidegan.controllers import Delivery, deliver, slower
+from sidegan.controllers import ExportSettings, export_set, slower
 from sidegan.design.criteria import condition_of
 from sidegan.design.information import information_of
-from sidegan.design.search import Condition
+from sidegan.design.search import ConditionGoal
 from sidegan.errors import InfeasibleError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Trajectory
-from sidegan.recording.sent import FOLDER
+from sidegan.recording.commanded import FOLDER
 from sidegan.robot import placeholder_links
-from sidegan.steps.worth import tell_worthless
+from sidegan.steps.worth import describe_weak_set
 from sidegan.validity import check
 
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
@@ -59,7 +59,7 @@ class TrajectorySet:
     cell: Cell
     library: Library
     family: Trajectory
-    aim: Uncertain | Condition | None = None
+    aim: Uncertain | ConditionGoal | None = None
 
     @classmethod
     def of(cls, cell: Cell, coefficients: ArrayLike | Tensor, source: str = "given") -> "TrajectorySet":
@@ -106,8 +106,8 @@ class TrajectorySet:
 
     @property
     def warnings(self) -> list[str]:
-        """Why the set tells little, and what helps; empty for a good one."""
-        found = tell_worthless(self.cell, self.aim, self.library.coefficients, self.condition)
+        """Why the set excites the arm little, and what helps; empty for a good one."""
+        found = describe_weak_set(self.cell, self.aim, self.library.coefficients, self.condition)
         return [found] if found else []
 
     def motion(self, rate: float = 100.0) -> Motion:
@@ -176,14 +176,14 @@ class TrajectorySet:
         return pd.DataFrame(columns, pd.RangeIndex(1, len(self) + 1, name="trajectory"))
 
     def save(
-        self, folder: str | Path, controllers: Delivery | Mapping[str, Any] | None = None
+        self, folder: str | Path, controllers: ExportSettings | Mapping[str, Any] | None = None
     ) -> dict[str, float]:
         """Write the set, and files for controllers in ``trajectories/`` below the folder.
 
         Args:
             folder: which is made when it is missing.
             controllers: formats of the files, rate, share of the speed and so on: the fields of
-                ``sidegan.controllers.Delivery``, such as ``{"formats": ["csv"], "rate": 1000}``.
+                ``sidegan.controllers.ExportSettings``, such as ``{"formats": ["csv"], "rate": 1000}``.
 
         Returns:
             Duration [s] of each file, by its name, in the order in which they are to be sent.
@@ -193,11 +193,11 @@ class TrajectorySet:
             InfeasibleError: when the set cannot be run at this speed, or the way to home is not free.
             StorageError: when a file cannot be written.
         """
-        settings = settings_of(Delivery, controllers)
+        settings = settings_of(ExportSettings, controllers)
         run = self.at_speed(settings.speed)
         self.library.save(Path(folder) / LIBRARY)
         c, files = run.library.coefficients, Path(folder) / FOLDER
-        return deliver(self.cell.constraints, run.family, c, settings, files)
+        return export_set(self.cell.constraints, run.family, c, settings, files)
 
     def view(self, path: str | Path, rate: float = 100.0, steps: Sequence[tuple[str, str]] = ()) -> None:
         """Write one HTML page on which the arm moves, with what the trajectories ask of it.

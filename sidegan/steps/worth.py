@@ -4,7 +4,7 @@ from torch import Tensor
 
 from sidegan.base.names import plain
 from sidegan.cell import Cell
-from sidegan.design.search import Condition
+from sidegan.design.search import ConditionGoal
 from sidegan.identification.goals import Prediction
 from sidegan.identification.uncertain import Uncertain
 from sidegan.validity.remedies import binding, remedy
@@ -14,7 +14,7 @@ _CONDITION = 1e5  # of a good set at most
 _UNCERTAIN = 0.1  # share of their usual size by which torques are uncertain after a good set at most
 
 
-def tell_worthless(cell: Cell, aim: Uncertain | Condition | None, c: Tensor, condition: float) -> str:
+def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Tensor, condition: float) -> str:
     """Why a set [rad/s], (N, J, H, 2), of this condition tells little, and what helps; or nothing."""
     use, said = float(cell.problem.limit_use(c).amax(0).median()), []
     if use < _LITTLE:
@@ -29,9 +29,9 @@ def tell_worthless(cell: Cell, aim: Uncertain | Condition | None, c: Tensor, con
         return ""
     where = binding(cell.constraints, cell.trajectory, c)
     if where is None:
-        return f"the set tells little: {', '.join(said)}"
+        return f"the set excites the arm little: {', '.join(said)}"
     constraint, which = where
     return (
-        f"the set tells little: {', '.join(said)}; what stands in its way is {constraint} of {which}: "
+        f"the set excites the arm little: {', '.join(said)}; what limits it is {constraint} of {which}: "
         f"{remedy(cell.constraints, where)}"
     )

@@ -11,14 +11,14 @@ from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import HIGHER, Arm
+from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity.capsules import clearances, thicker
 from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Plane, Region, tables
 
 # All that there are, in the order in which kernels have them.
-NAMES = ("position", "velocity", "torque", "collision", "keep_out", *HIGHER)
+NAMES = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
 DISTANCES = NAMES[3:5]
 _SHOWN = 4  # excepted names that are told
 _FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them
@@ -108,8 +108,8 @@ class Constraints:
     def higher_rows(self) -> Tensor:
         """Limits of acceleration and jerk as kernels take them, (2, J); (2, 0) where there are none."""
         none = torch.full_like(self.arm.velocity_limit, torch.inf)
-        rows = [self.higher.get(name, none) for name in HIGHER]
-        return torch.stack(rows) if self.higher else none.new_zeros(len(HIGHER), 0)
+        rows = [self.higher.get(name, none) for name in DERIVATIVE_ORDER]
+        return torch.stack(rows) if self.higher else none.new_zeros(len(DERIVATIVE_ORDER), 0)
 
     def margins(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None) -> dict[str, Tensor]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
@@ -133,7 +133,7 @@ class Constraints:
             "velocity": arm.velocity_limit - dq.abs(),
         }
         for name, limit in self.higher.items():
-            margins[name] = limit - states[HIGHER[name]].abs()
+            margins[name] = limit - states[DERIVATIVE_ORDER[name]].abs()
         if self.torque:
             drives = arm.known_drives  # whose dry friction may have either sign where a joint is slow
             torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)

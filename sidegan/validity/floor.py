@@ -7,8 +7,8 @@ from functools import lru_cache
 import torch
 
 from sidegan.robot import Arm, Capsules
-from sidegan.robot.looks import foot
 from sidegan.robot.mounting import stands
+from sidegan.robot.visuals import foot
 from sidegan.validity.capsules import capsule_axes
 from sidegan.validity.pairs import sampled
 from sidegan.validity.regions import Plane

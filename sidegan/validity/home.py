@@ -23,7 +23,7 @@ _STATE = "state where it can rest, 'trajectory.home=[…]', or "
 REMEDIES = {
     "torque": "give it more torque, robot.effort=… or, where springs help, 'robot.limits.effort={…}'",
     "collision": "let links touch, 'robot.may_touch=[[…]]', or keep no distance, workspace.clearance=0",
-    "keep_out": "leave out what it cannot keep, workspace=free",
+    "keep_out": "leave out what it cannot satisfy, workspace=free",
 }
 
 

@@ -86,7 +86,7 @@ def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
     return torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw).T[:count]
 
 
-def tell_displaced(arm: Arm) -> str:
+def describe_displaced_shapes(arm: Arm) -> str:
     """Which neighbours have shapes that never come near each other; empty where all do."""
     link, owners = arm.capsules.link, arm.capsules.owners
     parents, gaps = {links_of(*pair) for pair in arm.parents or ()}, dict[Links, float]()
@@ -102,7 +102,7 @@ def tell_displaced(arm: Arm) -> str:
         return ""
     return (
         f"shapes of neighbouring links never come near each other: {listed(far, _SHOWN)}; is the origin of a "
-        "shape wrong? What is said of collisions and distances is true of the shapes alone"
+        "shape wrong? Collisions and distances are those of the shapes alone"
     )
 
 

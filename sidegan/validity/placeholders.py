@@ -1,4 +1,4 @@
-"""Placeholders in a description: limits that no arm has."""
+"""Placeholders in a description: implausible limits."""
 
 import math
 from functools import lru_cache
@@ -22,7 +22,7 @@ _TRIED = 500  # configurations in which the arm is held
 _MOSTLY = 0.95  # share of them, from which on limits hold it
 
 
-def tell_placeholders(arm: Arm) -> str:
+def describe_placeholder_limits(arm: Arm) -> str:
     """Limits of an arm that no arm has, and the words that state others; empty where there are none."""
     held, enough = _held(arm).amax(0), enough_effort(arm)
     units = [("m", "N") if slides else ("rad", "N·m") for slides in arm.prismatic.tolist()]
@@ -46,10 +46,10 @@ def tell_placeholders(arm: Arm) -> str:
         settings += [override(f"limits.{kind}", examples, getattr(arm.setup.limits, kind))] if which else []
     if not said:
         return ""
-    return f"limits that no arm has: {'; '.join(said)}; state the arm's own, for example {' '.join(settings)}"
+    return f"implausible limits: {'; '.join(said)}; state the arm's own, for example {' '.join(settings)}"
 
 
-def tell_weak(arm: Arm) -> str:
+def describe_weak_limits(arm: Arm) -> str:
     """Joints whose torque limits hold the arm in a part of its range alone, and words that state others."""
     share = (_held(arm) <= arm.torque_limit).double().mean(0)
     weak = (share < _MOSTLY).nonzero()[:, 0].tolist()
@@ -64,7 +64,7 @@ def tell_weak(arm: Arm) -> str:
     )
 
 
-def tell_friction(arm: Arm) -> str:
+def describe_excessive_friction(arm: Arm) -> str:
     """Joints whose friction alone takes more than their torque limits where they are fastest."""
     drives = arm.known_drives
     beyond = drives.viscous * arm.velocity_limit + drives.coulomb > arm.torque_limit

@@ -25,7 +25,7 @@ def binding(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Wher
     for times in _LARGER:
         found = check(constraints, trajectory, times * c)
         each = [found.failures(k) for k in torch.nonzero(~found.valid)[:, 0].tolist()]
-        faults = Counter((one.constraint, one.where) for failures in each for one in failures)
+        faults = Counter((failure.constraint, failure.where) for failures in each for failure in failures)
         if faults:
             return faults.most_common(1)[0][0]
     return None

@@ -94,7 +94,7 @@ def test_nothing_to_do_and_nothing_to_count():
     assert cores(3) == 3 and 1 <= cores(None) <= (os.cpu_count() or 1)
 
 
-def test_errors_of_jobs_are_told_and_the_next_jobs_run(workers):
+def test_errors_of_jobs_are_raised_and_the_next_jobs_run(workers):
     error = InfeasibleError("never valid") if workers > 1 else ZeroDivisionError("a bug")
 
     def fail(report):
@@ -134,7 +134,7 @@ def test_a_cluster_elsewhere_is_named_by_its_scheduler(threads):
 
 
 @pytest.mark.slow
-def test_a_cluster_that_goes_away_is_told(tmp_path):
+def test_a_cluster_that_goes_away_is_reported(tmp_path):
     file, begun = tmp_path / "scheduler.json", tmp_path / "begun"
     dask, quiet = [sys.executable, "-m", "dask"], {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     where = ["--scheduler-file", str(file), "--no-dashboard"]
@@ -163,7 +163,7 @@ def test_a_cluster_that_goes_away_is_told(tmp_path):
             one.wait()
 
 
-def test_what_does_not_answer_or_see_is_told(monkeypatch):
+def test_a_scheduler_that_does_not_answer_and_a_folder_that_is_not_shared_are_refused(monkeypatch):
     monkeypatch.setattr(parallel, "_CONNECT", 0.5)
     with pytest.raises(SideganError, match="no Dask scheduler answers"), engine("dask", "tcp://127.0.0.1:9"):
         pass

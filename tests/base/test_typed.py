@@ -104,7 +104,7 @@ def test_a_wrong_value_is_named_with_its_key_and_what_was_expected(key, value, w
     assert str(error.value) == words
 
 
-def test_all_problems_are_told_at_once():
+def test_all_problems_are_reported_at_once():
     with pytest.raises(ConfigError, match=r"(?s)^3 settings are wrong\n.*seed.*inner\.count.*extra"):
         build(Outer, {**GOOD, "seed": "x", "inner": {"count": 0, "kind": "small"}, "extra": 1})
 

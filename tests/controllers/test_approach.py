@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, reject
 from hypothesis import strategies as st
 
-from sidegan.controllers import Delivery, approach
+from sidegan.controllers import ExportSettings, approach
 from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.validity import Constraints, Plane
@@ -20,7 +20,7 @@ DENSE = 20_000  # points
 
 def way(constraints, start, home, **changes):
     """The way, with the usual settings but for these."""
-    given = Delivery(**changes)
+    given = ExportSettings(**changes)
     return approach(constraints, start, home, given)
 
 

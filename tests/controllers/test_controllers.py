@@ -10,7 +10,7 @@ import pytest
 import torch
 import yaml
 
-from sidegan.controllers import SHELL, Delivery
+from sidegan.controllers import SHELL, ExportSettings
 from sidegan.controllers.course import Course, knots, run_of, slower
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.table import csv_text
@@ -124,7 +124,7 @@ def test_a_goal_does_not_make_an_arm_jump(off, refused, joint):
 
 def test_a_joint_that_slides_has_a_tolerance_in_metres(planar):
     arm = replace(planar, prismatic=torch.tensor([False, True]))
-    assert Delivery().tolerance.of(arm) == [0.05, 0.01]
+    assert ExportSettings().tolerance.of(arm) == [0.05, 0.01]
 
 
 class Robot(dict):

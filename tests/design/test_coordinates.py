@@ -6,7 +6,7 @@ import torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER
+from sidegan.robot import DERIVATIVE_ORDER
 from sidegan.validity import Constraints
 from tests.validity.critical import limited
 
@@ -35,7 +35,7 @@ def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach, nam
     c = coordinates.coefficients(coordinates.start(problem, 20, random, reach))
     torch.testing.assert_close(problem.limit_use(c), torch.full((20, 2), reach, dtype=torch.float64))
     limits = {0: arm.position_upper, 1: arm.velocity_limit}
-    limits |= {HIGHER[name]: limit for name, limit in arm.higher_limits.items()}
+    limits |= {DERIVATIVE_ORDER[name]: limit for name, limit in arm.higher_limits.items()}
     grid, expected = trajectory.grid(4000), torch.full((20, 2), reach, dtype=torch.float64)
     used = [(trajectory.derivative(c, grid, k).abs() / limit).amax(1) for k, limit in limits.items()]
     torch.testing.assert_close(torch.stack(used).amax(0), expected, rtol=0.1, atol=0)

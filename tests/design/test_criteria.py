@@ -8,7 +8,7 @@ from sidegan.design.criteria import condition_of, root_of
 from .conftest import semidefinite
 
 
-def test_the_condition_number_is_torchs_and_infinite_where_a_direction_is_not_told_of():
+def test_the_condition_number_is_torchs_and_infinite_where_a_direction_is_not_excited():
     for matrix in semidefinite(0, 5):
         assert condition_of(matrix) == pytest.approx(float(torch.linalg.cond(matrix)), rel=1e-6)
     for matrix in (torch.ones(3, 3), torch.zeros(3, 3)):

@@ -12,13 +12,13 @@ import torch
 
 from sidegan.design.goal import Goal
 from sidegan.design.problem import Problem
-from sidegan.design.search import Condition, Descent, design_set, search
+from sidegan.design.search import ConditionGoal, Descent, design_set, search
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER as ORDERS
+from sidegan.robot import DERIVATIVE_ORDER as ORDERS
 from sidegan.validity import Box, Constraints, Plane, Sphere, check
 from tests.oracle import capsule_geometry, chain_model
 from tests.validity.critical import limited
@@ -159,7 +159,7 @@ def test_a_home_that_is_not_feasible_is_refused(arm, of, words):
         searched(Problem(constraints, Trajectory(7, home=home)))
 
 
-def test_what_violates_a_constraint_however_small_is_told(planar, monkeypatch):
+def test_what_violates_a_constraint_however_small_is_reported(planar, monkeypatch):
     problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0))
     still = replace(planar, velocity_limit=0 * planar.velocity_limit)
     monkeypatch.setattr(
@@ -190,7 +190,7 @@ def test_each_goal_is_served_best_by_what_was_searched_for_it(problem_of, random
 
 def test_a_set_is_designed_one_after_another_for_the_whole(problem_of):
     problem = problem_of("desk")
-    c = design_set(problem, Condition(problem), 3, SETTINGS, seed=0)
+    c = design_set(problem, ConditionGoal(problem), 3, SETTINGS, seed=0)
     for one in c:
         assert_valid(problem, one)
     assert torch.equal(c[0], search(problem, Goal(), SETTINGS, 0).coefficients)

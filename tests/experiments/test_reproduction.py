@@ -8,8 +8,8 @@ import pytest
 
 from experiments.artifacts import Artifacts, comparison
 from experiments.claims import claims
+from experiments.reference import PAPER
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED
-from experiments.words import PAPER
 from sidegan.errors import ConfigError
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.context import RunContext

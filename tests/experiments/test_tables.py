@@ -57,7 +57,7 @@ def test_expected_errors_stand_below_those_of_some_draws_and_what_was_not_made_h
 
 
 @pytest.mark.parametrize(("weighted", "said"), [(0.8, True), (0.4, False)])
-def test_random_draws_have_their_range_and_the_finding_is_told_where_it_is_one(weighted, said):
+def test_random_draws_have_their_range_and_the_finding_is_reported_where_it_is_one(weighted, said):
     """Of 101 draws of the seeds from 1 to 3, and as many of a generator that has a share of their errors."""
     shares = {"seeds": dict.fromkeys(exp1.NOISES, 1.0)}
     shares["eigen"] = {"error": 0.5, "error_weighted": weighted, "error_constant": 2.0}

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from sidegan.gan.limits import Box, LimitLayer
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, load_robot
+from sidegan.robot import DERIVATIVE_ORDER, load_robot
 from sidegan.validity import Constraints, check
 from tests.gan.conftest import normal
 from tests.validity.critical import limited
@@ -45,7 +45,7 @@ def test_all_of_the_tightest_limit_can_be_used_and_small_motions_are_left_alone(
     assert (used <= 1).all() and (used > 0.999).all()
     times = torch.linspace(0, 8, 20_001, dtype=torch.float64)
     shares = [
-        family.derivative(c.double(), times, HIGHER[name]).abs().amax(1) / limit
+        family.derivative(c.double(), times, DERIVATIVE_ORDER[name]).abs().amax(1) / limit
         for name, limit in arm.higher_limits.items()
     ]
     most = torch.stack(shares).amax(0)

@@ -101,6 +101,6 @@ def test_a_collapsed_batch_gives_a_finite_slope(seeds):
     noise = torch.randn(20, *seeds.shape[1:], generator=random())
     c = (seeds[:1].float() + 1e-6 * noise).requires_grad_(True)
     floors = missing_distance(seeds), missing_rank(seeds, 20), common_offset(seeds)
-    value = sum(loss_of(one)(c) for one in floors)
+    value = sum(loss_of(floor)(c) for floor in floors)
     (slope,) = torch.autograd.grad(value, c)
     assert torch.isfinite(value) and torch.isfinite(slope).all() and slope.abs().max() > 0

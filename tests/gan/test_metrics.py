@@ -41,7 +41,7 @@ def test_worth_is_that_of_sets_of_35_valid_ones(constraints, family, seeds):
     assert copies["error_constant"] > 1.2 * enough["error_constant"]
 
 
-def test_what_is_not_there_is_not_a_number(constraints, family, seeds):
+def test_missing_metrics_are_nan(constraints, family, seeds):
     for count in (2, 3):
         metrics = measure(constraints, family, seeds[:count])
         assert all(math.isfinite(x) for key, x in metrics.items() if "error" not in key)

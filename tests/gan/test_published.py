@@ -130,7 +130,7 @@ def test_the_weight_of_success_grows_once_fitness_counts(papers, variants, monke
     weights = []
     for epoch in (0, 10, 20):
         monkeypatch.setattr(PublishedEigen, "current_epoch", epoch)
-        weights.append([one.weight for one in model.losses()])
+        weights.append([loss.weight for loss in model.losses()])
     assert weights == [pytest.approx(x) for x in ([0.5, 1, 0.5, 0], [0.5, 1, 0.5, 2], [0.5, 1.6, 0.5, 2])]
 
 

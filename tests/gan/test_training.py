@@ -75,7 +75,7 @@ def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
     last.write_bytes(last.read_bytes()[:1000])
     again = trained(vanilla, tmp_path, progress=lambda *end: ends.append(end))
     assert len(ends) == 3 and again.history == done.history
-    assert f"the checkpoint {last} is damaged: the training begins anew" in caplog.text
+    assert f"the checkpoint {last} is damaged: the training starts over" in caplog.text
 
 
 def test_a_loss_that_is_no_number_ends_the_training_and_keeps_the_last_epoch(

@@ -55,7 +55,7 @@ def without_gravity(arm):
 
 def test_a_good_recording_of_a_right_description_is_good(arm):
     result = judged(arm)
-    assert result.trust.verdict == GOOD and "the description is right" in result.trust.reasons[0]
+    assert result.quality.verdict == GOOD and "the description is right" in result.quality.reasons[0]
 
 
 TILTED = (math.sqrt(0.5), 0.0, -math.sqrt(0.5))
@@ -70,19 +70,19 @@ TURNED = [
 @pytest.mark.parametrize(("direction", "words", "mount"), TURNED, ids=[words for _, words, _ in TURNED])
 def test_gravity_along_another_direction_is_named_with_the_mount_that_mends_it(arm, direction, words, mount):
     result = judged(arm, truth=pulled(arm, *direction))
-    first = result.trust.reasons[0]
-    assert result.trust.verdict == BAD and words in first and "reverse" not in first
-    assert advice(result).startswith("Use none") and not any("excite it" in x for x in result.trust.reasons)
+    first = result.quality.reasons[0]
+    assert result.quality.verdict == BAD and words in first and "reverse" not in first
+    assert advice(result).startswith("Use none") and not any("excite it" in x for x in result.quality.reasons)
     said = [float(x) for x in first.partition("robot.mount=[")[2].partition("]")[0].split(",")]
     turned = load_robot("kuka_lwr4", Setup(mount=tuple(said)))
     again = judged(turned, truth=load_robot("kuka_lwr4", Setup(mount=tuple(mount))))
-    assert again.trust.verdict == GOOD
+    assert again.quality.verdict == GOOD
     assert again.tests.errors["consistent"].nmse_mean < 0.5 * result.tests.errors["consistent"].nmse_mean
 
 
 def test_torques_without_gravity_are_named(arm):
     result = judged(arm, without_gravity(arm))
-    assert result.trust.verdict == BAD and "hold no gravity" in result.trust.reasons[0]
+    assert result.quality.verdict == BAD and "contain no gravity" in result.quality.reasons[0]
 
 
 @pytest.mark.parametrize(
@@ -96,12 +96,12 @@ def test_torques_without_gravity_are_named(arm):
 )
 def test_torques_at_another_scale_than_described_are_named(arm, factors, verdict, words):
     result = judged(arm, scaled(*factors))
-    assert result.trust.verdict == verdict and words in result.trust.reasons[0]
+    assert result.quality.verdict == verdict and words in result.quality.reasons[0]
 
 
 def test_reversed_torques_are_no_reversed_gravity(arm):
     (recording, _) = recordings(arm, scaled(1, -1, 1, 1, 1, 1, 1))
-    assert any("recording.reverse=[joint_2]" in one for one in recording.warnings)
+    assert any("recording.reverse=[joint_2]" in warning for warning in recording.warnings)
     every, _ = recordings(arm, scaled(*[-1] * 7))
     assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
 
@@ -127,7 +127,7 @@ CAUSES = [
     (scaled(1, -1, 1, 1, 1, 1, 1), r"^the torque of joint_2 runs against .*recording.reverse=\[joint_2\]"),
     (
         lambda made: made.torque[:, [0, 2, 1, 3, 4, 5, 6]],
-        "^torques look exchanged: that of joint_2 is what joint_3",
+        "^torques look swapped: that of joint_2 is what joint_3",
     ),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), "^the torque of joint_4 is 1.1. times what the other joints"),
     (offset, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
@@ -136,10 +136,10 @@ CAUSES = [
 
 @pytest.mark.parametrize(("change", "words"), CAUSES)
 def test_a_fault_of_the_recordings_is_the_first_reason_and_silences_advice(arm, change, words):
-    trust = judged(arm, change).trust
-    assert re.search(words, trust.reasons[0]) and trust.causes
-    if trust.verdict != GOOD:
-        assert not any("excite it" in reason for reason in trust.reasons)
+    quality = judged(arm, change).quality
+    assert re.search(words, quality.reasons[0]) and quality.causes
+    if quality.verdict != GOOD:
+        assert not any("excite it" in reason for reason in quality.reasons)
 
 
 def test_motions_in_each_others_columns_are_named(arm):
@@ -149,9 +149,9 @@ def test_motions_in_each_others_columns_are_named(arm):
     )
     swapped = replace(made, position=made.position[:, order], velocity=made.velocity[:, order])
     checked = check_recording(swapped, arm, of_file())
-    assert "the motions of joint_2 and joint_4 look exchanged" in checked.warnings[0]
-    trust = identified(arm, [checked], strength=1.0).trust
-    assert trust.verdict == BAD and "look exchanged" in trust.reasons[0]
+    assert "the motions of joint_2 and joint_4 look swapped" in checked.warnings[0]
+    quality = identified(arm, [checked], strength=1.0).quality
+    assert quality.verdict == BAD and "look swapped" in quality.reasons[0]
 
 
 def test_one_recording_with_another_load_is_named(arm):
@@ -160,18 +160,18 @@ def test_one_recording_with_another_load_is_named(arm):
         recordings(arm, lambda made: made.torque, heavier(arm))[1],
     )
     validation = replace(validation, statistics=replace(validation.statistics, name="carrying"))
-    trust = identified(arm, [training], [validation], strength=1.0).trust
-    assert re.search(r"^carrying was recorded with another load .*: \+2 ± .* kg on ", trust.reasons[0])
+    quality = identified(arm, [training], [validation], strength=1.0).quality
+    assert re.search(r"^carrying was recorded with another load .*: \+2 ± .* kg on ", quality.reasons[0])
 
 
-def test_torques_of_motors_are_told_from_those_behind_gears(arm):
+def test_torques_of_motors_are_distinguished_from_those_behind_gears(arm):
     """MuJoCo's rotors are in the drives' torques, which the model of joint torques lacks."""
     rotors = torch.tensor([3.0, 3, 2, 2, 0.5, 0.5, 0.2], dtype=torch.float64)
-    trust = judged(
+    quality = judged(
         arm, lambda made: made.torque + rotors * torch.gradient(made.velocity, spacing=0.01, dim=0)[0]
-    ).trust
+    ).quality
     assert re.search(
-        "^rotors explain what is left: with model=motor_current the mean nMSE is 0.00", trust.reasons[0]
+        "^rotors explain what is left: with model=motor_current the mean nMSE is 0.00", quality.reasons[0]
     )
 
 
@@ -184,20 +184,20 @@ def test_a_joint_that_hardly_moves_tells_no_sign(arm, size, told):
     checked = check_recording(replace(made, position=q, velocity=v, torque=torque), arm, of_file())
     warnings = "\n".join(checked.warnings)
     assert ("reverse=[joint_6]" in warnings) == told
-    unknown = re.search("does not tell whether the sign of the torque of .*joint_6", warnings)
+    unknown = re.search("does not show whether the sign of the torque of .*joint_6", warnings)
     assert (unknown is None) == told
 
 
 @pytest.mark.parametrize(("found", "said"), [(19.9, 0), (20.1, 1), (0.201, 0), (0.199, 1)])
 def test_an_arm_ten_times_as_heavy_as_described_is_named(found, said):
-    assert [one.level for one in implausible_mass(found, 2.0)] == said * [USABLE]
+    assert [finding.level for finding in implausible_mass(found, 2.0)] == said * [USABLE]
 
 
 def test_links_that_no_arm_has_are_named(arm):
     links = arm.inertial_parameters.clone()
     assert implausible_links(arm, links) == []
     links[3] *= 12
-    assert [(one.level, one.joint) for one in implausible_links(arm, links)] == [(USABLE, 3)]
+    assert [(finding.level, finding.joint) for finding in implausible_links(arm, links)] == [(USABLE, 3)]
     links = arm.inertial_parameters.clone()
     links[2, 1] = 2.0 * links[2, 0]
     (found,) = implausible_links(arm, links)

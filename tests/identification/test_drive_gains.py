@@ -44,7 +44,7 @@ def test_a_load_that_was_not_there_is_refused(arm, load, both):
         drive_gains(model_of(arm), [both[0]], [again], load)
 
 
-def test_a_gain_that_is_uncertain_is_told(arm, load):
+def test_a_gain_that_is_uncertain_is_reported(arm, load):
     free, laden = currents(arm, 0 * load, 0, 2.0), currents(arm, load, 1, 2.0)
     found = drive_gains(model_of(arm), [free], [laden], load)
     (doubt,) = found.doubts(arm)
@@ -52,7 +52,7 @@ def test_a_gain_that_is_uncertain_is_told(arm, load):
     assert "not seen in the current of joint_5, joint_7: the gain has a σ of more than 20% of it" in doubt
 
 
-def test_a_current_that_is_counted_the_other_way_round_is_told(arm, load, both):
+def test_a_current_that_is_counted_the_other_way_round_is_reported(arm, load, both):
     turned = torch.tensor([1, 1, 1, -1, 1, 1, 1])
     data = ([Measurements(*x.states, turned * x.torque)] for x in both)
     found = drive_gains(model_of(arm), *data, load)

@@ -1,6 +1,6 @@
 """Goals of design: against the covariance of least squares written out, and against designs without them.
 
-What recordings left uncertain: against trust's information, and what is identified after.
+What recordings left uncertain: against the quality's information, and what is identified after.
 """
 
 from dataclasses import replace
@@ -44,7 +44,7 @@ def known_and_motion(model, seed, samples=200):
 
 
 @pytest.mark.parametrize("identified", [True, False])
-def test_a_tool_is_told_as_by_the_whole_system_of_equations(arm, identified):
+def test_deviations_of_a_tool_are_those_of_the_whole_system_of_equations(arm, identified):
     """Least squares on runs without and with it, the arm's parameters unknown in both."""
     model = model_of(arm)
     known, motion = known_and_motion(model, 3)

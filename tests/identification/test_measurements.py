@@ -35,7 +35,7 @@ def test_noise_is_uniform_relative_to_the_signal(body, motion):
     assert share.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
 
 
-def test_only_what_is_said_to_be_noisy_is_and_alike_whatever_else_is(body, motion):
+def test_only_noisy_signals_have_noise_and_the_same_whatever_else_is_noisy(body, motion):
     clean = measure(body, motion)
     assert all(torch.equal(x, true.reshape(300, 2)) for x, true in zip(clean.states, motion[1:]))
     torque, state, both = (

@@ -83,7 +83,7 @@ def test_noise_without_a_stretch_above_the_filter_is_not_known(planar):
 
 def test_a_joint_that_noise_drowns_is_judged_in_torque_and_the_others_by_themselves(planar):
     one, other = (recorded(planar, seed, noise=40.0) for seed in (0, 1))
-    result = identified(planar, [one], [other]).trust
+    result = identified(planar, [one], [other]).quality
     assert result.drowned.tolist() == [False, True] and result.judged.nmse_mean > 0.1
     assert result.verdict == USABLE and result.mean(result.judged) < 0.01
     (said,) = [reason for reason in result.reasons if reason.startswith("joint 2")]

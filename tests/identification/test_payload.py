@@ -49,7 +49,7 @@ def test_the_load_comes_back_within_its_deviations(arm, load):
     assert (found.explained[:4] < 0.1 * found.without[:4]).all()
 
 
-def test_what_is_told_can_exist_however_noisy_it_is(arm, load):
+def test_the_identified_load_is_consistent_however_noisy(arm, load):
     """A motion so small that least squares gives a body that cannot exist."""
     free, laden = (runs(arm, x, seed, 3.0, 300, 0.3) for seed, x in enumerate((0 * load, load)))
     found = identify_payload(model_of(arm), [free], [laden])
@@ -57,7 +57,7 @@ def test_what_is_told_can_exist_however_noisy_it_is(arm, load):
     assert torch.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0
 
 
-def test_no_load_is_told_as_none(arm, load):
+def test_no_load_is_identified_as_none(arm, load):
     free, again = runs(arm, 0 * load, 0, 0.3), runs(arm, 0 * load, 1, 0.3)
     found = identify_payload(model_of(arm), [free], [again])
     assert not found.certain and float(found.values[0]) < 0.1

@@ -49,14 +49,14 @@ def test_without_validation_recordings_take_turns(planar, recordings):
     result = identified(planar, recordings)
     assert result.tests.kind == "each of 3 recordings, predicted from the others"
     assert result.tests.errors["weighted"].nmse.mean() < 2e-3
-    assert result.trust.folds is not None
+    assert result.quality.folds is not None
 
 
-def test_one_recording_is_tested_on_itself_and_that_is_said(planar, recordings):
+def test_one_recording_is_tested_on_itself_and_that_is_stated(planar, recordings):
     result = identified(planar, recordings[:1])
     assert result.tests.errors["weighted"].nmse.mean() < 2e-3
     assert result.tests.kind.startswith("in sample") and result.tests.errors is result.trained
-    assert any("held out" in reason for reason in result.trust.reasons)
+    assert any("held out" in reason for reason in result.quality.reasons)
 
 
 def test_fewer_equations_than_parameters_are_refused(planar, recordings):
@@ -85,13 +85,13 @@ def test_the_model_to_use_predicts_better(planar, validated):
     assert result.use == "weighted" and (result.choice.kind == result.tests.kind) == validated
     assert result.choice.errors["weighted"].mean() < result.choice.errors[CONSISTENT].mean() / 1.1
     assert f"{result.choice.errors[CONSISTENT].mean():.4f}" in advice(result)
-    assert result.trust.judged is (result.tests.errors if validated else result.trained)["weighted"]
+    assert result.quality.judged is (result.tests.errors if validated else result.trained)["weighted"]
     used = result.used_standard
     torch.testing.assert_close(result.model.mapping @ used, result.estimates["weighted"].parameters)
     assert not torch.allclose(used, result.standard)
 
 
-def test_halves_that_tell_too_little_decide_nothing(planar, recordings):
+def test_halves_without_information_decide_nothing(planar, recordings):
     """In the first of two halves the torques do not change: no error of them is defined."""
     segment = type(recordings[0].segments[0])(*(x[:40] for x in recordings[0].segments[0]))
     torque = segment.torque.clone()
@@ -99,6 +99,6 @@ def test_halves_that_tell_too_little_decide_nothing(planar, recordings):
     short = replace(recordings[0], segments=[segment._replace(torque=torque)])
     result = identified(planar, [short])
     assert result.use == CONSISTENT and result.choice.errors == {}
-    assert result.trust.verdict == BAD and advice(result).startswith("Use none")
+    assert result.quality.verdict == BAD and advice(result).startswith("Use none")
     better = replace(identified(planar, recordings[:1]), unseen={})
-    assert "tell too little to predict each other" in advice(better)
+    assert "hold too little to predict each other" in advice(better)

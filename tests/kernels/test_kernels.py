@@ -47,7 +47,7 @@ def test_slopes_of_energies_are_pinocchios(chain, count, sets):
     packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])
     slope, directions = np.zeros((3, 1, joints, count)), (np.outer(factors, own.numpy()), weights)
     terms = extra, signals_for(extra, count, sets)
-    cost = weighted_slopes(body.chain, limits, packed, terms, directions, slope, dynamics.room(body.chain))
+    cost = weighted_slopes(body.chain, limits, packed, terms, directions, slope, dynamics.scratch(body.chain))
     assert cost == 0
     data, expected, scale = model.createData(), np.zeros((3, joints, count)), 2 * (weights @ factors**2)
     for n in range(count):

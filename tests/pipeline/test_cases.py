@@ -12,10 +12,10 @@ import pytest
 import torch
 
 from sidegan.design import search as searching
-from sidegan.design.search import Condition, design_set, search
+from sidegan.design.search import ConditionGoal, design_set, search
 from sidegan.pipeline.run import run_stages
 from sidegan.robot import inconsistent_links, placeholder_links, possible_links
-from sidegan.steps.worth import tell_worthless
+from sidegan.steps.worth import describe_weak_set
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
 from tests.robot.arms import task_of
@@ -51,7 +51,7 @@ def excited(tmp_path):
 
 def found_for(context):
     """One trajectory of a set."""
-    return search(context.cell.problem, Condition(context.cell.problem).next(), context.cfg.search)
+    return search(context.cell.problem, ConditionGoal(context.cell.problem).next(), context.cfg.search)
 
 
 def test_links_with_a_constant_gap_keep_a_part_of_it_and_the_set_moves(excited):
@@ -96,10 +96,10 @@ def test_each_constraint_has_a_remedy(excited, where, said):
 def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
     context = excited(GAP, "robot.limits.velocity={joint0: 0.5, joint1: 0.5, joint2: 0.5, joint3: 0.5}")
     c = found_for(context).coefficients[None]
-    said = tell_worthless(context.cell, Condition(context.cell.problem), 0.05 * c, 1e7)
-    assert "it uses 5% of the limits on motion, its condition is 1e7; what stands in its way is " in said
+    said = describe_weak_set(context.cell, ConditionGoal(context.cell.problem), 0.05 * c, 1e7)
+    assert "it uses 5% of the limits on motion, its condition is 1e7; what limits it is " in said
     assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: 0.\d", said)
-    assert tell_worthless(context.cell, Condition(context.cell.problem), c, 100.0) == ""
+    assert describe_weak_set(context.cell, ConditionGoal(context.cell.problem), c, 100.0) == ""
 
 
 @pytest.mark.parametrize(
@@ -115,11 +115,13 @@ def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
     ],
     ids=["touching", "weak", "sticky", "alike"],
 )
-def test_what_is_wrong_with_a_description_is_told_before_anything_is_designed(excited, caplog, text, said):
-    excited(text).tell()
+def test_what_is_wrong_with_a_description_is_reported_before_anything_is_designed(
+    excited, caplog, text, said
+):
+    excited(text).log_decisions()
     assert re.search(said, caplog.text)
     caplog.clear()
-    excited(arm_of()).tell()
+    excited(arm_of()).log_decisions()
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
@@ -141,17 +143,19 @@ def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypa
 
     monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
     assert (
-        len(design_set(context.cell.problem, Condition(context.cell.problem), 2, context.cfg.search, 0)) == 2
+        len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
+        == 2
     )
     assert calls == [0, 2, 1]
     monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5, 7}))
     assert (
-        len(design_set(context.cell.problem, Condition(context.cell.problem), 2, context.cfg.search, 0)) == 1
+        len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
+        == 1
     )
     assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
 
 
-def test_torques_that_are_told_hold_friction_and_keep_the_limits(excited, tmp_path):
+def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path):
     """By Pinocchio, damping times the velocity and friction by its sign."""
     context = excited(FRICTION, "goal.count=2", "controllers.rate=500")
     run_stages(context.cfg, tmp_path / "run", "excite")
@@ -187,7 +191,7 @@ def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names
     context = excited(arm_of(), arm_srdf=postures(*names, value=value))
     assert context.cell.home == (home or (0,) * len(HOME))
     with caplog.at_level(logging.INFO):
-        context.tell()
+        context.log_decisions()
     assert ("home is where the description has the arm rest: 0.3, 0.6" in caplog.text) == (home is not None)
     assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
 

@@ -21,8 +21,8 @@ def stamps(tmp_path_factory):
     @cache
     def made(*overrides):
         context = RunContext(tiny(*overrides), store)
-        artifacts = (one for name in context.cfg.stages for one in stage(name).artifacts(context))
-        return {one.title: one.digest for one in artifacts}
+        artifacts = (artifact for name in context.cfg.stages for artifact in stage(name).artifacts(context))
+        return {artifact.title: artifact.digest for artifact in artifacts}
 
     return made
 
@@ -137,7 +137,7 @@ def test_what_leaves_home_room_to_move_is_kept_where_nobody_says_how_much(contex
     made = context(*rest)
     assert (made.cell.constraints.clearance, made.cell.constraints.apart) == (kept, 0.02)
     with caplog.at_level("INFO"):
-        made.tell()
+        made.log_decisions()
     assert f"kept clear: {kept:g} m" in caplog.text
     assert made.cfg.workspace.stamped(made.cell.arm)["clearance"] is None
     assert context(*rest, "workspace.clearance=0.0").cell.constraints.clearance == 0

@@ -64,9 +64,9 @@ def test_hydra_reads_every_command(pipeline):
     for command in (command for stage in pipeline[1].values() for command in stage["cmd"]):
         words = shlex.split(command)
         words = words[words.index("python") + 3 :]
-        options = [one.startswith("-") for one in words]
+        options = [word.startswith("-") for word in words]
         assert options == sorted(options) or options == sorted(options, reverse=True), command
-        OverridesParser.create().parse_overrides([one for one in words if not one.startswith("-")])
+        OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
 
 
 @pytest.fixture

@@ -146,7 +146,7 @@ def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(ran, con
         assert (speed <= used.velocity_limit.numpy() + 1e-6).all()
 
 
-def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_told(ran, caplog):
+def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_reported(ran, caplog):
     limits = "robot.limits.acceleration={shoulder: 2.0, elbow: 3.0}", "robot.limits.jerk={elbow: 9}"
     with caplog.at_level("INFO"):
         folder = ran(*limits)
@@ -195,13 +195,13 @@ def test_the_page_says_what_to_send_in_order_the_slow_set_first(ran, folder):
 
 def test_a_run_replaces_what_another_one_left_and_nothing_else(ran):
     first = ran(START, "goal.count=10", "controllers.rehearse=true", "controllers.formats=[csv,ros2]")
-    assert {"01.yaml", "approach.yaml"} < {one.name for one in (first / "trajectories").iterdir()}
+    assert {"01.yaml", "approach.yaml"} < {path.name for path in (first / "trajectories").iterdir()}
     (first / "trajectories" / "log.csv").write_text("mine")
     slow = ran("goal.count=3", "controllers.speed=0.25", "controllers.formats=[ros2]")
-    left = {one.name for one in (slow / "trajectories").iterdir()}
+    left = {path.name for path in (slow / "trajectories").iterdir()}
     assert slow == first and left == {"1.yaml", "2.yaml", "3.yaml", "log.csv"}
     assert not (slow / "rehearsal.csv").exists() and len(pd.read_csv(slow / "set.csv")) == 3
-    assert not [one for one in slow.iterdir() if one.name.startswith(".")]
+    assert not [path for path in slow.iterdir() if path.name.startswith(".")]
     (then, send), _ = sections(slow)
     assert "send 1\n" in send and "01" not in send and "1 … 3 (32 s each)" in then
 

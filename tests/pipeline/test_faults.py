@@ -115,7 +115,7 @@ def disk(tmp_path):
     subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-def test_a_disk_that_fills_up_is_told_and_the_rerun_goes_on(disk, undisturbed):
+def test_a_disk_that_fills_up_is_reported_and_the_rerun_goes_on(disk, undisturbed):
     ballast, free, filled = disk / "ballast", shutil.disk_usage(disk).free, []
 
     def fill(task):

@@ -29,7 +29,7 @@ def test_an_arm_has_the_artifacts_of_a_run_of_its_own(context):
     compared = RunContext(validate(composed(*GIVEN)), context().store, GIVEN)
     own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
     alone = RunContext(own, context().store, ())
-    found = {one.digest: one.title for one in arms.STAGES["arms"].artifacts(compared)}
+    found = {artifact.digest: artifact.title for artifact in arms.STAGES["arms"].artifacts(compared)}
     for one in (seed_set(alone), library.library(alone, "eigen", 0)):
         assert found[one.digest] == f"planar2 {one.title}"
 

@@ -27,7 +27,7 @@ NOISE = 0.2
 def ran(outputs, experiment, *overrides):
     """Folder of a run."""
     folder = outputs / "runs" / experiment
-    arm = () if any(one.startswith("robot=") for one in overrides) else ("robot=kuka_lwr4",)
+    arm = () if any(override.startswith("robot=") for override in overrides) else ("robot=kuka_lwr4",)
     common = (f"+experiment={experiment}", "tracking=off", "parallel.workers=1", f"outputs={outputs}")
     run_stages(validate(composed(*common, *arm, *overrides)), folder, experiment)
     return folder
@@ -96,11 +96,13 @@ def test_a_model_of_another_arm_is_refused(poor, arm, planar, tmp_path):
             known_model(poor[1], stranger)
 
 
-def test_a_set_for_a_tool_says_how_well_it_will_be_told(tmp_path):
+def test_a_set_for_a_tool_states_the_expected_deviations(tmp_path):
     wanted = "robot=planar2", "trajectory.period=6", "model=motor_current", "goal.count=1"
     folder = ran(tmp_path, "excite", *wanted, *SMALL, "goal.objective=payload")
     said = (folder / "set.md").read_text()
-    assert "a tool is told to ±" in said and "executed with and without it, beside the description" in said
+    assert (
+        "a tool is identified to ±" in said and "executed with and without it, beside the description" in said
+    )
     assert "kg·m² but for my, Ixx, Ixy, Ixz, Iyz, Izz, exe" in said  # an arm in a plane tells no more
     table = pd.read_csv(folder / "goal.csv", index_col=0)
     assert table.index[0] == "tool m" and len(table) == 10

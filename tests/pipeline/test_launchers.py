@@ -23,7 +23,7 @@ def composed(launcher):
 
 
 @pytest.mark.parametrize("name", PLUGINS)
-def test_a_launcher_whose_plugin_is_missing_is_told(name, monkeypatch):
+def test_a_launcher_whose_plugin_is_missing_is_reported(name, monkeypatch):
     composed("basic")  # registers the plugins
     store = ConfigStore.instance().repo["hydra"]["launcher"]
     for known in [key for key in store if key.startswith(("joblib", "submitit"))]:

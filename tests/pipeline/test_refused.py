@@ -111,7 +111,7 @@ def test_what_an_experiment_file_may_get_wrong_is_refused_too(key, value, words)
 
 
 TYPO = "error: seeds.cuont: there is no such setting; did you mean seeds.count?\n"
-OF_LIMITS = "robot.limits: joint_1 is no setting of this group, which has position, velocity, accel"
+OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has position, velocity, accel"
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_a_wrong_command_ends_with_its_code_and_one_line(command, capsys, tmp_pa
         (["parallel=dask"], "distributed", "dask"),
     ],
 )
-def test_a_package_that_is_not_installed_is_told_before_any_work(
+def test_a_package_that_is_not_installed_is_reported_before_any_work(
     tmp_path, monkeypatch, settings, package, extra
 ):
     monkeypatch.setitem(sys.modules, package, None)

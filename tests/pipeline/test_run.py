@@ -123,7 +123,7 @@ def test_outputs_that_cannot_be_written_are_one_line(command, capsys, tmp_path, 
 )
 def test_an_interrupt_says_how_to_go_on(command, capsys, tmp_path, words):
     assert command(*words.split()) == 130
-    assert "the same command again goes on where it was" in capsys.readouterr().err
+    assert "the same command continues where it stopped" in capsys.readouterr().err
     assert statuses(tmp_path) == [{"code": 130, "error": "interrupted"}]
 
 

@@ -85,7 +85,7 @@ def test_the_selections_are_of_seeds_and_libraries(made):
 
 
 def test_an_exact_variant_learns_from_no_seeds(made):
-    (folder,) = (one for one in artifacts(made)["gan"] if one.name.startswith("planar2-exact"))
+    (folder,) = (artifact for artifact in artifacts(made)["gan"] if artifact.name.startswith("planar2-exact"))
     assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
     alone = RunContext(tiny("gan=exact", "stages=[surrogates]"), made.store)
     assert artifacts(alone) == {"surrogates": {}}

@@ -120,12 +120,12 @@ DAMAGES += [("numbers.txt", x) for x in ("1", "1 2 4", None)] + [("deep/more.txt
 
 
 @pytest.mark.parametrize(("name", "content"), DAMAGES)
-def test_a_damaged_artifact_is_told_when_asked_for_and_made_anew(store, caplog, name, content):
+def test_a_damaged_artifact_is_reported_when_asked_for_and_made_anew(store, caplog, name, content):
     damaged(store.produce(numbers()), name, content)
     with pytest.raises(ArtifactError, match=re.escape(name)):
         store.require(numbers())
     assert store.find(numbers()) is None
-    assert "it will be made anew" in caplog.text
+    assert "it will be made again" in caplog.text
     assert (store.produce(numbers()) / "numbers.txt").read_text() == "1 2 3"
 
 
@@ -197,7 +197,7 @@ def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(store, bes
     assert (folder / "numbers.txt").read_text() == "1 2 3" and "another run is making" in said[0]
 
 
-def test_a_killed_run_holds_up_nobody(store, beside):
+def test_a_killed_run_holds_up_no_other(store, beside):
     os.kill(beside[0].pid, signal.SIGKILL)
     beside[0].join()
     assert store.find(numbers()) is None

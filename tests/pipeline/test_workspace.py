@@ -54,7 +54,7 @@ def test_regions_of_all_kinds(tmp_path, planar):
     np.testing.assert_allclose(wedge.points.max(0), [0.1, 0.1, 2.1], atol=1e-9)
 
 
-def test_a_mesh_is_known_by_what_is_in_its_file_and_told_where_it_is_not_convex(tmp_path, planar, caplog):
+def test_a_mesh_is_known_by_its_content_and_reported_where_it_is_not_convex(tmp_path, planar, caplog):
     texts = (
         tetrahedron(tmp_path / "a.obj"),
         tetrahedron(tmp_path / "b.obj"),
@@ -76,7 +76,7 @@ def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(context, stranger,
     made = context("workspace=desk", f"robot.name={stranger}")
     assert made.cell.constraints.regions == (Plane((0.0, 0.0, 1.0), -0.3),)
     with caplog.at_level(logging.INFO):
-        made.tell()
+        made.log_decisions()
     assert "floor at z = -0.3 m, which planar2 stands on; workspace=free drops it" in caplog.text
     assert context("workspace=free", f"robot.name={stranger}").cell.constraints.regions == ()
 
@@ -90,7 +90,7 @@ def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(st
     own = workspace("{plane: {normal: [0, 0, 2], offset: -1}}", BALL, choice="desk")
     assert own.shapes(arm)[0].offset == -1 and len(own.shapes(arm)) == 2 and own.notes(arm) == ""
     alone = workspace(BALL)
-    assert [type(one) for one in alone.shapes(arm)] == [Sphere] and alone.notes(arm) == ""
+    assert [type(shape) for shape in alone.shapes(arm)] == [Sphere] and alone.notes(arm) == ""
     assert obstacle.shapes(planar)[0] == Plane((0.0, 0.0, 1.0), 0.1)
 
 

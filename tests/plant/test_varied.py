@@ -90,7 +90,7 @@ def test_motors_overcome_gears_and_rotors_besides(planar, plain, motion):
     np.testing.assert_allclose(friction[:, 1:], made.law(*states[:2], 0 * load)[:, 1:], rtol=0, atol=1e-5)
 
 
-def test_sensors_err_by_no_more_than_is_said(planar, plain, motion):
+def test_sensors_err_by_no_more_than_is_stated(planar, plain, motion):
     _, exact = plant(planar, plain).follow(motion)
     for name, share, most in (
         ("hysteresis", 0.01, 0.01),
@@ -120,7 +120,7 @@ def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, sw
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
 
 
-def test_servos_and_friction_are_what_they_are_said_to_be(planar, settings, motion):
+def test_servos_and_friction_follow_their_laws(planar, settings, motion):
     """The law of friction at every step, given the load of the step before; the servos give the rest."""
     made = plant(planar, settings)
     q, dq, acceleration, motor, load = simulated(made, motion)

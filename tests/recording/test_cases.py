@@ -9,7 +9,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.check import read_and_check
 from sidegan.recording.load import load_recording
 from sidegan.recording.settings import Files
-from sidegan.recording.standing import chain_of, standing
+from sidegan.recording.stationary import chain_of, stationary_positions
 from sidegan.robot import Setup, load_robot
 from tests.recording.conftest import of_file
 from tests.recording.files import frame
@@ -81,7 +81,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("names", "words"), REFUSED)
-def test_what_to_type_is_said_where_names_do_not_tell(made, tmp_path, names, words):
+def test_unknown_column_names_are_refused_with_the_setting_to_type(made, tmp_path, names, words):
     with pytest.raises(RecordingError, match=words):
         read(tmp_path, named(made, **names))
 
@@ -120,9 +120,9 @@ def test_files_that_do_not_go_together_are_refused(made, tmp_path, words, change
 def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path, planar):
     named(recording).assign(q1=0.3).drop(columns="tau1").to_csv(tmp_path / "a.csv", index=False)
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
-    arm = load_robot("planar2", Setup(locked=standing(planar, [path], settings)))
+    arm = load_robot("planar2", Setup(locked=stationary_positions(planar, [path], settings)))
     (found,) = read_and_check([(path, "training")], arm, settings)
     assert "shoulder is left out, locked at 0.3" in found.warnings and chain_of(arm) == JOINTS
     torch.testing.assert_close(found.statistics.signals["position"].upper, recording.position[:, 1:].amax(0))
     with pytest.raises(RecordingError, match=r"elbow, which recording\.without leaves out, moves"):
-        standing(planar, [path], of_file(without=["elbow"]))
+        stationary_positions(planar, [path], of_file(without=["elbow"]))

@@ -67,7 +67,7 @@ def test_a_velocity_is_kept_where_noise_is_all_that_is_wrong(planar, recording):
     assert [check_recording(one, planar, of_file()).remarks for one in (noisy, loud)] == [{}, {}]
 
 
-def test_a_torque_that_stays_the_same_while_its_joint_moves_is_told(planar, recording):
+def test_a_torque_that_stays_the_same_while_its_joint_moves_is_reported(planar, recording):
     stuck = recording.torque.clone()
     stuck[600:1900, 1] = stuck[600, 1]
     frozen = replace(recording, torque=stuck)
@@ -128,11 +128,11 @@ def test_friction_that_leads_the_velocity_is_no_delay(planar):
     assert near.believed and near.seconds < -2e-3
 
 
-def test_a_delay_that_is_not_found_is_said(planar):
+def test_a_delay_that_is_not_found_is_stated(planar):
     lost = check_recording(late(planar, 1.3, seconds=15), planar, of_file(delay=None))
     assert not lost.corrected and "more than 1 s later" in lost.late
     other = check_recording(late(planar, 5.0, seconds=15), planar, of_file(delay=None))
-    assert not other.corrected and "cannot be told: left as it is" in other.statements[-1]
+    assert not other.corrected and "cannot be determined: left as it is" in other.statements[-1]
     json.dumps(other.as_json(), allow_nan=False)
 
 
@@ -151,7 +151,7 @@ def test_a_measured_delay_is_taken_off(planar):
     assert off[0] > 0.015 and off[1] < 5e-4 and off[2] < 1e-3
 
 
-def test_what_cannot_be_told_is_left_as_it_is(planar):
+def test_an_undetermined_sign_or_delay_is_not_corrected(planar):
     checked = check_recording(late(planar, 0.0, noise=30.0, seconds=10), planar, of_file(delay=None))
     assert not checked.delay.believed and "left as it is" in "; ".join(checked.statements)
 

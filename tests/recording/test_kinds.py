@@ -163,7 +163,7 @@ def test_degrees_are_of_joints_that_turn_and_millimetres_of_those_that_slide(mad
 def test_a_joint_that_slides_in_another_unit_is_refused(sliding, clock, unit, factor, words):
     made = recorded(sliding, clock, ("position", "torque"))
     wrong = replace(made, position=made.position * torch.tensor([1.0, factor]))
-    assert not any("unit" in one for one in check_recording(made, sliding, of_file()).warnings)
+    assert not any("unit" in warning for warning in check_recording(made, sliding, of_file()).warnings)
     with pytest.raises(RecordingError, match=rf"elbow .*are these {words}\? \(recording\.units\.length="):
         check_recording(wrong, sliding, of_file(units={"length": unit}))
 

@@ -30,7 +30,7 @@ def refused(first, second):
     return ""
 
 
-def test_a_stretch_with_another_clock_is_found_and_told(one, planar):
+def test_a_stretch_with_another_clock_is_found_and_reported(one, planar):
     assert refused(one, one).startswith("b holds samples of a, from 0")
     middle = part_of(one, slice(1000, 1200))
     other = part_of(made(planar, 1), slice(0, 1500))

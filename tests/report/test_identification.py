@@ -32,10 +32,10 @@ def read(html):
     return Page(html)
 
 
-def test_everything_is_told(identified, read):
-    verdict = f"{identified.trust.verdict}: mean nMSE"
+def test_the_report_has_every_section(identified, read):
+    verdict = f"{identified.quality.verdict}: mean nMSE"
     for words in (
-        "Identification of planar2", verdict, *identified.trust.reasons, "Use the consistent model",
+        "Identification of planar2", verdict, *identified.quality.reasons, "Use the consistent model",
         "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
         "forearm", "nMSE, validation", "method: x", "sidegan.run identify",
     ):  # fmt: skip
@@ -66,9 +66,9 @@ def test_words_from_outside_run_nothing(html, read):
 
 def test_what_there_is_nothing_to_say_of_is_left_out(identified, monkeypatch):
     monkeypatch.setattr(page, "_RECORDINGS", 1)
-    pulled = replace(identified.trust, other_gravity="gravity is another one")
+    pulled = replace(identified.quality, other_gravity="gravity is another one")
     text = Page(
-        report_html(replace(identified, trust=pulled, tests=identified.trained), ORIGIN).decode()
+        report_html(replace(identified, quality=pulled, tests=identified.trained), ORIGIN).decode()
     ).text
     assert "nMSE, validation" not in text
     assert "1 more recordings are not shown" in text and "Use none of these models" in text

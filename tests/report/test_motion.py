@@ -10,7 +10,7 @@ from matplotlib.image import imread
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.canvas import save
 from sidegan.report.motion import Bundle, bounds, paths, poses, tip_paths
-from sidegan.robot.looks import capsule_surface
+from sidegan.robot.visuals import capsule_surface
 from tests.oracle import chain_model
 from tests.report.builders import some
 

@@ -94,5 +94,5 @@ DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600
 
 
 @pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())
-def test_durations_are_said_as_people_do(duration, expected):
+def test_durations_are_formatted_for_people(duration, expected):
     assert seconds(duration) == expected

@@ -16,7 +16,7 @@ import trimesh
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.viewer import view_of, write_view
 from sidegan.report.viewer.surfaces import fewer, region_surface
-from sidegan.robot.looks import Part
+from sidegan.robot.visuals import Part
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.report.builders import some
 from tests.report.pages import Page

@@ -36,7 +36,10 @@ class Judge:
         whole = pin.buildModelFromXML(urdf)
         folders = [str(folder) for folder in file.parents]
         shapes = pin.buildGeomFromUrdfString(whole, urdf, pin.GeometryType.COLLISION, None, folders)
-        owners = {one.name: whole.frames[one.parentFrame].name for one in shapes.geometryObjects}
+        owners = {
+            geometry_object.name: whole.frames[geometry_object.parentFrame].name
+            for geometry_object in shapes.geometryObjects
+        }
         for frame in whole.frames:  # Pinocchio cannot reduce models in which a name means link and joint
             if frame.type == pin.FrameType.BODY:
                 frame.name = f"link {frame.name}"
@@ -47,7 +50,7 @@ class Judge:
         others = [k for k in range(1, whole.njoints) if whole.names[k] not in self.names]
         self.model, (self.geometry,) = pin.buildReducedModel(whole, [shapes], others, stand)
         self.data = self.model.createData()
-        self.owners = [owners[one.name] for one in self.geometry.geometryObjects]
+        self.owners = [owners[geometry_object.name] for geometry_object in self.geometry.geometryObjects]
         self.moved = [self.model.idx_vs[self.model.getJointId(name)] for name in self.names]
         spared = {frozenset(pair) for pair in facts.exempt or []}
         for (i, one), (k, other) in combinations(enumerate(self.geometry.geometryObjects), 2):

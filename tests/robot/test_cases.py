@@ -10,16 +10,16 @@ import torch
 from sidegan.errors import RobotError
 from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import (
+    describe_doubtful_links,
     doubtful_links,
     inconsistent_links,
     load_robot,
     possible_links,
-    tell_doubtful,
 )
-from sidegan.robot.looks import visual_parts
 from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.validity.pairs import tell_displaced
-from sidegan.validity.placeholders import tell_placeholders
+from sidegan.robot.visuals import visual_parts
+from sidegan.validity.pairs import describe_displaced_shapes
+from sidegan.validity.placeholders import describe_placeholder_limits
 from tests.identification.test_cases import recordings
 from tests.identification.test_workflow import identified
 from tests.pipeline.test_workspace import workspace
@@ -66,7 +66,7 @@ KINDS = {  # what link 1 says of its mass, and what is said of that
 @pytest.mark.parametrize(("said", "inside"), KINDS.items(), ids=[*KINDS])
 def test_a_link_that_cannot_be_is_named_and_replaced_by_the_nearest_that_can(load, said, inside):
     arm, whole = load(arm_of({1: inside + rod()})), load(arm_of()).inertial_parameters
-    assert said in tell_doubtful(arm) and [*doubtful_links(arm)] == (["link1"] if said else [])
+    assert said in describe_doubtful_links(arm) and [*doubtful_links(arm)] == (["link1"] if said else [])
     start = possible_links(arm)
     assert inconsistent_links(arm, start) == [] and torch.equal(start[[0, 2, 3]], whole[[0, 2, 3]])
     if "kg" not in said:  # mass and place are kept, and only the inertia is another
@@ -94,10 +94,10 @@ def test_an_identification_asks_for_no_limits_and_looks_for_no_meshes(load, capl
 
 @pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])
 def test_shapes_that_are_displaced_are_named(load, place):
-    said = tell_displaced(load(arm_of({1: inertial() + rod(f'xyz="{place}"')})))
+    said = describe_displaced_shapes(load(arm_of({1: inertial() + rod(f'xyz="{place}"')})))
     assert "never come near each other: link0 – link1 (" in said
     arms = [load(arm_of()), load(arm_of(BARE, base="")), load_robot("kuka_lwr4"), load_robot("planar2")]
-    assert [tell_displaced(arm) + tell_placeholders(arm) for arm in arms] == [""] * 4
+    assert [describe_displaced_shapes(arm) + describe_placeholder_limits(arm) for arm in arms] == [""] * 4
 
 
 def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_claimed(load):
@@ -122,7 +122,7 @@ def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_c
 )
 def test_limits_that_no_arm_has_are_named_with_the_words_that_set_them(load, span, velocity, effort, said):
     limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
-    assert said in tell_placeholders(load(arm_of(limit=limit)))
+    assert said in describe_placeholder_limits(load(arm_of(limit=limit)))
 
 
 def test_peaks_are_shares_with_their_values():

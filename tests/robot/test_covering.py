@@ -204,7 +204,7 @@ def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free(tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize(("radius", "refused"), [(0.0668, False), (0.0677, True)])
-def test_what_turns_within_a_ring_is_free_or_shapes_that_refuse_it_are_told(
+def test_what_turns_within_a_ring_is_free_or_shapes_that_refuse_it_are_reported(
     load, tmp_path, caplog, radius, refused
 ):
     trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).export(tmp_path / "ring.stl")

@@ -12,7 +12,7 @@ import torch
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, with_effort, words, write_urdf
-from sidegan.robot.looks import visual_parts
+from sidegan.robot.visuals import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, more, one_joint, robot, two_joints
 
@@ -83,7 +83,7 @@ def test_torque_is_that_of_the_reduced_model(load, setup, locked):
     np.testing.assert_allclose(found.numpy(), expected, rtol=0, atol=1e-9)  # N·m
 
 
-def test_what_stands_still_is_told_and_stays_in_the_collision_model(load):
+def test_what_stands_still_is_reported_and_stays_in_the_collision_model(load):
     arm = load(PERSON, Setup(tip="left_lower", locked={"waist": 0.25}))
     notes = "; ".join(arm.notes)
     assert "right_shoulder at 0.25 rad" in notes and "left_thumb at 0.25 m" in notes
@@ -201,7 +201,7 @@ def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
     torch.testing.assert_close(foot, standing @ turn.T)
     shown, still = (visual_parts(arm)[0].vertices.mean(0) for arm in (mounted, upright))
     np.testing.assert_allclose(shown, turn.numpy() @ still, atol=1e-12)
-    assert mounted.digest != upright.digest and any("mounted with roll 0.4" in one for one in mounted.notes)
+    assert mounted.digest != upright.digest and any("mounted with roll 0.4" in note for note in mounted.notes)
     states = torch.rand(3, 5, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
     tilted = replace(upright, gravity=turn.T @ upright.gravity)
     torch.testing.assert_close(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))

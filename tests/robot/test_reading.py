@@ -58,7 +58,7 @@ FLOORS = {  # what the base is made of, where it stands [m], and whether that is
 
 
 @pytest.mark.parametrize(("base", "height", "known"), FLOORS.values(), ids=FLOORS)
-def test_a_floor_is_where_shapes_show_it_and_else_a_guess_that_is_told(load, block, base, height, known):
+def test_a_floor_is_where_shapes_show_it_or_else_a_reported_guess(load, block, base, height, known):
     pillar = link("pillar", visual('<box size="0.1 0.1 0.1"/>', 'xyz="3 0 0.5"'))
     glued = more(arm_of(base=base), joint("glue", "base", "pillar", "fixed", "", limit=""), pillar)
     for text in (arm_of(base=base), glued) if base else (arm_of(base=base),):
@@ -275,7 +275,7 @@ def test_a_joint_limits_yaml_that_is_none_is_refused(load, tmp_path, text, said)
         load(arm_of(), Setup(limits=Limits(file=str(tmp_path / "limits.yaml"))))
 
 
-def test_an_arm_without_torque_limits_is_told_in_one_line(load, caplog):
+def test_an_arm_without_torque_limits_is_reported_in_one_line(load, caplog):
     load(arm_of(limit=LIMIT.replace('effort="50"', 'effort="0"')))
     (line,) = [record.message for record in caplog.records if "torque" in record.message]
     assert "states no torque limits" in line and "'robot.limits.effort={joint0: …, joint1: …" in line

@@ -14,7 +14,7 @@ BOX = collision('<box size="0.1 0.2 0.7"/>', 'xyz="1 0 0"')
 def beyond(points, arm):
     """How far points (N, 3) are outside of all capsules of an arm's only link [m]."""
     shapes = zip(arm.capsules.a.numpy(), arm.capsules.b.numpy(), arm.capsules.radius.tolist())
-    return np.min([outside(points, *one) for one in shapes], axis=0).max()
+    return np.min([outside(points, *shape) for shape in shapes], axis=0).max()
 
 
 MARKED = collision(ROD, 'xyz="0 0 1" rpy="0 1.5707963267948966 0"', ' name="c"')

@@ -107,7 +107,7 @@ class TestMjcf:
     def test_a_mount_that_is_given_goes_before_the_files_gravity(self, mjcf):
         mjcf.write_text(MJCF.replace("<default>", '<option gravity="9.81 0 0"/><default>'))
         arm = load_robot(mjcf, Setup(limits=SPEEDS, mount=(0.0, 0.0, 0.0)))
-        assert not any(arm.mount) and not any("mounted" in one for one in arm.notes)
+        assert not any(arm.mount) and not any("mounted" in note for note in arm.notes)
 
     def test_shapes_are_where_mujoco_has_them(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS))

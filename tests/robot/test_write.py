@@ -42,7 +42,7 @@ def test_what_is_written_reads_back_to_the_same_torques_and_only_inertias_change
     arm = load_robot(name if name in built_in_robots() else real(name))
     assert_written(arm, tmp_path / "out.urdf")
     before, after = (ET.parse(path).getroot() for path in (arm.urdf, tmp_path / "out.urdf"))
-    for inertial in (one for root in (before, after) for one in root.iter("inertial")):
+    for inertial in (element for root in (before, after) for element in root.iter("inertial")):
         inertial.clear()
     one, other = (ET.canonicalize(ET.tostring(root), strip_text=True) for root in (before, after))
     assert one == other

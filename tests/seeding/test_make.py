@@ -67,7 +67,7 @@ def test_a_long_trajectory_is_the_best_that_the_optimiser_makes_of_its_starts(lo
     single, seed, shares = replace(METHOD, attempts=1), np.random.SeedSequence, []
     long = make_long(long_problem, single, 2, seed(3), lambda *share: shares.append(share))
     assert shares[-1] == (2, 2)
-    found = [single.optimise(long_problem, 1, one) for one in seed(3).spawn(long.attempts)]
+    found = [single.optimise(long_problem, 1, child) for child in seed(3).spawn(long.attempts)]
     best = min((one for one in found if len(one)), key=lambda one: float(one.fitness[0]))
     assert torch.equal(long.coefficients, best.coefficients)
     assert check(long_problem.constraints, long_problem.trajectory, long.coefficients).valid.all()

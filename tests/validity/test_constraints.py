@@ -14,7 +14,7 @@ from tests.chains import random_states
 from .critical import BENT, DESK, limited, only
 
 
-def test_what_is_excepted_is_said(arm: Arm) -> None:
+def test_what_is_excepted_is_stated(arm: Arm) -> None:
     said = Constraints(arm, [DESK]).described()
     assert "20 of 21 pairs of links (may touch: link_5 – link_7 (the wrist, touch in 100 %))" in said
     assert "6 of 7 links in 1 region (never out: link_1 in region 0)" in said

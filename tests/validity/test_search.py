@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import HIGHER, Arm
+from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity import Constraints, Plane, check
 from sidegan.validity.constraints import NAMES
 from tests.chains import constrained, driven, random_chain
@@ -97,7 +97,7 @@ def tightened(model, name: str, margin: np.ndarray):
             return model._replace(torque=model.torque - less)
         case "acceleration" | "jerk":
             higher = model.higher.copy()
-            higher[HIGHER[name] - 2] -= less
+            higher[DERIVATIVE_ORDER[name] - 2] -= less
             return model._replace(higher=higher)
     less = less / (2 if name == "collision" else 1)  # of each of the two capsules
     bodies = model.bodies

@@ -7,7 +7,7 @@ import pandas as pd
 
 from sidegan.base.names import counted, plain
 from sidegan.controllers import POINTS, SCRIPTED, approach, least_rate
-from sidegan.design.search import Condition
+from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.pipeline.context import RunContext
@@ -15,7 +15,7 @@ from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.rehearsal import rehearsed
 from sidegan.pipeline.stages.sending import Steps, next_steps, order_of
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.sent import FOLDER
+from sidegan.recording.commanded import FOLDER
 from sidegan.report.export import publish
 from sidegan.robot import require_consistent
 from sidegan.steps.excite import aim_of, excite
@@ -65,7 +65,7 @@ def _forget(folder: Path) -> None:
         (folder / name).unlink(missing_ok=True)
 
 
-def _goal(run: RunContext, aim: Uncertain | Condition | None, tracker: Tracker) -> str:
+def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Tracker) -> str:
     """Caption on what the set makes of its goal; the table of it is published."""
     if not isinstance(aim, Uncertain):
         return ""
@@ -77,7 +77,7 @@ def _goal(run: RunContext, aim: Uncertain | Condition | None, tracker: Tracker) 
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
     planned = ", at the whole speed" if _slow(run) else ""
-    return f"{aim.purpose.said(aim.deviations, aim.before)}{planned}, beside {of}"
+    return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, beside {of}"
 
 
 def _slow(run: RunContext) -> str:

@@ -109,9 +109,11 @@ def _measured(
 
 
 STAGES = {
-    "identification": Stage(lambda run: [identification(run, one) for one in excitation_sets(run)]),
+    "identification": Stage(
+        lambda run: [identification(run, excitation_set) for excitation_set in excitation_sets(run)]
+    ),
     "plant": Stage(
-        lambda run: [plant(run, one) for one in excitation_sets(run)],
+        lambda run: [plant(run, excitation_set) for excitation_set in excitation_sets(run)],
         check=lambda run: require_consistent(run.cell.arm),
     ),
 }

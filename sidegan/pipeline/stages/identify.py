@@ -10,17 +10,17 @@ from pathlib import Path
 
 from sidegan.base.storage import file_digest, read_json, reading, replacing
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.identification.lacking import BIASED
+from sidegan.identification.unmodelled import BIASED
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.store import PARAMS
 from sidegan.pipeline.tracking import Tracker
+from sidegan.recording.commanded import commanded_files
 from sidegan.recording.load import files_of
-from sidegan.recording.sent import sent_files
 from sidegan.recording.settings import Files, Recorded
 from sidegan.report.identification import REPORT, VERDICT, show_checks, write_checks
-from sidegan.robot import Arm, tell_doubtful
+from sidegan.robot import Arm, describe_doubtful_links
 from sidegan.steps import identify as steps
 
 log = logging.getLogger(__name__)
@@ -32,7 +32,7 @@ def model(run: RunContext) -> Artifact:
     arm = recorded_arm(run)
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
-    sent = [] if cfg.recording.sent is None else sent_files(Path(cfg.recording.sent))
+    sent = [] if cfg.recording.sent is None else commanded_files(Path(cfg.recording.sent))
     read = files | {f"sent.{one.stem}": one for one in sent}
     inputs |= {key: _digest(path) for key, path in read.items()}
     settings: dict[str, object] = {n: asdict(getattr(cfg, n)) for n in ("recording", "model", "identify")}
@@ -128,12 +128,12 @@ def _show_check(run: RunContext, tracker: Tracker) -> None:
     tracker.log_artifact(path, "identify")
 
 
-def _tell_doubtful(run: RunContext) -> None:
-    if doubtful := tell_doubtful(recorded_arm(run)):
+def _warn_doubtful_links(run: RunContext) -> None:
+    if doubtful := describe_doubtful_links(recorded_arm(run)):
         log.warning("%s; identification starts from the nearest that can be", doubtful)
 
 
 STAGES = {
     "check": Stage(show=_show_check, check=recorded_arm),
-    "identify": Stage(lambda run: [model(run)], _show, _tell_doubtful),
+    "identify": Stage(lambda run: [model(run)], _show, _warn_doubtful_links),
 }

@@ -56,7 +56,9 @@ def _payload(run: RunContext, tracker: Tracker) -> None:
     mass, sigma = float(found.values[0]), float(found.deviation[0])
     place = ", ".join(f"{x:.4f} ± {s:.1g}" for x, s in zip(found.values[1:4], found.deviation[1:4]))
     words = f"{mass:.3f} ± {sigma:.1g} kg, centre of mass ({place}) m in the frame of {found.link}"
-    log.info("load: %s", words if found.certain else f"none that can be told ({mass:.2g} ± {sigma:.1g} kg)")
+    log.info(
+        "load: %s", words if found.certain else f"none that can be detected ({mass:.2g} ± {sigma:.1g} kg)"
+    )
 
 
 def as_json(found: Payload) -> dict[str, Any]:

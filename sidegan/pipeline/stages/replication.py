@@ -29,7 +29,7 @@ FITTED = 0.44, 10**-1.8  # p₀ and s, by which the norms come near those of the
 
 
 @dataclass(frozen=True)
-class Measured:
+class Replication:
     """Measurement of a whole set."""
 
     noise: Noise
@@ -37,7 +37,7 @@ class Measured:
     replicas: int  # times in each of them; the seeds as often as they are replicated
 
     @classmethod
-    def of(cls, run: RunContext, pool: Pool, reading: Reading) -> "Measured":
+    def of(cls, run: RunContext, pool: Pool, reading: Reading) -> "Replication":
         """Measurement of a set under a reading."""
         settings = run.cfg.replication
         if pool.name == SEEDS:
@@ -55,13 +55,16 @@ class Measured:
 
 def whole_sets(run: RunContext) -> list[Pool]:
     """Every whole set that is measured: the seeds and each library."""
-    made = [(SEEDS, None, seed_set(run)), *((*one, library(run, *one)) for one in generators(run))]
+    made = [
+        (SEEDS, None, seed_set(run)),
+        *((*generator, library(run, *generator)) for generator in generators(run)),
+    ]
     return [Pool(name, k, (artifact,)) for name, k, artifact in made]
 
 
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
     """The sums of the measurements of a whole set; readings that measure it alike share them."""
-    measured = Measured.of(run, pool, reading)
+    measured = Replication.of(run, pool, reading)
     settings, label = asdict(measured) | {"rate": run.cfg.identification.rate}, pool.name + measured.mark
     make = partial(_measure, pool=pool, measured=measured)
     return run.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
@@ -96,7 +99,7 @@ def _mean_errors(folder: Path) -> Metrics:
     return {f"{name}/nmse": float(value) for name, value in mean.items()}
 
 
-def _measure(run: RunContext, build: Build, pool: Pool, measured: Measured) -> None:
+def _measure(run: RunContext, build: Build, pool: Pool, measured: Replication) -> None:
     """Sums of every noise draw; the seeds are measured as often as they are replicated."""
     coefficients = pool.load(run).coefficients
     settings = replace(run.cfg.identification, noise=measured.noise)
@@ -150,7 +153,7 @@ def _fitted_norm(sums: Sums, seeds: Sums) -> float:
 
 def _replications(run: RunContext) -> Iterator[Artifact]:
     for reading in run.cfg.replication.readings:
-        yield from (sums(run, one, reading) for one in whole_sets(run))
+        yield from (sums(run, pool, reading) for pool in whole_sets(run))
         yield replication(run, reading)
 
 

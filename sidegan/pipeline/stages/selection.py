@@ -30,7 +30,7 @@ class Pool:
     @property
     def inputs(self) -> dict[str, Artifact]:
         """Its parts as inputs of what is made from it."""
-        return {one.maker: one for one in self.parts}
+        return {part.maker: part for part in self.parts}
 
     def load(self, run: RunContext) -> Library:
         """All its trajectories."""
@@ -74,7 +74,8 @@ def excitation_sets(run: RunContext) -> list[ExcitationSet]:
         for h in run.cfg.long.harmonics
     ]
     picked = [
-        ExcitationSet(one.name, one.training, run.cell.trajectory, selection(run, one)) for one in pools(run)
+        ExcitationSet(pool.name, pool.training, run.cell.trajectory, selection(run, pool))
+        for pool in pools(run)
     ]
     return [*long, *picked]
 

@@ -8,7 +8,7 @@ from shlex import quote
 from sidegan.base.names import plain
 from sidegan.controllers import APPROACH, SHELL
 from sidegan.pipeline.context import RunContext
-from sidegan.recording.sent import FOLDER
+from sidegan.recording.commanded import FOLDER
 from sidegan.robot import words
 
 Steps = list[tuple[str, str]]  # a sentence and a command each
@@ -56,7 +56,7 @@ def _slower(run: RunContext, folder: Path) -> str:
     """Command that writes the same set for a first run."""
     start = run.cfg.controllers.start
     where = "…" if start is None else ",".join(f"{x:.6g}" for x in start)
-    given = [one for one in run.overrides if not one.startswith(_OWN)]
+    given = [override for override in run.overrides if not override.startswith(_OWN)]
     own = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
     said = " ".join(map(quote, given)) or f"+experiment=excite {_robot(run)}"
     return f"sidegan {said} {' '.join(map(quote, own))}"

@@ -92,7 +92,7 @@ def surrogates(run: RunContext) -> Artifact:
 
 def needed_surrogates(run: RunContext, variants: Iterable[Variant]) -> list[Artifact]:
     """The surrogates that some variants learn from, and what these learn from."""
-    return [negatives(run), surrogates(run)] if any(one.features for one in variants) else []
+    return [negatives(run), surrogates(run)] if any(variant.features for variant in variants) else []
 
 
 def negatives(run: RunContext) -> Artifact:

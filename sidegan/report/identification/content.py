@@ -9,7 +9,7 @@ import pandas as pd
 from sidegan.base.names import listed
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.score import shown
-from sidegan.identification.verdict import BAD, Trust, joint_of
+from sidegan.identification.verdict import BAD, Quality, joint_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot.consistency import about_the_centre
 
@@ -34,31 +34,31 @@ class Origin(NamedTuple):
 def headline(identified: IdentifiedArm) -> str:
     """The verdict, and the error that it rests on."""
     error = shown(identified.tests.errors[identified.use].nmse_mean)
-    return f"{identified.trust.verdict}: mean nMSE {error} ({identified.tests.kind})"
+    return f"{identified.quality.verdict}: mean nMSE {error} ({identified.tests.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
     """Which model to use and why, and what the description is worth beside it, a sentence each."""
-    error = shown(identified.trust.nominal_score.nmse_mean)
+    error = shown(identified.quality.nominal_score.nmse_mean)
     described = f"The description's own links, with friction fitted to the data, have a mean nMSE of {error}"
-    return f"{_use(identified)} {described} on {identified.trust.where}."
+    return f"{_use(identified)} {described} on {identified.quality.where}."
 
 
 def _use(identified: IdentifiedArm) -> str:
-    use, method, trust = identified.use, identified.chosen.method, identified.trust
-    if trust.other_gravity:
+    use, method, quality = identified.use, identified.chosen.method, identified.quality
+    if quality.other_gravity:
         return "Use none of these models: their links are what makes up for a gravity that is another one."
-    if not trust.judged.nmse_mean < 1:
+    if not quality.judged.nmse_mean < 1:
         return "Use none of these models: none predicts better than the mean torque does."
-    if trust.verdict == BAD:
-        return f"Use none of these models: {_needed(trust)}."
+    if quality.verdict == BAD:
+        return f"Use none of these models: {_needed(quality)}."
     if use == CONSISTENT == method:
         return f"Use the consistent model. {_held(identified)}"
     errors = {name: float(error.mean()) for name, error in identified.choice.errors.items()}
     if not errors:
         return (
             "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
-            f"recordings tell too little to predict each other. {_held(identified)}"
+            f"recordings hold too little to predict each other. {_held(identified)}"
         )
     compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
     compared += f", {identified.choice.kind}"
@@ -73,34 +73,34 @@ def _use(identified: IdentifiedArm) -> str:
     )
 
 
-def _needed(trust: Trust) -> str:
+def _needed(quality: Quality) -> str:
     """What would have to be known for a model to be worth something."""
-    if trust.faulty:
-        return "they mean nothing before what is named first is mended"
-    joints = sorted({one.joint for one in trust.findings if one.level == BAD and one.joint is not None})
+    if quality.faulty:
+        return "they mean nothing until the problem named first is fixed"
+    joints = sorted(
+        {finding.joint for finding in quality.findings if finding.level == BAD and finding.joint is not None}
+    )
     if not joints:
-        return (
-            "what acts on the joints beside the model has to be known; what is left over says what it is like"
-        )
-    names = listed([trust.joint(j) for j in joints], _NAMED)
-    weak = listed([name for name in trust.weak if joint_of(name) in joints], _NAMED)
-    motion = f"a motion that tells {weak}, or " if weak else ""
-    return f"of {names} more has to be known: {motion}what acts there beside the model"
+        return "the model lacks something that acts on the joints; the residuals show what it is like"
+    names = listed([quality.joint(j) for j in joints], _NAMED)
+    weak = listed([name for name in quality.weak if joint_of(name) in joints], _NAMED)
+    motion = f"a motion that excites {weak}, or " if weak else ""
+    return f"{names} cannot be modelled well yet: what is needed is {motion}a model of what else acts there"
 
 
 def _held(identified: IdentifiedArm) -> str:
     """Which files hold the consistent model, and what some of them have no place for."""
     terms = {"offset": "offsets (the Python class alone)", "rotor_inertia": "rotors (no URDF)"}
-    lacking = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
-    but = f", but for {lacking}" if lacking else ""
+    missing = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
+    but = f", but for {missing}" if missing else ""
     return f"The URDF, the MJCF and the Python class hold it{but}."
 
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """Motions to record next, a sentence each; the command designs them."""
-    if identified.trust.faulty:
+    if identified.quality.faulty:
         return ["mend what the verdict names first: no motion helps as long as that is wrong"]
-    if not identified.trust.weak:
+    if not identified.quality.weak:
         return []
     return [
         "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
@@ -110,14 +110,14 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
-    trust, chosen, use = identified.trust, identified.chosen, identified.use
+    quality, chosen, use = identified.quality, identified.chosen, identified.use
     errors = {name: shown(one.nmse_mean) for name, one in identified.tests.errors.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
-        "nMSE, description": shown(trust.nominal_score.nmse_mean),
+        "nMSE, description": shown(quality.nominal_score.nmse_mean),
         "condition number": f"{chosen.condition:.3g}",
-        "parameters": f"{identified.model.count}, {len(trust.weak)} weak",
+        "parameters": f"{identified.model.count}, {len(quality.weak)} weak",
         "samples": f"{chosen.samples}",
     }
 
@@ -147,7 +147,7 @@ def error_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
     """A row per identified parameter; urdf is NaN where nothing is known."""
-    trust, chosen, model = identified.trust, identified.chosen, identified.model
+    quality, chosen, model = identified.quality, identified.chosen, identified.model
     nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     kinds = [name.rstrip("0123456789") for name in chosen.names]
     return pd.DataFrame(
@@ -159,7 +159,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "std": chosen.deviation.tolist(),
             "urdf": nominal,
             "consistent": identified.estimates[CONSISTENT].parameters.tolist(),
-            "weak": [name in trust.weak for name in chosen.names],
+            "weak": [name in quality.weak for name in chosen.names],
         }
     )
 

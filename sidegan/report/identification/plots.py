@@ -41,7 +41,7 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
 def _predicted(identified: IdentifiedArm, segment: Segment) -> Tensor:
     """Torque [N·m or N], (S, J), of the model to use at the states of a stretch."""
     model, theta = identified.model, identified.used.parameters
-    return torch.cat([model.torque(theta, *one.inputs) for one in pieces(Measurements(*segment[1:]))])
+    return torch.cat([model.torque(theta, *piece.inputs) for piece in pieces(Measurements(*segment[1:]))])
 
 
 def friction(identified: IdentifiedArm) -> Figure:

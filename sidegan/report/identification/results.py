@@ -51,31 +51,31 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """The verdict for machines that decide whether to use the model; lists are in the order of the joints."""
-    trust, chosen, use, arm = identified.trust, identified.chosen, identified.use, identified.model.arm
+    quality, chosen, use, arm = identified.quality, identified.chosen, identified.use, identified.model.arm
     return {
         "robot": arm.name,
         "joints": list(arm.joint_names),
         "method": chosen.method,
         "use": use,
         "advice": advice(identified),
-        "verdict": trust.verdict,
-        "reasons": trust.reasons,
+        "verdict": quality.verdict,
+        "reasons": quality.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
             "kind": identified.tests.kind,
             "recordings": [recording.name for recording in identified.validation],
             **_all_errors(identified.tests.errors, use, chosen.method),
-            "description": _errors(trust.nominal_score),
+            "description": _errors(quality.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
         "condition_number": _number(chosen.condition),
-        "weak_parameters": list(trust.weak),
-        "torque_deviation": _numbers(trust.torque_deviation),
+        "weak_parameters": list(quality.weak),
+        "torque_deviation": _numbers(quality.torque_deviation),
         "left_over": identified.left_over,
-        "torque_bias": _numbers(identified.lacks.error),
-        "lacking": [
+        "torque_bias": _numbers(identified.unmodelled.error),
+        "unmodelled": [
             {"joint": arm.joint_names[one.joint], "kind": one.kind, "share": _number(one.share)}
-            for one in identified.lacks.found
+            for one in identified.unmodelled.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
         "data": {recording.name: recording.warnings for recording in identified.recordings},

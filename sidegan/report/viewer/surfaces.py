@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sidegan.robot import Arm
-from sidegan.robot.looks import Part, capsule_surface, visual_parts
+from sidegan.robot.visuals import Part, capsule_surface, visual_parts
 from sidegan.validity import Convex, Plane, Region, Sphere
 
 if TYPE_CHECKING:  # slow to import

@@ -9,8 +9,8 @@ import torch
 from scipy.signal import lfilter
 
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.lacking import BIASED, KINDS, lacks, unmodelled
-from sidegan.identification.trust import trust
+from sidegan.identification.quality import quality
+from sidegan.identification.unmodelled import BIASED, KINDS, find_unmodelled, unmodelled
 from tests.identification.recordings import model_of, multisine, truth_of
 
 SAMPLES, JOINT = 6000, 3
@@ -56,7 +56,7 @@ def flawed(model):
     def make(kind):
         data = recorded(model, amounts_of(model, kind))
         fitted = estimate("weighted", model, data)
-        return data, fitted, lacks(model, fitted, data)
+        return data, fitted, find_unmodelled(model, fitted, data)
 
     return make
 
@@ -84,15 +84,15 @@ def test_the_error_elsewhere_is_that_of_the_identified_model(model, flawed, kind
 @pytest.mark.parametrize("keep", [0.0, 0.9], ids=["white", "coloured"])
 def test_noise_is_no_misfit(model, keep):
     data = recorded(model, torch.zeros(model.joints, 14).double(), keep)
-    found = lacks(model, estimate("weighted", model, data), data)
+    found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.found == () and (found.error == 0).all()
     (words,) = found.sentences(NAMES, torch.zeros(model.joints))
     assert words.startswith("no known misfit explains more of it than noise would")
 
 
-def test_bias_and_noise_are_told_apart_in_words(model, flawed):
+def test_bias_and_noise_are_reported_apart_in_words(model, flawed):
     _, fitted, found = flawed(SHOWN[0])
-    noise = trust(model, fitted).torque_deviation
+    noise = quality(model, fitted).torque_deviation
     (said,) = found.sentences(NAMES, noise)
     assert re.match(r"joint 4: \d+% of what is left is friction near rest, ", said)
     assert said.endswith(BIASED) and found.error[JOINT] > noise[JOINT]
@@ -103,6 +103,6 @@ def test_bias_and_noise_are_told_apart_in_words(model, flawed):
 def test_a_joint_that_does_not_move_lacks_nothing(model):
     moves = torch.tensor([1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
     data = recorded(model, amounts_of(model, SHOWN[0]), moves=moves)
-    found = lacks(model, estimate("weighted", model, data), data)
+    found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.error.isfinite().all() and 2 not in {one.joint for one in found.found}
     assert next(one.kind for one in found.found if one.joint == JOINT) == SHOWN[0]

@@ -9,7 +9,7 @@ from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import Course, knots, run_of
 from sidegan.controllers.ros2 import goal_text
-from sidegan.controllers.settings import Delivery
+from sidegan.controllers.settings import ExportSettings
 from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import script_text
 from sidegan.motion.trajectory import Trajectory
@@ -19,8 +19,8 @@ ALL, APPROACH, RETURN = "all", "approach", "return"
 _ENDINGS = (".csv", ".yaml", ".script")
 
 
-def deliver(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, settings: Delivery, folder: Path
+def export_set(
+    constraints: Constraints, trajectory: Trajectory, c: Tensor, settings: ExportSettings, folder: Path
 ) -> dict[str, float]:
     """Write trajectories (n, J, H, 2), as they are to be run: ``1.csv`` …, ``all.csv``, and so on.
 
@@ -56,7 +56,7 @@ def _files(
     points: dict[str, Course],
     fine: dict[str, Course],
     ways: dict[str, Course],
-    settings: Delivery,
+    settings: ExportSettings,
 ) -> Iterator[tuple[str, str]]:
     """Name and content of each file."""
     pause, rate, notes = settings.pause or 0.0, settings.rate, constraints.arm.locked
@@ -79,7 +79,7 @@ def _of_a_run(path: Path) -> bool:
     return named and path.suffix in _ENDINGS
 
 
-def _ways(constraints: Constraints, trajectory: Trajectory, settings: Delivery) -> dict[str, Course]:
+def _ways(constraints: Constraints, trajectory: Trajectory, settings: ExportSettings) -> dict[str, Course]:
     """The way from where the arm is to home, and back; nothing where that is not known."""
     if settings.start is None:
         return {}

@@ -13,8 +13,8 @@ from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import check_recording
+from sidegan.recording.commanded import averaged, load_commanded
 from sidegan.recording.recording import Recording
-from sidegan.recording.sent import averaged, load_sent
 from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(2, harmonics=4, period=8.0)
@@ -62,7 +62,7 @@ def logged(planar, true, order, delay=0.0, gap=None):
 
 def test_repetitions_are_found_and_averaged(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0, 2, 1, 0))
-    parts, repeated = averaged(recording, load_sent(sent, planar.joint_names), 0.1)
+    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names), 0.1)
     assert repeated.counts == {"1": 3, "2": 2, "3": 1}
     found = [float(part.time[0]) for part in parts]
     assert found == pytest.approx([begins[k] for k in (0, 1, 3)], abs=0.05)  # servos are late by some ms
@@ -75,20 +75,24 @@ def test_repetitions_are_found_and_averaged(planar, true, sent):
 
 def test_a_repetition_with_a_gap_does_not_count(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0), gap=PAUSE + 4)
-    parts, repeated = averaged(recording, load_sent(sent, planar.joint_names), 0.1)
+    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names), 0.1)
     assert repeated.counts == {"1": 1, "2": 1} and repeated.noise is None
     assert float(parts[-1].time[0]) == pytest.approx(begins[2], abs=0.05)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.006, -0.004])
-def test_delay_noise_and_bandwidth_are_told(planar, true, sent, delay):
+def test_delay_noise_and_bandwidth_are_reported(planar, true, sent, delay):
     recording, _ = logged(planar, true, (0, 1, 2) * 3, delay)
     checked = check_recording(recording, planar, of_file(sent=str(sent), delay=None))
     assert checked.delay.seconds == pytest.approx(delay, abs=max(4 * checked.delay.deviation, 1e-3))
     assert checked.delay.deviation < 1e-3
-    assert checked.grid.source == "of what was sent"
+    assert checked.grid.source == "of the commands"
     said = "; ".join(checked.statements)
-    assert "found what was sent: 1 × 3, 2 × 3, 3 × 3" in said and "± " in said and "are -" not in said
+    assert (
+        "found the commanded trajectories: 1 × 3, 2 × 3, 3 × 3" in said
+        and "± " in said
+        and "are -" not in said
+    )
     assert ("earlier" if checked.delay.seconds < 0 else "later") + " than the motion" in said
     assert len(checked.segments) == 3 and checked.as_json()["repetitions"] == {"1": 3, "2": 3, "3": 3}
 
@@ -97,21 +101,21 @@ def test_the_newest_run_is_meant_where_only_their_folder_is_given(planar, sent, 
     for day in ("2026-01-02", "2026-01-01"):
         (tmp_path / day / "trajectories").mkdir(parents=True)
     shutil.copy(sent / "trajectories" / "2.csv", tmp_path / "2026-01-02" / "trajectories" / "1.csv")
-    (found,) = load_sent(tmp_path, planar.joint_names)
-    np.testing.assert_array_equal(found.position, load_sent(sent, planar.joint_names)[1].position)
+    (found,) = load_commanded(tmp_path, planar.joint_names)
+    np.testing.assert_array_equal(found.position, load_commanded(sent, planar.joint_names)[1].position)
 
 
 def test_what_is_not_in_it_is_refused(planar, true, sent, tmp_path):
     recording, _ = logged(planar, true, (0, 1))
-    trajectories = load_sent(sent, planar.joint_names)
-    slow = [replace(one, time=2 * one.time) for one in trajectories]
+    trajectories = load_commanded(sent, planar.joint_names)
+    slow = [replace(trajectory, time=2 * trajectory.time) for trajectory in trajectories]
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
     for words, use in (
         ("of 1 trajectory that was sent none is in it", lambda: averaged(recording, trajectories[2:], 0.1)),
         ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
-        ("expected a table of excite", lambda: load_sent(tmp_path / "nothing", planar.joint_names)),
-        ("has no column q_shoulder: is it", lambda: load_sent(tmp_path / "1.csv", planar.joint_names)),
+        ("expected a table of excite", lambda: load_commanded(tmp_path / "nothing", planar.joint_names)),
+        ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", planar.joint_names)),
     ):
         with pytest.raises(RecordingError, match=words):
             use()

@@ -32,7 +32,9 @@ def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recordin
     return load_recording(files, settings, arm.joint_names, chain_of(arm), sliding)
 
 
-def standing(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings) -> dict[str, float]:
+def stationary_positions(
+    arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings
+) -> dict[str, float]:
     """Where the joints without a torque stand [rad or m], from the positions in all recordings.
 
     Raises:

@@ -8,18 +8,18 @@ from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score, score, score_of_sums
 from sidegan.identification.sums import solve
-from sidegan.identification.verdict import Trust
+from sidegan.identification.verdict import Quality
 
 _LEAST = 1e-6  # information on each term beside the samples'
 _EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than this share of a joint's torque
 
 
-def trust(
+def quality(
     model: TorqueModel,
     estimate: Estimate,
     validation: list[Measurements] | None = None,
     folds: Score | None = None,
-) -> Trust:
+) -> Quality:
     """Quality of an estimate of a model, from which its verdict follows.
 
     Raises:
@@ -33,7 +33,7 @@ def trust(
     validated = None
     if validation is not None:
         validated, nominal = (score(model, x, validation) for x in candidates)
-    return Trust(
+    return Quality(
         arm=model.arm,
         estimate=estimate,
         train=train,

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from sidegan.robot import load_robot
-from sidegan.robot.looks import visual_parts
+from sidegan.robot.visuals import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, robot
 

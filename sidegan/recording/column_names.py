@@ -1,4 +1,4 @@
-"""Signals that columns hold, by the words of their names, whoever wrote them."""
+"""Signals that columns hold, by their names, in all usual conventions."""
 
 import re
 from collections.abc import Iterator, Sequence

@@ -33,7 +33,11 @@ def refused_pairs(
     if not hulls.collisionPairs:
         return {}
     geometry.removeAllCollisionPairs()
-    _pair(geometry, [model.frames[one.parentFrame].name for one in geometry.geometryObjects], description)
+    _pair(
+        geometry,
+        [model.frames[geometry_object.parentFrame].name for geometry_object in geometry.geometryObjects],
+        description,
+    )
     state, found, meshes = model.createData(), hulls.createData(), geometry.createData()
     for request in meshes.collisionRequests:
         request.enable_contact = True  # else coal 3.0 misses some contacts of cylinders
@@ -81,6 +85,6 @@ def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Descript
 def _sampled(model: pin.Model, description: Description, pairs: int) -> np.ndarray:
     """Random configurations within the limits, (N, J)."""
     limits = [description.limits[name] for name in list(model.names)[1:]]
-    lower, upper = (np.array([getattr(one, side) for one in limits]) for side in ("lower", "upper"))
+    lower, upper = (np.array([getattr(limit, side) for limit in limits]) for side in ("lower", "upper"))
     count = int(np.clip(_QUESTIONS / pairs, _FEWEST, _MOST))
     return lower + np.random.default_rng(0).random((count, len(limits))) * (upper - lower)

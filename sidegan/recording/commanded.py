@@ -21,12 +21,12 @@ from sidegan.recording.tables import Numbers
 FOLDER = "trajectories"  # of a run of excite
 _RATE = 50.0  # [Hz] at which trajectories are looked for
 _ALIKE = 0.9  # correlation of velocities from which a trajectory is one of those that were sent
-_NEAR = 0.1  # [rad or m] between the means of what was sent and what was recorded
+_NEAR = 0.1  # [rad or m] between the means of the commands and what was recorded
 _ROUNDS = 4  # of finding the moment at which a repetition begins
 
 
 @dataclass(frozen=True, eq=False)
-class Sent:
+class Commanded:
     """A trajectory that was sent to the arm."""
 
     name: str  # of its file
@@ -43,21 +43,21 @@ class Sent:
 class Repeated:
     """How often trajectories were found in a recording, and how far their repetitions differ."""
 
-    counts: dict[str, int]  # by the name of what was sent
+    counts: dict[str, int]  # by the name of the commands
     # standard deviation of a sample of each joint's torque [N·m or N] or current [A] between repetitions,
     # (J,); None where nothing was repeated
     noise: Tensor | None
-    bandwidth: float  # of what was sent [Hz]
+    bandwidth: float  # of the commands [Hz]
 
     @property
     def statement(self) -> str:
         """A sentence on what was found."""
         listed = ", ".join(f"{name} × {count}" for name, count in self.counts.items())
         averaged = "" if self.noise is None else "; repetitions are averaged"
-        return f"found what was sent: {listed}{averaged}"
+        return f"found the commanded trajectories: {listed}{averaged}"
 
 
-def sent_files(path: Path) -> list[Path]:
+def commanded_files(path: Path) -> list[Path]:
     """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run.
 
     Raises:
@@ -66,37 +66,37 @@ def sent_files(path: Path) -> list[Path]:
     runs = sorted(path.glob(f"*/{FOLDER}"))  # named by their time
     folder = runs[-1] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
     files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda one: one.stem.zfill(9))
-    files = [one for one in files if folder.is_file() or one.stem.isdigit()]
+    files = [file for file in files if folder.is_file() or file.stem.isdigit()]
     if not files:
         raise RecordingError(f"recording.sent is {path}, expected a table of excite or the folder of its run")
     return files
 
 
-def load_sent(path: Path, joint_names: Sequence[str]) -> list[Sent]:
+def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
     """The trajectories that were sent, in the columns of ``excite``.
 
     Raises:
         RecordingError: when there is none, or one is of other joints.
     """
     found = []
-    for file in sent_files(path):
+    for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):
             table = pd.read_csv(file)
         columns = ["time", *(f"q_{name}" for name in joint_names)]
         if missing := [name for name in columns if name not in table]:
             raise RecordingError(f"{file} has no column {', '.join(missing)}: is it of this arm?")
         values = table[columns].to_numpy(np.float64)
-        found.append(Sent(file.stem, values[:, 0], values[:, 1:]))
+        found.append(Commanded(file.stem, values[:, 0], values[:, 1:]))
     return found
 
 
-def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[list[Recording], Repeated]:
+def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tuple[list[Recording], Repeated]:
     """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
 
     With a gap [s] in it a repetition does not count.
 
     Raises:
-        RecordingError: when there is nothing of what was sent in it.
+        RecordingError: when there is nothing of the commands in it.
     """
     fresh = np.append(True, np.diff(recording.time.numpy()) > 0)
     time = recording.time.numpy()[fresh]
@@ -129,7 +129,9 @@ def averaged(recording: Recording, sent: Sequence[Sent], gap: float) -> tuple[li
     return found, Repeated(counts, noise, bandwidth)
 
 
-def _starts(time: Numbers, position: Numbers, sent: Sequence[Sent], gap: float) -> dict[int, list[float]]:
+def _starts(
+    time: Numbers, position: Numbers, sent: Sequence[Commanded], gap: float
+) -> dict[int, list[float]]:
     """Moments [s] at which trajectories begin, by their number; no two overlap."""
     step = 1 / _RATE
     grid = np.arange(time[0], time[-1], step)
@@ -160,7 +162,7 @@ def _alike(velocity: Numbers, wanted: Numbers) -> Numbers:
     return np.asarray(match / np.sqrt(power))
 
 
-def _begun(time: Numbers, position: Numbers, sent: Sent, start: float) -> float | None:
+def _begun(time: Numbers, position: Numbers, sent: Commanded, start: float) -> float | None:
     """The moment at which a trajectory begins [s]; None where it is another one or not all of it is there.
 
     What a servo is late by is part of it: the recording is compared with itself, not with what was asked for.

@@ -63,7 +63,7 @@ class Lack(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Lacks:
+class Unmodelled:
     """Torques that a model lacks."""
 
     found: tuple[Lack, ...]  # by joints, of each joint the one that explains most first
@@ -84,7 +84,7 @@ class Lacks:
         return sentences or ["no known misfit explains more of it than noise would: more motion helps"]
 
 
-def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
+def find_unmodelled(model: TorqueModel, estimate: Estimate, samples: Samples) -> Unmodelled:
     """Torques that an estimate's model lacks, as its residuals show them.
 
     A kind counts where it explains several times as much of them as noise of their size and correlation
@@ -99,7 +99,7 @@ def lacks(model: TorqueModel, estimate: Estimate, samples: Samples) -> Lacks:
     forms = _forms(model, estimate, rows, Measurements(*states, torque))
     error = torch.einsum("sjk,jk->sj", forms, amounts) - rows @ torch.einsum("pjk,jk->p", turned, amounts)
     usual = torque.square().mean(0).clamp_min(_TINY)
-    return Lacks(tuple(found), (error.square().mean(0) / usual).sqrt())
+    return Unmodelled(tuple(found), (error.square().mean(0) / usual).sqrt())
 
 
 class _Left(NamedTuple):

@@ -4,7 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.identification import estimate, folds, score, trust
+from sidegan.identification import estimate, folds, quality, score
 from sidegan.identification.score import Score, score_of_sums
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
 from tests.identification.recordings import half_still, model_of, recorded
@@ -32,7 +32,7 @@ class TestScore:
     def test_folds_leave_one_out(self, good):
         model, _, _ = good
         recordings = [recorded(model, 300, NOISE, seed) for seed in range(3)]
-        found = folds("weighted", model, [[one] for one in recordings])
+        found = folds("weighted", model, [[recording] for recording in recordings])
         for k in range(3):
             others = [x for i, x in enumerate(recordings) if i != k]
             parameters = estimate("weighted", model, others).parameters
@@ -40,7 +40,7 @@ class TestScore:
 
 
 def folded(model, *recordings):
-    return folds("weighted", model, [[one] for one in recordings])
+    return folds("weighted", model, [[recording] for recording in recordings])
 
 
 def still(data):
@@ -54,16 +54,20 @@ def scaled(data, *factors):
 HARDLY = r"^joint 2 \(elbow\).*not identifiable.*fv2.*goes further than .* is faster than"
 # The verdict, a reason, and what is judged: of a model, its estimate and another recording.
 PLANTED = [
-    (GOOD, "^mean nMSE 0.00", lambda m, x, other: trust(m, x, [other], folded(m, other[:500], other[500:]))),
-    (GOOD, "by the others", lambda m, x, other: trust(m, x, None, folded(m, other[:500], other[500:]))),
-    (USABLE, "^no recording was held out", lambda m, x, other: trust(m, x)),
-    (BAD, "some parameters have no effect", lambda m, x, other: trust(m, estimate("ols", m, still(other)))),
-    (BAD, HARDLY, lambda m, *_: trust(m, half_still(m.arm, NOISE, 1e-3)[1])),
-    (BAD, "elbow.* is constant", lambda m, x, other: trust(m, estimate("ols", m, scaled(other, 1.0, 0.0)))),
+    (
+        GOOD,
+        "^mean nMSE 0.00",
+        lambda m, x, other: quality(m, x, [other], folded(m, other[:500], other[500:])),
+    ),
+    (GOOD, "by the others", lambda m, x, other: quality(m, x, None, folded(m, other[:500], other[500:]))),
+    (USABLE, "^no recording was held out", lambda m, x, other: quality(m, x)),
+    (BAD, "some parameters have no effect", lambda m, x, other: quality(m, estimate("ols", m, still(other)))),
+    (BAD, HARDLY, lambda m, *_: quality(m, half_still(m.arm, NOISE, 1e-3)[1])),
+    (BAD, "elbow.* is constant", lambda m, x, other: quality(m, estimate("ols", m, scaled(other, 1.0, 0.0)))),
     (
         USABLE,
         "is predicted by the others",
-        lambda m, x, other: trust(m, x, [other], folded(m, other, scaled(other, 1.5))),
+        lambda m, x, other: quality(m, x, [other], folded(m, other, scaled(other, 1.5))),
     ),
 ]
 
@@ -85,7 +89,7 @@ def score_of(*nmse):
 def flawless(good):
     """A good model of the planar arm, in which everything may be replaced."""
     model, found, validation = good
-    result = trust(model, found, [validation])
+    result = quality(model, found, [validation])
     small = torch.full((2,), 0.01, dtype=torch.float64)
     errors = {"train": score_of(0.01, 0.01), "validation": score_of(0.01, 0.01)}
     planted = replace(result, **errors, nominal_score=score_of(1.0, 1.0), torque_deviation=small, weak=())

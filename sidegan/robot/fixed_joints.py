@@ -1,4 +1,4 @@
-"""Where the joints stand that do not move, and what becomes of the links behind them."""
+"""Where the joints stand that do not move, and where the links behind them go."""
 
 from collections.abc import Mapping, Sequence
 
@@ -10,7 +10,7 @@ from sidegan.robot.setup import override
 from sidegan.robot.tree import MOVABLE, Joint, Tree, meant
 
 
-def standing(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
+def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
     """Positions of all joints that do not move [rad or m]: as given, as what they mimic, or mid-range.
 
     Raises:
@@ -76,7 +76,7 @@ def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
     return span if span and span[0] < span[1] else None
 
 
-def tell(
+def describe_fixed(
     tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
     """Notes on what was locked where [rad or m], and whose mass [kg] was lumped into which link."""
