@@ -16,8 +16,9 @@ from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import excite, sending
+from sidegan.pipeline.stages import sending
 from sidegan.robot import load_robot, with_effort
+from sidegan.steps import trajectories
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
 
@@ -107,7 +108,7 @@ def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(ran, tmp_path, monk
         arm = replace(constraints.arm, torque_limit=0.01 * constraints.arm.torque_limit)
         return check(Constraints(arm), family, c)
 
-    monkeypatch.setattr(excite, "check", weak)
+    monkeypatch.setattr(trajectories, "check", weak)
     with pytest.raises(InfeasibleError, match=r"trajectory 1 cannot be run at 25% of the speed: torque"):
         ran("controllers.speed=0.25")
     assert refused == [32.0] and not (tmp_path / "run" / "trajectories").exists()

@@ -52,7 +52,7 @@ def die_once(marker, task):
 
 def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, undisturbed):
     deadly, redone = Watched(partial(die_once, tmp_path / "died")), []
-    with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*goes on"):
+    with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*the same command continues"):
         small_job.run(tmp_path, deadly, workers=2)
     done = list(tmp_path.glob("seeds/*.work/seeds-*.pt"))
     assert done and small_job.same(small_job.run(tmp_path, Watched(redone.append)), undisturbed)

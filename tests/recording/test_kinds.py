@@ -170,7 +170,7 @@ def test_a_joint_that_slides_in_another_unit_is_refused(sliding, clock, unit, fa
 
 def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recording, planar, tmp_path):
     counts = (recording.position / (2 * np.pi) * 4096 + 2048).round()
-    with pytest.raises(RecordingError, match="no unit mends: are these counts") as error:
+    with pytest.raises(RecordingError, match="no unit explains: are these counts") as error:
         check_recording(replace(recording, velocity=None, position=counts), planar, of_file())
     per_turn, zero = map(float, re.findall(r"(?:per_turn|zero): (\d+)", str(error.value)))
     units = {"position": {"per_turn": [per_turn, -per_turn], "zero": zero}}

@@ -62,7 +62,7 @@ FILES = [
     ("no torque of 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
     (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
     ("time as 't' and as 'time'; choose one: 'recording.time=\"t\"'", twice(time="t"), {}),
-    (r"position as 'q\{index\}' and as 'q_\{index\}'; say which", twice(q_1="q1", q_2="q2"), {}),
+    (r"position as 'q\{index\}' and as 'q_\{index\}'; choose one", twice(q_1="q1", q_2="q2"), {}),
     ("begins with numbers.*write one into it", files.written(header=False), {}),
     (
         "100% of its rows .* number, in column t",

@@ -11,7 +11,7 @@ from tests.report.pages import Page
 SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank_uncentred": 20.0}
 HISTORY = pd.DataFrame({"success": [0.1, 0.9], "condition": [1e4, None], "distance": [3.0, 2.0]})
 HISTORY = HISTORY.assign(distance_diagonal=[2.0, 1.0], nearest=1.0, rank_uncentred=3.0, cosine=0.5)
-HISTORY = HISTORY.assign(error=0.1, error_constant=0.2, epoch=[1, 2])
+HISTORY = HISTORY.assign(condition_mean=2e4, error=0.1, error_constant=0.2, epoch=[1, 2])
 
 
 def results(*weightings):

@@ -68,7 +68,10 @@ def test_what_there_is_nothing_to_say_of_is_left_out(identified, monkeypatch):
     monkeypatch.setattr(page, "_RECORDINGS", 1)
     pulled = replace(identified.quality, other_gravity="gravity is another one")
     text = Page(
-        report_html(replace(identified, quality=pulled, tests=identified.trained), ORIGIN).decode()
+        report_html(
+            replace(identified, quality=pulled, tests=replace(identified.tests, errors=identified.trained)),
+            ORIGIN,
+        ).decode()
     ).text
     assert "nMSE, validation" not in text
     assert "1 more recordings are not shown" in text and "Use none of these models" in text

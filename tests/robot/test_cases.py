@@ -18,6 +18,7 @@ from sidegan.robot import (
 )
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.visuals import visual_parts
+from sidegan.steps.trajectories import peaks
 from sidegan.validity.pairs import describe_displaced_shapes
 from sidegan.validity.placeholders import describe_placeholder_limits
 from tests.identification.test_cases import recordings
@@ -126,9 +127,9 @@ def test_limits_that_no_arm_has_are_named_with_the_words_that_set_them(load, spa
 
 
 def test_peaks_are_shares_with_their_values():
-    peaks = torch.tensor([[[1.0, -3.0], [0.5, 2.0]]])
-    assert peaks(peaks, torch.tensor([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
-    assert peaks(peaks, torch.tensor([torch.inf, torch.inf]), ["N·m", "N"]) == ["3 N"]
+    motion = torch.tensor([[[1.0, -3.0], [0.5, 2.0]]])
+    assert peaks(motion, torch.tensor([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
+    assert peaks(motion, torch.tensor([torch.inf, torch.inf]), ["N·m", "N"]) == ["3 N"]
 
 
 def test_mujoco_leaves_no_file_and_pictures_one_message(load, tmp_path, monkeypatch, caplog):
