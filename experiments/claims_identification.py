@@ -9,6 +9,7 @@ import pandas as pd
 from experiments import exp1, exp2
 from experiments.artifacts import Artifacts
 from experiments.finding import GANS, SIDE_GANS, Judgement, ratios, words
+from experiments.reference import PAPER
 from experiments.verdicts import (
     REPEAT,
     TRAINING,
@@ -126,8 +127,8 @@ def _smallest_norm(made: Artifacts) -> Judgement:
 def _over_eigen(made: Artifacts, frame: pd.DataFrame) -> dict[str, pd.Series]:
     """Logarithms of the ratios of covariance norms to eigen's, by set of the paper's table."""
     norms = by_set(frame, "covariance_norm", made.cfg.gan)
-    most = f"seeds ×{max(made.cfg.replication.replicas)}"  # which the paper's table does not have
-    return {n: log_ratio(x, norms["eigen"]) for n, x in norms.items() if n not in ("eigen", most)}
+    others = [name for name in norms if name in PAPER["table3"] and name != "eigen"]
+    return {name: log_ratio(norms[name], norms["eigen"]) for name in others}
 
 
 def _table1(made: Artifacts, frame: str) -> dict[str, pd.Series]:
