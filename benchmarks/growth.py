@@ -77,7 +77,10 @@ def library(size: int) -> Costs:
     """A library of random valid trajectories."""
     constraints, noise = _lwr(), torch.Generator().manual_seed(0)
     family = Trajectory(constraints.arm.joints)
-    problem, settings = Problem(constraints, family), Expansion(size, _BATCH, 20 * size, size)
+    problem, settings = (
+        Problem(constraints, family),
+        Expansion(count=size, batch=_BATCH, draws=20 * size, least=size),
+    )
     found, start = Costs(), time.process_time()
     draws = draw_valid(
         lambda n: problem.start(n, noise, _REACH), lambda c: check(constraints, family, c), settings, "random"
@@ -100,7 +103,7 @@ def _pick(method: str, size: int) -> Costs:
     c = Problem(constraints, family).start(size, noise)
     diagonal = torch.rand(size, constraints.body.parameters_count, generator=noise, dtype=torch.float64)
     picked = list[torch.Tensor]()
-    settings = Selection(_PICKED, method, None)
+    settings = Selection(count=_PICKED, method=method)
     found = {"pick": _spent(lambda: picked.append(choose(settings, constraints.body, family, c, diagonal)))}
     assert len(set(picked[0].tolist())) == _PICKED
     return found
