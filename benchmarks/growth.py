@@ -28,6 +28,7 @@ from sidegan.validity import Constraints, Plane, check
 _COUNT, _SAMPLES, _HARMONICS = 400, 80, 6  # trajectories of a small size, and what is not varied
 _REACH, _BATCH = 0.5, 1000  # of random draws of a library
 _PICKED = 35
+_AT_ONCE = 1_000  # of a pool's trajectories
 _PIECE = 100.0  # [s] of motion that is held at once, at 100 Hz
 
 Costs = dict[str, float]
@@ -100,7 +101,8 @@ def library(size: int) -> Costs:
 def _pick(method: str, size: int) -> Costs:
     constraints, noise = _lwr(), torch.Generator().manual_seed(0)
     family = Trajectory(constraints.arm.joints)
-    c = Problem(constraints, family).start(size, noise)
+    problem = Problem(constraints, family)
+    c = torch.cat([problem.start(_AT_ONCE, noise) for _ in range(size // _AT_ONCE)])
     diagonal = torch.rand(size, constraints.body.parameters_count, generator=noise, dtype=torch.float64)
     picked = list[torch.Tensor]()
     settings = Selection(count=_PICKED, method=method)

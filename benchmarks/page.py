@@ -17,6 +17,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import pytest
+from matplotlib.ticker import NullFormatter
 
 from benchmarks.growth import POINTS
 
@@ -88,18 +89,21 @@ def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
 
 
 def _draw(growth: dict[str, Any]) -> None:
-    figure, axes = plt.subplots(1, len(POINTS), figsize=(3 * len(POINTS), 3), layout="constrained")
-    for axis, work in zip(axes, POINTS):
+    figure, axes = plt.subplots(2, -(-len(POINTS) // 2), figsize=(11, 5.6), layout="constrained")
+    axes.flat[-1].set_axis_off()
+    for axis, work in zip(axes.flat, POINTS):
         sizes = sorted((int(size), costs) for size, costs in growth.get(work.__name__, {}).items())
         for key in sizes[0][1] if sizes else []:
             if _UNITS.get(key) != "MB":
                 axis.loglog([x for x, _ in sizes], [costs[key] for _, costs in sizes], "o-", label=key)
         if sizes:
-            ends, top = [sizes[0][0], sizes[-1][0]], max(x for x in sizes[-1][1].values())
+            ends = [sizes[0][0], sizes[-1][0]]
+            top = max(x for key, x in sizes[-1][1].items() if _UNITS.get(key) != "MB")
             axis.loglog(ends, [top * x / ends[1] for x in ends], ":", color="grey", label="linear")
         small = work.__name__ not in _LARGE
         axis.set(title=work.__name__.replace("_", "-"), ylabel="µs a trajectory" if small else "CPU s")
         axis.legend(fontsize=7)
+        axis.xaxis.set_minor_formatter(NullFormatter())
     figure.savefig(_FIGURE, dpi=90)
 
 
