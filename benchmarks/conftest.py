@@ -5,8 +5,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-import torch
 from pytest_benchmark.fixture import BenchmarkFixture
+
+from sidegan.base.threads import on_threads
 
 OURS = "sidegan"
 Rate = Callable[..., Any]
@@ -14,7 +15,6 @@ Rate = Callable[..., Any]
 
 def pytest_configure(config: pytest.Config) -> None:
     """Show medians and rates of each work."""
-    torch.set_num_threads(1)
     config.option.dist = "no"  # benchmarks beside each other would tell nothing
     config.option.benchmark_sort = "fullname"
     config.option.benchmark_columns = ["median", "iqr", "ops", "rounds"]
@@ -48,10 +48,8 @@ def rate(benchmark: BenchmarkFixture, request: pytest.FixtureRequest) -> Rate:
 
 
 def _wall(work: Callable[[], Any]) -> float:
-    """Wall time [s] of some work with two threads of torch and of our kernels."""
-    torch.set_num_threads(2)
-    start = time.perf_counter()
-    work()
-    seconds = time.perf_counter() - start
-    torch.set_num_threads(1)
-    return seconds
+    """Wall time [s] of some work on two threads."""
+    with on_threads(2):
+        start = time.perf_counter()
+        work()
+        return time.perf_counter() - start

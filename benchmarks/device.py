@@ -17,10 +17,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.gan.side_gan import Data
+from sidegan.gan.tensors import tensor
 from sidegan.gan.trainer import fit
 from sidegan.gan.variants import VARIANTS
 
@@ -41,11 +43,11 @@ def task() -> tuple[Any, Data]:
     cfg = composed("+experiment=exp1", "scale=paper")
     constraints = Constraints(load_robot("kuka_lwr4"), [Plane((0.0, 0.0, 1.0), 0.10)])
     family, arm, sizes = Trajectory(constraints.arm.joints), constraints.arm, cfg.surrogates
-    seeds = Problem(constraints, family).start(SEEDS, torch.Generator().manual_seed(0))
+    seeds = Problem(constraints, family).start(SEEDS, np.random.default_rng(0))
     spectrum = excite(constraints.body, family, seeds[:200]).spectrum
     predictor = SuccessPredictor(arm, family, len(constraints.labels), sizes.width, sizes.margin_steps)
     converter = Converter(arm, family, spectrum.shape[1], sizes.width, sizes.feature_steps)
-    converter.fit_standard(spectrum)
+    converter.fit_standard(tensor(spectrum))
     for network in (predictor, converter):
         network.freeze()
     variant = replace(cfg.gan["eigen"], epochs=EPOCHS, fitness_start=0)

@@ -11,8 +11,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import torch
+import numpy as np
 
+from sidegan.base.arrays import Array
+from sidegan.base.threads import one_thread
 from sidegan.design.problem import Problem
 from sidegan.design.selection import Selection, choose
 from sidegan.identification import RIGID, Measurements, TorqueModel
@@ -47,7 +49,7 @@ def _spent(work: Callable[[], object]) -> float:
 def _small(constraints: Constraints, harmonics: int = _HARMONICS, samples: int = _SAMPLES) -> Costs:
     """CPU time [µs] of a trajectory: YᵀY, and validity."""
     family = Trajectory(constraints.arm.joints, harmonics)
-    c = Problem(constraints, family).start(_COUNT, torch.Generator().manual_seed(0))
+    c = Problem(constraints, family).start(_COUNT, np.random.default_rng(0))
     works = {
         "regressor": lambda: gram(constraints.body, family, c, samples),
         "validity": lambda: check(constraints, family, c),
@@ -76,7 +78,7 @@ def harmonics(size: int) -> Costs:
 
 def library(size: int) -> Costs:
     """A library of random valid trajectories."""
-    constraints, noise = _lwr(), torch.Generator().manual_seed(0)
+    constraints, noise = _lwr(), np.random.default_rng(0)
     family = Trajectory(constraints.arm.joints)
     problem, settings = (
         Problem(constraints, family),
@@ -99,12 +101,12 @@ def library(size: int) -> Costs:
 
 
 def _pick(method: str, size: int) -> Costs:
-    constraints, noise = _lwr(), torch.Generator().manual_seed(0)
+    constraints, noise = _lwr(), np.random.default_rng(0)
     family = Trajectory(constraints.arm.joints)
     problem = Problem(constraints, family)
-    c = torch.cat([problem.start(_AT_ONCE, noise) for _ in range(size // _AT_ONCE)])
-    diagonal = torch.rand(size, constraints.body.parameters_count, generator=noise, dtype=torch.float64)
-    picked = list[torch.Tensor]()
+    c = np.concatenate([problem.start(_AT_ONCE, noise) for _ in range(size // _AT_ONCE)])
+    diagonal = noise.random((size, constraints.body.parameters_count))
+    picked = list[Array]()
     settings = Selection(count=_PICKED, method=method)
     found = {"pick": _spent(lambda: picked.append(choose(settings, constraints.body, family, c, diagonal)))}
     assert len(set(picked[0].tolist())) == _PICKED
@@ -125,7 +127,7 @@ def rls(size: int) -> Costs:
     """Least squares of so many seconds of motion at 100 Hz, read piece by piece."""
     constraints = _lwr()
     body, family = RigidBody(constraints.arm), Trajectory(constraints.arm.joints, period=_PIECE)
-    c = Problem(constraints, family).start(1, torch.Generator().manual_seed(0))
+    c = Problem(constraints, family).start(1, np.random.default_rng(0))
     motion = family.roll_out(c, family.grid(round(100 * _PIECE)))
     part = Measurements(*(x[0] for x in motion[1:]), body.torque(*motion[1:])[0])
     model, pieces = TorqueModel(body, RIGID), round(size / _PIECE)
@@ -145,10 +147,10 @@ POINTS: dict[Callable[[int], Costs], list[int]] = {
 
 def main(name: str, *sizes: str) -> None:
     """Costs of these sizes, one JSON object."""
-    torch.set_num_threads(1)
     work, found = globals()[name], {}
     for size in sizes:
-        costs = work(int(size))
+        with one_thread():
+            costs = work(int(size))
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # [MB] up to now
         found[size] = costs | ({"peak": peak} if len(sizes) == 1 else {})
     sys.stdout.write(json.dumps(found) + "\n")

@@ -39,7 +39,7 @@ class Pinocchio:
     def __init__(self, constraints: Constraints) -> None:
         self.model = chain_model(constraints.arm)
         self.data, self.pool = self.model.createData(), pin.ModelPool(self.model, 2)
-        self.columns = constraints.body.base.columns.numpy()
+        self.columns = constraints.body.base.columns
         self.geometry = capsule_geometry(constraints.arm)
         for first, second in constraints.pairs.tolist():
             self.geometry.addCollisionPair(pin.CollisionPair(first, second))
@@ -82,7 +82,7 @@ class Mujoco:
     """Torques and regressors of an arm by ``mj_inverse``, and its plant by ``rollout``."""
 
     def __init__(self, arm: Arm) -> None:
-        self.own, self.model = arm.inertial_parameters.numpy(), mujoco_model(arm)
+        self.own, self.model = arm.inertial_parameters, mujoco_model(arm)
         self.data = mujoco.MjData(self.model)
 
     def torque(self, states: Sequence[State]) -> Array:
@@ -190,6 +190,6 @@ def frax_torque(arm: Arm, folder: Path) -> Any:
         ET.SubElement(inertial, "mass", value="1")
         ET.SubElement(inertial, "inertia", ixx="1", iyy="1", izz="1", ixy="0", ixz="0", iyz="0")
     tree.write(folder / "arm.urdf")
-    robot, gravity = frax.Robot(str(folder / "arm.urdf")), jax.numpy.array([*-arm.gravity.numpy(), 0, 0, 0])
+    robot, gravity = frax.Robot(str(folder / "arm.urdf")), jax.numpy.array([*-arm.gravity, 0, 0, 0])
     batch = jax.jit(jax.vmap(lambda q, dq, ddq: robot.rnea(q, dq, ddq, gravity, None)))
     return lambda *states: batch(*states).block_until_ready()

@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from benchmarks import device
 from benchmarks.conftest import OURS, Rate
 from benchmarks.opponents import Figaroh, Mujoco, Pinocchio, frax_torque
+from sidegan.base.arrays import Array
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.gan import TrajectoryGenerator
+from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
+from sidegan.gan.tensors import tensor
 from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
 from sidegan.identification.fit import LeastSquares
@@ -47,15 +48,15 @@ FAMILY, BODY = Trajectory(CONSTRAINTS.arm.joints), CONSTRAINTS.body
 PROBLEM = Problem(CONSTRAINTS, FAMILY)
 
 
-def start(count: int) -> torch.Tensor:
+def start(count: int) -> Array:
     """Random trajectories, (count, 7, 6, 2) [rad/s]."""
-    return PROBLEM.start(count, torch.Generator().manual_seed(0))
+    return PROBLEM.start(count, np.random.default_rng(0))
 
 
 def motions(count: int, samples: int) -> list[list[tuple[np.ndarray, ...]]]:
     """States of random trajectories, one after another."""
     motion = FAMILY.roll_out(start(count), FAMILY.grid(samples))
-    return [list(zip(*parts)) for parts in zip(*(x.numpy() for x in motion[1:]))]
+    return [list(zip(*parts)) for parts in zip(*motion[1:])]
 
 
 @pytest.mark.parametrize("by", [OURS, "Pinocchio", "FIGAROH", "MuJoCo, unit bodies"])
@@ -68,9 +69,9 @@ def test_regressor(rate: Rate, by: str) -> None:
         rate(work, len(c) * _SAMPLES, unit, both=work)
         return
     if by != "Pinocchio":
-        (states,), columns = motions(1, _SAMPLES), BODY.base.columns.numpy()
+        (states,), columns = motions(1, _SAMPLES), BODY.base.columns
         parts = [np.array(x) for x in zip(*states)]
-        expected = BODY.base_regressor(*map(torch.from_numpy, parts)).numpy()
+        expected = BODY.base_regressor(*parts)
         if by == "FIGAROH":
             other = Figaroh(CONSTRAINTS.arm)
             assert len(other.base_columns(*parts)) == len(columns)
@@ -81,7 +82,7 @@ def test_regressor(rate: Rate, by: str) -> None:
         np.testing.assert_allclose(found, expected, atol=1e-9)
         return
     each = motions(few, _SAMPLES)
-    expected = gram(BODY, FAMILY, start(few), samples=_SAMPLES).numpy()
+    expected = gram(BODY, FAMILY, start(few), samples=_SAMPLES)
     np.testing.assert_allclose([loops.gram(states) for states in each], expected, rtol=1e-9, atol=1e-9)
     rate(lambda: [loops.gram(states) for states in each], few * _SAMPLES, unit)
 
@@ -90,14 +91,13 @@ def test_regressor(rate: Rate, by: str) -> None:
 def test_torque(rate: Rate, by: str, tmp_path: Path) -> None:
     """Torques of states that are there."""
     states = [x.reshape(-1, FAMILY.joints) for x in FAMILY.roll_out(start(500), FAMILY.grid(_SAMPLES))[1:]]
-    expected, arrays = BODY.torque(*states), [x.numpy() for x in states]
-    columns = [np.asfortranarray(x.T) for x in arrays]
+    expected, columns = BODY.torque(*states), [np.asfortranarray(x.T) for x in states]
     if by == _FRAX:
-        work = both = partial(frax_torque(CONSTRAINTS.arm, tmp_path), *arrays)
+        work = both = partial(frax_torque(CONSTRAINTS.arm, tmp_path), *states)
     elif by == _PARALLEL:
         work, both = (partial(Pinocchio(CONSTRAINTS).torque, threads, columns) for threads in (1, 2))
     elif by == _INVERSE:
-        work, both = partial(Mujoco(CONSTRAINTS.arm).torque, list(zip(*arrays))), None
+        work, both = partial(Mujoco(CONSTRAINTS.arm).torque, list(zip(*states))), None
     else:
         work = both = partial(BODY.torque, *states)
     found = rate(work, len(expected), "states", both=both)
@@ -111,15 +111,15 @@ def test_plant(rate: Rate, by: str) -> None:
     motion = FAMILY.roll_out(start(count), FAMILY.times(IDEAL.rate))
     each = [Motion(motion.time, *(x[k : k + 1] for x in motion[1:])) for k in range(count)]
     amount, unit = count * len(motion.time) / IDEAL.rate, "seconds of motion"
-    expected = np.stack([plant.follow(one).position.numpy() for one in each])
+    expected = np.stack([plant.follow(one).position for one in each])
     if by == OURS:
         rate(lambda: [plant.follow(one) for one in each], amount, unit, 3)
         return
     stiffness, damping = plant.gains
-    ahead = torch.cat([motion.velocity[:, 1:], motion.velocity[:, -1:]], 1)
+    ahead = np.concatenate([motion.velocity[:, 1:], motion.velocity[:, -1:]], 1)
     torque = plant.body.torque(*motion[1:])
-    targets = (motion.position + (damping * ahead + torque) / stiffness).numpy()
-    first = torch.cat([motion.position[:, 0], motion.velocity[:, 0]], 1).numpy()
+    targets = motion.position + (damping * ahead + torque) / stiffness
+    first = np.concatenate([motion.position[:, 0], motion.velocity[:, 0]], 1)
     work, both = (partial(Mujoco.execute, plant, threads, first, targets) for threads in (1, 2))
     found = rate(work, amount, unit, 3, both=both)
     np.testing.assert_allclose(found[:, :-1], expected[:, 1:], atol=1e-9)
@@ -144,7 +144,7 @@ def test_validity(rate: Rate, by: str) -> None:
 
 def test_generation(rate: Rate) -> None:
     """Trajectories from a generator of the usual size, in batches of a thousand."""
-    seeds, arm = start(200), CONSTRAINTS.arm
+    seeds, arm = tensor(start(200)), CONSTRAINTS.arm
     scaling, network = Scaling.fit(seeds), Generator(*FAMILY.shape[:2], shortcut=True)
     network.start_from(scaling.image(seeds))
     made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
@@ -203,9 +203,9 @@ def test_recursive_least_squares(rate: Rate, by: str) -> None:
 
     def work() -> np.ndarray:
         if by == OURS:
-            return LeastSquares().fit(gather(model, iter(recordings))).parameters.numpy()
-        return opponent.estimate(states, torque[0].numpy())
+            return LeastSquares().fit(gather(model, iter(recordings))).parameters
+        return opponent.estimate(states, torque[0])
 
-    found = torch.from_numpy(rate(work, count * samples, "samples", 3))
+    found = rate(work, count * samples, "samples", 3)
     predicted = model.torque(found, *(x[0] for x in motion[1:]))
-    torch.testing.assert_close(predicted, torque[0], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(predicted, torque[0], rtol=1e-3, atol=1e-3)

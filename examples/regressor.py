@@ -1,7 +1,6 @@
 """A trajectory rolled out in time, its torques, and the regressor that is linear in the base parameters."""
 
 import numpy as np
-import torch
 
 import sidegan as sg
 
@@ -12,7 +11,7 @@ motion = sg.TrajectorySet.of(cell, c).motion(rate=50)  # position, velocity, acc
 states = [x[0] for x in (motion.position, motion.velocity, motion.acceleration)]
 torque = cell.torque(*states)  # [N·m], (T, 7)
 base = cell.body.base
-regressor = cell.body.base_regressor(*map(torch.from_numpy, states)).numpy()  # (T, 7, p)
-difference = np.abs(torque - regressor @ base.values.numpy()).max()
+regressor = cell.body.base_regressor(*states)  # (T, 7, p)
+difference = np.abs(torque - regressor @ base.values).max()
 print(f"largest torque {np.abs(torque).max():.1f} N·m, {len(base.values)} base parameters")
 print(f"largest difference from regressor · parameters {difference:.0e} N·m")

@@ -1,24 +1,20 @@
 """Frames of a run's artifacts, which the experiments show; nothing else here opens an artifact."""
 
-import logging
 import math
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from sidegan.errors import SideganError
 from sidegan.gan.metrics import measure
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.settings import Config
-from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
 from sidegan.pipeline.stages.density import density
 from sidegan.pipeline.stages.identification import identification, plant
@@ -30,14 +26,6 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, ExcitationSet, excitation_sets, pools, selection
 from sidegan.pipeline.stages.timing import timing
 from sidegan.pipeline.stages.training import generator, on_subset, surrogates
-from sidegan.pipeline.store import Store
-
-log = logging.getLogger(__name__)
-
-_SHOWN = (  # stages whose artifacts a page shows
-    *("seeds", "gan", "library", "random", "measures", "long", "identification", "plant"),
-    *("replication", "subsets", "density", "timing"),
-)
 
 Report = dict[str, Any]
 
@@ -208,27 +196,7 @@ class Artifacts:
 
 
 def comparison(run: RunContext) -> dict[str, Artifacts]:
-    """Artifacts of every condition that the page compares, by its name; of those beside them what is made."""
+    """Artifacts of every condition that the page compares, by its name."""
     own = run.cfg.condition.name
     names = run.cfg.conditions or [own]
-    tasks = {name: run if name == own else run.with_other("condition", name) for name in names}
-    for name, folder in (run.cfg.beside or {}).items():
-        if Path(folder).is_dir():
-            store = Store(Path(folder), run.store.run_folder)
-            other = replace(run.with_other("condition", name), store=store)
-            missing = [stage for stage in _SHOWN if not _made(other, stage)]
-        else:
-            missing = ["seeds"]
-        if missing:
-            log.warning("condition %s is not on the page: %s has no %s", name, folder, ", ".join(missing))
-        else:
-            tasks[name] = other
-    return {name: Artifacts(one) for name, one in tasks.items()}
-
-
-def _made(run: RunContext, name: str) -> bool:
-    """Whether all that a stage makes is there."""
-    try:
-        return all(run.store.find(artifact) is not None for artifact in stage(name).artifacts(run))
-    except SideganError:  # not even what it would be made from
-        return False
+    return {name: Artifacts(run if name == own else run.with_other("condition", name)) for name in names}

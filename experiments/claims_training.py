@@ -6,11 +6,9 @@ from math import expm1
 
 import numpy as np
 import pandas as pd
-import torch
 from scipy.linalg import qr
 from scipy.special import logit
 from scipy.stats import kendalltau
-from torch import Tensor
 
 from experiments import generality
 from experiments.artifacts import SEEDS, Artifacts
@@ -41,6 +39,7 @@ from experiments.verdicts import (
     proportion,
     together,
 )
+from sidegan.base.arrays import Array
 from sidegan.base.names import plain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.pipeline.stages.seeds import seed_set
@@ -196,21 +195,21 @@ def _trace(made: Artifacts) -> Judgement:
     kept = {}
     for name, change in (("a rotation", turned), ("another choice of base parameters", chosen)):
         other = change.mT @ grams @ change
-        before, after = (x.diagonal(dim1=1, dim2=2).sum(1).log() for x in (grams, other))
-        kept[name] = float((after - before).std()), kendalltau(before, after).statistic
+        before, after = (np.log(np.trace(x, axis1=1, axis2=2)) for x in (grams, other))
+        kept[name] = float((after - before).std(ddof=1)), kendalltau(before, after).statistic
     said = "{}: spread of the ratio {:.2g}, Kendall's τ of their order {:.3g}"
     ours = "; ".join(said.format(name, expm1(x), tau) for name, (x, tau) in kept.items())
     parts = [HOLDS if x < _INDIFFERENT else NOT for x, _ in kept.values()]
     return Judgement.of_each(parts, ours, {"indifferent": _INDIFFERENT})
 
 
-def other_bases(body: RigidBody) -> tuple[Tensor, Tensor]:
+def other_bases(body: RigidBody) -> tuple[Array, Array]:
     """Changes of the base parameters, (p, p) each, Y′ = Y · change: a rotation; other independent columns."""
     mapping, count = body.base.mapping, body.parameters_count
-    random = torch.Generator().manual_seed(0)
-    turned = torch.linalg.qr(torch.randn(count, count, generator=random, dtype=torch.float64)).Q
-    _, _, order = qr(mapping.numpy(), mode="economic", pivoting=True)
-    return turned, mapping[:, order[:count].copy()]
+    random = np.random.default_rng(0)
+    turned = np.linalg.qr(random.standard_normal((count, count)))[0]
+    _, _, order = qr(mapping, mode="economic", pivoting=True)
+    return turned, mapping[:, order[:count]]
 
 
 def _other_arms(made: Artifacts) -> Judgement:

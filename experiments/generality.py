@@ -111,5 +111,5 @@ def transfer(arms: Arms) -> pd.DataFrame:
         variant = next(one for one, kind in made.cfg.gan.items() if kind.features)
         c = made.generated(variant, made.cfg.trainings[0]).coefficients[:_TRIED]
         others = {key: one.run for key, one in arms.items() if one.run.cell.trajectory.shape == c.shape[1:]}
-        rows[name] = {key: float(run.cell.check(c).valid.double().mean()) for key, run in others.items()}
+        rows[name] = {key: float(run.cell.check(c).valid.mean()) for key, run in others.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("generated for")

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from torch import Tensor
 
 from experiments import claims, comparisons, exp1, exp2, training
 from experiments.artifacts import SEEDS, Artifacts, comparison
 from experiments.reference import PAPER
 from experiments.verdicts import CONFIDENCE
+from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.context import RunContext
@@ -60,7 +60,8 @@ def check(run: RunContext) -> None:
 def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, its tables, figures and metrics; record the page."""
     first, judged = next(iter(conditions.values())), claims.claims(conditions)
-    target = Path(first.cfg.publish or folder) / f"{NAME}.md"
+    target = Path(first.cfg.publish or folder)
+    target = target if target.suffix == ".md" else target / f"{NAME}.md"
     template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
     shown, numbers = _all_tables(conditions, judged), metrics(conditions)
     drawn = {
@@ -215,7 +216,7 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
     }
 
 
-def _described(family: Trajectory, coefficients: Tensor) -> str:
+def _described(family: Trajectory, coefficients: Array) -> str:
     """Number and duration of a set's trajectories, in words."""
     duration = f"{family.period:.4g} s"
     return duration if len(coefficients) == 1 else f"{len(coefficients)} × {duration}"

@@ -12,6 +12,7 @@ import pandas as pd
 from experiments.artifacts import SEEDS, Artifacts
 from experiments.pages import leave
 from experiments.verdicts import TRAINING
+from sidegan.base.arrays import flatten
 from sidegan.base.names import counted
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.tracking import Tracker
@@ -66,7 +67,7 @@ def pictures(artifacts: Artifacts) -> dict[str, "Figure"]:
     first = artifacts.cfg.trainings[0]
     sets = {SEEDS: artifacts.run.load(seed_set(artifacts.run))}
     sets |= {name: artifacts.generated(name, first) for name in artifacts.cfg.gan}
-    shown = {name: one.coefficients[:_SHOWN].flatten(1).numpy() for name, one in sets.items()}
+    shown = {name: flatten(one.coefficients[:_SHOWN], 1) for name, one in sets.items()}
     return {"coefficients": figures.coefficients(shown)}
 
 

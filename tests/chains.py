@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
-import torch
 import yaml
 from hypothesis import reject
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm, Capsules, Drives
 from sidegan.validity import Constraints
@@ -36,19 +35,19 @@ def random_chain(joints: int, seed: int) -> tuple[Arm, pin.Model]:
         digest=f"{joints}-{seed}",
         joint_names=names,
         link_names=names,
-        prismatic=torch.from_numpy(prismatic),
-        rotation=torch.from_numpy(rotation),
-        translation=torch.from_numpy(translation),
-        axis=torch.from_numpy(axis),
-        inertial_parameters=torch.from_numpy(parameters),
-        position_lower=torch.from_numpy(np.where(prismatic, -0.2, -2.5)),
-        position_upper=torch.from_numpy(np.where(prismatic, 0.5, 2.0)),
-        velocity_limit=torch.from_numpy(np.where(prismatic, 0.7, 2.5)),
-        torque_limit=torch.full((joints,), 300.0, dtype=torch.float64),
-        gravity=torch.from_numpy(gravity),
+        prismatic=prismatic,
+        rotation=rotation,
+        translation=translation,
+        axis=axis,
+        inertial_parameters=parameters,
+        position_lower=np.where(prismatic, -0.2, -2.5),
+        position_upper=np.where(prismatic, 0.5, 2.0),
+        velocity_limit=np.where(prismatic, 0.7, 2.5),
+        torque_limit=np.full(joints, 300.0),
+        gravity=gravity,
         capsules=_capsules(random, joints),
         urdf=Path("none.urdf"),
-        tip=torch.zeros(3, dtype=torch.float64),
+        tip=np.zeros(3),
     )
     return lenient(arm), chain_model(arm)
 
@@ -64,22 +63,22 @@ def lenient(arm: Arm) -> Arm:
     return arm
 
 
-def real_links(joints: int, seed: int) -> Tensor:
+def real_links(joints: int, seed: int) -> Array:
     """Inertial parameters, (joints, 10), of links that are made of masses at points: they can exist."""
     random = np.random.default_rng([joints, seed])
     links = []
     for _ in range(joints):
         points = zip(random.uniform(0.1, 1.0, 6), random.uniform(-0.3, 0.3, (6, 3)))
         links.append(sum(pin.Inertia(m, p, np.zeros((3, 3))).toDynamicParameters() for m, p in points))
-    return torch.from_numpy(np.stack(links))
+    return np.stack(links)
 
 
-def random_states(arm: Arm, count: int, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
+def random_states(arm: Arm, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """Positions and velocities within the limits and accelerations within ±5, (count, J) each."""
-    generator = torch.Generator().manual_seed(seed)
-    q, dq, ddq = torch.rand(3, count, arm.joints, generator=generator, dtype=torch.float64)
-    q = torch.lerp(arm.position_lower, arm.position_upper, q)
-    return q, (2 * dq - 1) * arm.velocity_limit, (2 * ddq - 1) * 5.0
+    generator = np.random.default_rng(seed)
+    q, dq, ddq = generator.uniform(-1, 1, (3, count, arm.joints))
+    lower, upper = arm.position_lower, arm.position_upper
+    return (upper + lower + (upper - lower) * q) / 2, dq * arm.velocity_limit, 5.0 * ddq
 
 
 def _inertia(random: np.random.Generator) -> pin.Inertia:
@@ -90,13 +89,13 @@ def _inertia(random: np.random.Generator) -> pin.Inertia:
 
 def _capsules(random: np.random.Generator, joints: int) -> Capsules:
     """One on every link, and one on the base."""
-    ends = torch.from_numpy(random.uniform(-0.2, 0.2, (2, joints + 1, 3)))
+    ends = random.uniform(-0.2, 0.2, (2, joints + 1, 3))
     names = ("base", *(f"link{i + 1}" for i in range(joints)))
     return Capsules(
-        link=torch.arange(-1, joints),
+        link=np.arange(-1, joints),
         a=ends[0],
         b=ends[1],
-        radius=torch.from_numpy(random.uniform(0.01, 0.05, joints + 1)),
+        radius=random.uniform(0.01, 0.05, joints + 1),
         names=names,
         owners=names,
     )
@@ -105,7 +104,7 @@ def _capsules(random: np.random.Generator, joints: int) -> Capsules:
 def driven(arm: Arm, seed: int = 0, scale: float = 1.0) -> Arm:
     """An arm whose description states friction and rotors, of some joints none."""
     random = np.random.default_rng(seed)
-    columns = scale * torch.from_numpy(random.uniform(-1, [[4.0], [8.0], [0.5]], (3, arm.joints)).clip(0))
+    columns = scale * random.uniform(-1, [[4.0], [8.0], [0.5]], (3, arm.joints)).clip(0)
     return replace(arm, drives=Drives(*columns))
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import hypothesis
 import pytest
-import torch
+from threadpoolctl import threadpool_limits
 
 from sidegan.robot import Arm, load_robot
 
-torch.set_num_threads(1)
+os.environ["OMP_NUM_THREADS"] = "1"  # of workers and commands that tests start
+threadpool_limits(1)
 # A busy machine is no failure: neither slow examples nor drawing them slowly.
 SLOW = [hypothesis.HealthCheck.too_slow]
 hypothesis.settings.register_profile("search", deadline=None, suppress_health_check=SLOW)
@@ -75,11 +76,3 @@ def outputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of tiny artifacts that all tests of a run share, whichever process they are in."""
     own = tmp_path_factory.getbasetemp()
     return (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "outputs"
-
-
-@pytest.fixture(params=["cpu", "cuda"])
-def device(request: pytest.FixtureRequest) -> torch.device:
-    """Every device at hand."""
-    if request.param == "cuda" and not torch.cuda.is_available():
-        pytest.skip("no CUDA device")
-    return torch.device(request.param)

@@ -10,12 +10,12 @@ from sidegan.robot import Arm
 def chain_model(arm: Arm) -> pin.Model:
     """Pinocchio's model of an arm."""
     model = pin.Model()
-    model.gravity.linear = arm.gravity.numpy()
+    model.gravity.linear = arm.gravity
     for i, name in enumerate(arm.joint_names):
         kind = pin.JointModelPrismaticUnaligned if arm.prismatic[i] else pin.JointModelRevoluteUnaligned
-        placement = pin.SE3(arm.rotation[i].numpy(), arm.translation[i].numpy())
-        model.addJoint(i, kind(arm.axis[i].numpy()), placement, name)
-        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i].numpy())
+        placement = pin.SE3(arm.rotation[i], arm.translation[i])
+        model.addJoint(i, kind(arm.axis[i]), placement, name)
+        inertia = pin.Inertia.FromDynamicParameters(arm.inertial_parameters[i])
         model.appendBodyToJoint(i + 1, inertia, pin.SE3.Identity())
     return model
 
@@ -24,9 +24,9 @@ def capsule_geometry(arm: Arm) -> pin.GeometryModel:
     """An arm's C capsules as Pinocchio's collision geometry, in order and without collision pairs."""
     geometry, shapes, z = pin.GeometryModel(), arm.capsules, np.array([0.0, 0.0, 1.0])
     for name, link, a, b, radius in zip(shapes.names, shapes.link, shapes.a, shapes.b, shapes.radius):
-        along = (b - a).numpy()
+        along = b - a
         turn = pin.Quaternion.FromTwoVectors(z, along if along.any() else z).matrix()
-        placement = pin.SE3(turn, ((a + b) / 2).numpy())
+        placement = pin.SE3(turn, ((a + b) / 2))
         capsule = coal.Capsule(float(radius), float(np.linalg.norm(along)))
         geometry.addGeometryObject(pin.GeometryObject(name, int(link) + 1, placement, capsule))
     return geometry

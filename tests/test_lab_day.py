@@ -99,7 +99,7 @@ def test_what_others_load_gives_the_true_torques(day):
 
 
 def test_the_tool_is_reported(day):
-    found, tool = read(day[0] / "payload" / "payload.json"), day[1]["tool"].numpy()
+    found, tool = read(day[0] / "payload" / "payload.json"), day[1]["tool"]
     sigma = found["deviation"]
     assert found["certain"] and abs(found["mass"] - tool[0]) < max(4 * sigma["mass"], 0.02)
     assert abs(found["cz"] - tool[3] / tool[0]) < max(4 * sigma["cz"], 0.01) and sigma["mass"] < 0.05

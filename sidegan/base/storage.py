@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 from sidegan.errors import ArtifactError, ShapeError, SideganError, StorageError
 
-if TYPE_CHECKING:  # pyarrow and torch are slow to import, and `--help` must not wait for them
+if TYPE_CHECKING:  # slow to import, as NumPy is, and `--help` must not wait for them
     import pyarrow as pa
+
+    from sidegan.base.arrays import Array
 
 
 @contextmanager
@@ -98,22 +100,21 @@ def write_json(path: Path, content: Any) -> None:
     write_bytes(path, f"{text}\n".encode())
 
 
-def write_torch(path: Path, content: Any, folder: bool = True) -> None:
-    """Write tensors and plain containers of them; see ``replacing``."""
-    import torch
+def write_arrays(path: Path, arrays: "Mapping[str, Array]", folder: bool = True) -> None:
+    """Write named arrays as ``.npz``; see ``replacing``."""
+    import numpy as np
 
-    # In memory first: torch turns a full disk into a RuntimeError, a plain write does not.
-    buffer = io.BytesIO()
-    torch.save(content, buffer)
+    buffer = io.BytesIO()  # in memory first: a plain write says what a full disk is
+    np.savez(buffer, **arrays)  # type: ignore[arg-type]  # of its own argument allow_pickle
     write_bytes(path, buffer.getbuffer(), folder)
 
 
-def write_task(path: Path, content: Any) -> None:
+def write_task(path: Path, arrays: "Mapping[str, Array]") -> None:
     """Write what one of several tasks found, into a folder of work that is there.
 
     Where it is not, somebody has finished the work, and a worker that was given up must not bring it back.
     """
-    write_torch(path, content, folder=False)
+    write_arrays(path, arrays, folder=False)
 
 
 def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
@@ -130,18 +131,18 @@ def read_json(path: Path) -> Any:
         return json.loads(path.read_bytes())
 
 
-def read_torch(path: Path) -> Any:
-    """Tensors and plain containers of them, on the CPU; an ArtifactError for anything else: no code runs."""
-    import torch
+def read_arrays(path: Path) -> "dict[str, Array]":
+    """Named arrays of an ``.npz`` file; an ArtifactError for anything else: no code runs."""
+    import numpy as np
 
-    with reading(path, "tensor"):
-        return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+    with reading(path, "NumPy"), np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
+        return dict(file)
 
 
 def readable(path: Path) -> bool:
-    """Whether a file of tensors is there and whole: what a resumed run needs not make again."""
+    """Whether a file of arrays is there and whole: what a resumed run needs not make again."""
     try:
-        read_torch(path)
+        read_arrays(path)
     except ArtifactError:
         return False
     return True

@@ -1,22 +1,47 @@
-"""Sums in the same order everywhere: torch, BLAS and OpenMP on one thread."""
+"""How many threads work is shared among, and sums in the same order everywhere."""
 
+import os
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+
+_count: list[int] = []  # of the blocks that we are in
+
+
+def threads() -> int:
+    """How many threads work may be shared among: as OMP_NUM_THREADS says, or one per core."""
+    if _count:
+        return _count[-1]
+    stated = os.environ.get("OMP_NUM_THREADS", "")
+    if stated.isdigit() and int(stated):
+        return int(stated)
+    import joblib
+
+    return int(joblib.cpu_count())
 
 
 @contextmanager
-def one_thread() -> Iterator[None]:
-    """Within the block this process works on one thread, so that no sum depends on the number of cores.
+def on_threads(count: int) -> Iterator[None]:
+    """Within the block kernels, BLAS and, where it is loaded, torch work on so many threads."""
+    from threadpoolctl import threadpool_limits
+
+    torch = sys.modules.get("torch")
+    before = torch and torch.get_num_threads()
+    _count.append(count)
+    if torch:
+        torch.set_num_threads(count)
+    try:
+        with threadpool_limits(count):
+            yield
+    finally:
+        _count.pop()
+        if torch:
+            torch.set_num_threads(before)
+
+
+def one_thread() -> AbstractContextManager[None]:
+    """Within the block no sum depends on the number of cores.
 
     What one process computes and hands to others is then what they would have computed themselves.
     """
-    import torch
-    from threadpoolctl import threadpool_limits
-
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with threadpool_limits(1):
-            yield
-    finally:
-        torch.set_num_threads(before)
+    return on_threads(1)

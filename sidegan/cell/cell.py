@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from torch import Tensor, as_tensor, float64
+from numpy.typing import ArrayLike
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import notes
 from sidegan.cell.settings import Choices
@@ -165,27 +165,27 @@ class Cell:
         """What the description moves, what was decided for the user, what trajectories are checked for."""
         return list(filter(None, [described(self.whole_arm), *notes.decisions(self)]))
 
-    def check(self, coefficients: Tensor | NDArray[Any]) -> Validity:
+    def check(self, coefficients: ArrayLike) -> Validity:
         """Whether short trajectories [rad/s], (B, J, H, 2), are valid over their whole period, and why not.
 
         Raises:
             ShapeError: when they are not of this family.
         """
-        return check(self.constraints, self.trajectory, as_tensor(coefficients, dtype=float64))
+        return check(self.constraints, self.trajectory, np.asarray(coefficients, float))
 
-    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> NDArray[Any]:
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque [N·m or N], (…, J), by the description, with the friction and rotors that it states.
 
         At positions [rad or m], velocities and accelerations, (…, J) each.
         """
-        return self.body.drive_torque(*(as_tensor(np.array(x, dtype=float)) for x in (q, dq, ddq))).numpy()
+        return self.body.drive_torque(*(np.asarray(x, float) for x in (q, dq, ddq)))
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which what is made for this cell is known, beside the arm's own digest."""
         home = None if self._home is None else list(self._home)
         family = {"harmonics": self.choices.harmonics, "period": self.choices.period, "home": home}
         middle = (self.arm.position_lower + self.arm.position_upper) / 2
-        away = (middle - middle.new_tensor(self.home)).nan_to_num().abs().max()
+        away = np.nan_to_num(np.abs(middle - np.array(self.home))).max()
         if away >= _SAME:  # since 2 joints go as far as their limits on either side of home
             family["rooms"] = 2
         return {"workspace": self.workspace.stamped(self.arm), "trajectory": family}

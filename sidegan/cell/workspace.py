@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from sidegan import validity
 from sidegan.base.names import counted
@@ -195,7 +194,7 @@ class Workspace:
         """Distances [m] that links keep which have no room for the usual one."""
         room = dict(room_between(arm, _USUALLY[0] / _KEPT).usual)
         if home is not None and len(home) == arm.joints:
-            there = Constraints(arm).distances_at(torch.tensor(list(home), dtype=torch.float64))
+            there = Constraints(arm).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
         return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable, Sequence
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.controllers.course import POINTS, Course
 from sidegan.controllers.settings import ExportSettings
 from sidegan.errors import InfeasibleError
@@ -46,10 +46,10 @@ def approach(
         require_straight(constraints, start, home)
     except InfeasibleError as error:
         raise InfeasibleError(f"{error}; {_CLOSER}, then say where it is") from error
-    ends = torch.tensor([list(start), list(home)], dtype=torch.float64)
+    ends = np.array([start, home], float)
     needed = _for_motion(arm, ends[1] - ends[0], use)
     if constraints.torque:
-        needed = torch.maximum(needed, _for_torque(constraints.body, ends, use))
+        needed = np.maximum(needed, _for_torque(constraints.body, ends, use))
     planned = max(_SHORTEST, float(needed.max()) * (1 + _ROUNDING)) / settings.speed
     samples = max(POINTS, math.ceil(planned * settings.rate * (1 - _ROUNDING)))
     duration = samples / settings.rate
@@ -60,20 +60,20 @@ def approach(
             f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share of "
             f"the limits; or {_CLOSER}"
         )
-    return _quintic(arm, ends, duration, torch.linspace(0, 1, _POINTS + 1, dtype=torch.float64))
+    return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
 
 
-def _for_motion(arm: Arm, change: Tensor, use: float) -> Tensor:
+def _for_motion(arm: Arm, change: Array, use: float) -> Array:
     """Duration [s] in which each joint uses a share of its limits of motion, (J,)."""
-    needed = torch.zeros_like(change)
+    needed = np.zeros_like(change)
     limits = (arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit)
     for order, (peak, limit) in enumerate(zip(_PEAKS, limits), start=1):
         if limit is not None:
-            needed = torch.maximum(needed, (peak * change.abs() / (use * limit)) ** (1 / order))
+            needed = np.maximum(needed, (peak * np.abs(change) / (use * limit)) ** (1 / order))
     return needed
 
 
-def _for_torque(body: RigidBody, ends: Tensor, use: float) -> Tensor:
+def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
     """Duration [s] in which moving takes a share of each torque limit at most, and all torques stay in them.
 
     What moves the arm on the way of 1 s is divided by the square of the duration; what holds it stays.
@@ -83,36 +83,36 @@ def _for_torque(body: RigidBody, ends: Tensor, use: float) -> Tensor:
     """
     arm, drives = body.arm, body.arm.known_drives
     friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the speed that may be used
-    limit = (arm.torque_limit - friction).clamp_min(torch.finfo(torch.float64).tiny)
+    limit = np.maximum(arm.torque_limit - friction, np.finfo(float).tiny)
 
-    def share(times: Tensor) -> Tensor:
+    def share(times: Array) -> Array:
         unit = _quintic(arm, ends, 1.0, times)
-        still = torch.zeros_like(unit.position)
+        still = np.zeros_like(unit.position)
         held = body.torque(unit.position, still, still)
-        _refuse_heavy(arm, held.abs() / limit)
+        _refuse_heavy(arm, np.abs(held) / limit)
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration
-        return moving.abs() / torch.minimum(use * limit, limit - held * moving.sign())
+        return np.abs(moving) / np.minimum(use * limit, limit - held * np.sign(moving))
 
-    count = max(_TIMES, math.ceil(float((ends[1] - ends[0]).abs().sum()) / _STEP))
-    return _largest(share, count).sqrt()
+    count = max(_TIMES, math.ceil(float(np.abs(ends[1] - ends[0]).sum()) / _STEP))
+    return np.sqrt(_largest(share, count))
 
 
-def _largest(share: Callable[[Tensor], Tensor], count: int) -> Tensor:
+def _largest(share: Callable[[Array], Array], count: int) -> Array:
     """Largest value of each column of a smooth function of time, 0 to 1, that is looked at so often, (J,)."""
-    times, step = torch.linspace(0, 1, count + 1, dtype=torch.float64), 1 / count
+    times, step = np.linspace(0, 1, count + 1), 1 / count
     found = share(times)
-    largest = found.amax(0)
+    largest = found.max(0)
     for _ in range(_ROUNDS):
         near = times[((found >= _NEAR * largest) & (largest > 0)).any(1)]
-        offsets = torch.linspace(-step, step, 2 * _FINER + 1, dtype=torch.float64)
-        times, step = (near[:, None] + offsets).flatten().clamp(0, 1).unique(), step / _FINER
+        offsets = np.linspace(-step, step, 2 * _FINER + 1)
+        times, step = np.unique(np.clip(near[:, None] + offsets, 0, 1)), step / _FINER
         found = share(times)
-        largest = torch.maximum(largest, found.amax(0))
+        largest = np.maximum(largest, found.max(0))
     return largest
 
 
-def _refuse_heavy(arm: Arm, share: Tensor) -> None:
+def _refuse_heavy(arm: Arm, share: Array) -> None:
     """Refuse a way along which holding the arm takes too large a share of a torque limit, (T, J)."""
     row, joint = divmod(int(share.argmax()), arm.joints)
     if share[row, joint] > _HOLDABLE:
@@ -123,13 +123,14 @@ def _refuse_heavy(arm: Arm, share: Tensor) -> None:
         )
 
 
-def _quintic(arm: Arm, ends: Tensor, duration: float, share: Tensor) -> Course:
+def _quintic(arm: Arm, ends: Array, duration: float, share: Array) -> Course:
     """The way between ends (2, J) at shares of its duration [s], (T,)."""
     s, change = share[:, None], ends[1] - ends[0]
+    done = s**3 * (10 + s * (6 * s - 15))
     return Course(
         arm.joint_names,
         duration * share,
-        torch.lerp(ends[0], ends[1], s**3 * (10 + s * (6 * s - 15))),
+        (1 - done) * ends[0] + done * ends[1],
         30 * (s * (1 - s)) ** 2 * change / duration,
         60 * s * (1 - s) * (1 - 2 * s) * change / duration**2,
     )

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
 import scipy  # its parts are imported when they are used
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion, Trajectory
 
@@ -24,10 +24,10 @@ class Course:
     """A motion of named joints, from rest to rest."""
 
     joint_names: tuple[str, ...]
-    time: Tensor  # [s], (T,), from 0 on, rising
-    position: Tensor  # [rad or m], (T, J)
-    velocity: Tensor  # [rad/s or m/s], (T, J)
-    acceleration: Tensor  # [rad/s² or m/s²], (T, J)
+    time: Array  # [s], (T,), from 0 on, rising
+    position: Array  # [rad or m], (T, J)
+    velocity: Array  # [rad/s or m/s], (T, J)
+    acceleration: Array  # [rad/s² or m/s²], (T, J)
 
     @classmethod
     def of(cls, joint_names: Sequence[str], motion: Motion) -> "Course":
@@ -40,20 +40,20 @@ class Course:
         return float(self.time[-1])
 
     @classmethod
-    def at_rest(cls, joint_names: Sequence[str], position: Tensor, duration: float, rate: float) -> "Course":
+    def at_rest(cls, joint_names: Sequence[str], position: Array, duration: float, rate: float) -> "Course":
         """An arm that rests somewhere [rad or m], (J,), for a duration [s], with points at a rate [Hz]."""
         count = max(1, round(duration * rate))
-        rest = torch.zeros(count + 1, len(position), dtype=torch.float64)
-        times = torch.linspace(0, duration, count + 1, dtype=torch.float64)
-        return cls(tuple(joint_names), times, position.expand_as(rest), rest, rest)
+        rest = np.zeros((count + 1, len(position)))
+        times = np.linspace(0, duration, count + 1)
+        return cls(tuple(joint_names), times, np.broadcast_to(position, rest.shape), rest, rest)
 
     def sampled(self, rate: float) -> "Course":
         """This motion with points at a rate [Hz], on the quintics that join the points."""
         count = max(1, round(self.duration * rate))
-        times = torch.linspace(0, self.duration, count + 1, dtype=torch.float64)
-        states = torch.stack([self.position, self.velocity, self.acceleration], 1).numpy()
-        curve = scipy.interpolate.BPoly.from_derivatives(self.time.numpy(), states)
-        return Course(self.joint_names, times, *(torch.from_numpy(curve(times.numpy(), k)) for k in range(3)))
+        times = np.linspace(0, self.duration, count + 1)
+        states = np.stack([self.position, self.velocity, self.acceleration], 1)
+        curve = scipy.interpolate.BPoly.from_derivatives(self.time, states)
+        return Course(self.joint_names, times, *(curve(times, k) for k in range(3)))
 
     def then(self, other: "Course") -> "Course":
         """This course, and another one that starts where this one ends; the point that they share once.
@@ -61,15 +61,15 @@ class Course:
         Raises:
             ShapeError: when the other one is of other joints, or starts elsewhere.
         """
-        apart = float((self.position[-1] - other.position[0]).abs().max())
+        apart = float(np.abs(self.position[-1] - other.position[0]).max())
         if other.joint_names != self.joint_names or apart > _MET:
             raise ShapeError(f"courses of one arm must meet: {apart:.3g} rad between their ends")
-        time = torch.cat([self.time, self.time[-1] + other.time[1:]])
-        states = (torch.cat([getattr(self, name), getattr(other, name)[1:]]) for name in STATES)
+        time = np.concatenate([self.time, self.time[-1] + other.time[1:]])
+        states = (np.concatenate([getattr(self, name), getattr(other, name)[1:]]) for name in STATES)
         return Course(self.joint_names, time, *states)
 
 
-def knots(trajectory: Trajectory) -> Tensor:
+def knots(trajectory: Trajectory) -> Array:
     """Times [s] of the points between which quintics follow a trajectory of this family, (T,)."""
     return trajectory.times(least_rate(trajectory.harmonics, trajectory.period))
 
@@ -79,7 +79,7 @@ def least_rate(harmonics: int, period: float) -> float:
     return POINTS * harmonics / period
 
 
-def slower(trajectory: Trajectory, c: Tensor, speed: float) -> tuple[Trajectory, Tensor]:
+def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, Array]:
     """Family and coefficients [rad/s], (B, J, H, 2), of the same paths at a share of the speed."""
     return replace(trajectory, period=trajectory.period / speed), speed * c
 

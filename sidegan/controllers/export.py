@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import Course, knots, run_of
@@ -20,7 +19,7 @@ _ENDINGS = (".csv", ".yaml", ".script")
 
 
 def export_set(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, settings: ExportSettings, folder: Path
+    constraints: Constraints, trajectory: Trajectory, c: Array, settings: ExportSettings, folder: Path
 ) -> dict[str, float]:
     """Write trajectories (n, J, H, 2), as they are to be run: ``1.csv`` …, ``all.csv``, and so on.
 
@@ -37,7 +36,7 @@ def export_set(
     """
     digits, joints = len(str(len(c))), constraints.arm.joint_names
 
-    def courses(times: Tensor) -> dict[str, Course]:
+    def courses(times: Array) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
         each = [Course.of(joints, trajectory.roll_out(one[None], times)) for one in c]
         return {f"{k + 1:0{digits}}": course for k, course in enumerate(each)}

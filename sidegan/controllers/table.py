@@ -4,7 +4,6 @@ import csv
 import io
 
 import numpy as np
-import torch
 
 from sidegan.controllers.course import STATES, Course
 
@@ -15,8 +14,8 @@ _DIGITS = "%.12g"
 def csv_text(course: Course) -> str:
     """``time`` [s], then ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>`` of every joint in SI units."""
     columns = ["time", *(f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in course.joint_names)]
-    rows = torch.cat([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
+    rows = np.concatenate([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(columns)
-    np.savetxt(text, rows.numpy(), _DIGITS, ",")
+    np.savetxt(text, rows, _DIGITS, ",")
     return text.getvalue()

@@ -2,8 +2,9 @@
 
 import re
 
-import torch
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.controllers.course import STATES, Course
 
 SCRIPTED = 6  # joints of every arm that runs URScript, all of which turn
@@ -26,8 +27,8 @@ def script_text(course: Course, name: str, tolerance: float, notes: str = "") ->
         notes: for people, a comment in the first line.
     """
     title = re.sub("[^a-zA-Z0-9]", "_", name)
-    states = torch.stack([getattr(course, one) for one in STATES], 1)  # (T, 3, J)
-    steps = zip(course.time.diff().tolist(), states[1:])
+    states = np.stack([getattr(course, one) for one in STATES], 1)  # (T, 3, J)
+    steps = zip(np.diff(course.time).tolist(), states[1:])
     legs = "\n".join(f"  leg({span:.12f}, {', '.join(map(_list, state))})" for span, state in steps)
     q, dq, ddq = map(_list, states[0])
     servo = f"0, 0, {_PERIOD}, {_LOOKAHEAD}, {_GAIN}"
@@ -83,5 +84,5 @@ end
 """
 
 
-def _list(values: torch.Tensor) -> str:
+def _list(values: Array) -> str:
     return "[" + ", ".join(f"{x:.10f}" for x in values.tolist()) + "]"  # each a float, never an integer

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, flatten
 from sidegan.design.problem import Problem
 from sidegan.robot import DERIVATIVE_ORDER
 
@@ -22,38 +22,37 @@ class Coordinates:
     coefficients over the velocity limit, which keeps the combinations that hardly move the arm small.
     """
 
-    matrix: Tensor  # symmetric, (J, 2 H, 2 H); c = matrix @ x
+    matrix: Array  # symmetric, (J, 2 H, 2 H); c = matrix @ x
 
     @classmethod
     def of(cls, problem: Problem) -> "Coordinates":
         """Natural coordinates of a problem's trajectories."""
         arm, trajectory = problem.constraints.arm, problem.trajectory
         times = trajectory.grid(_POINTS * trajectory.harmonics)
-        position, velocity = (trajectory.basis(times, order).flatten(1) for order in (0, 1))
+        position, velocity = (flatten(trajectory.basis(times, order), 1) for order in (0, 1))
         room = ((arm.position_upper - arm.position_lower) / 2)[:, None, None]
         speed = arm.velocity_limit[:, None, None]
-        unit = torch.eye(2 * trajectory.harmonics, dtype=torch.float64)
+        unit = np.eye(2 * trajectory.harmonics)
         metric = position.T @ position / len(times) / room**2
         metric = metric + (velocity.T @ velocity / len(times) + unit) / speed**2
         for name, limit in problem.constraints.higher.items():
-            x = trajectory.basis(times, DERIVATIVE_ORDER[name]).flatten(1)
+            x = flatten(trajectory.basis(times, DERIVATIVE_ORDER[name]), 1)
             metric = metric + x.T @ x / len(times) / limit[:, None, None] ** 2
-        values, vectors = torch.linalg.eigh(metric)
-        return cls(vectors @ (vectors / values.sqrt()[:, None]).transpose(1, 2))
+        values, vectors = np.linalg.eigh(metric)
+        return cls(vectors @ (vectors / np.sqrt(values)[:, None]).mT)
 
-    def coefficients(self, x: Tensor) -> Tensor:
+    def coefficients(self, x: Array) -> Array:
         """Coefficients [rad/s], (B, J, H, 2), of points (B, J, 2 H)."""
-        c = torch.einsum("jkl,bjl->bjk", self.matrix, x)
-        return c.unflatten(2, (-1, 2))
+        c = (x.swapaxes(0, 1) @ self.matrix.mT).swapaxes(0, 1)
+        return c.reshape(*c.shape[:2], c.shape[2] // 2, 2)
 
-    def points(self, c: Tensor) -> Tensor:
+    def points(self, c: Array) -> Array:
         """Points (B, J, 2 H) of coefficients [rad/s], (B, J, H, 2)."""
-        x = torch.linalg.solve(self.matrix, c.flatten(2).double().transpose(0, 1).transpose(1, 2))
-        return x.permute(2, 0, 1)
+        return np.linalg.solve(self.matrix, flatten(c, 2).transpose(1, 2, 0)).transpose(2, 0, 1)
 
-    def start(self, problem: Problem, count: int, generator: torch.Generator, reach: float) -> Tensor:
+    def start(self, problem: Problem, count: int, generator: np.random.Generator, reach: float) -> Array:
         """Random points, (count, J, 2 H), each joint using ``reach`` of its tightest limit."""
         joints, size, _ = self.matrix.shape
-        x = torch.randn(count, joints, size, generator=generator, dtype=torch.float64)
+        x = generator.standard_normal((count, joints, size))
         use = problem.limit_use(self.coefficients(x))
         return x * (reach / use)[:, :, None]

@@ -3,9 +3,9 @@
 import logging
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
@@ -26,40 +26,40 @@ class Excitation:
 
     # eigenvalues of YᵀY / T in an orthonormal basis of the identifiable subspace, ascending, (B, p); rounding
     # can leave the smallest slightly below zero
-    spectrum: Tensor
-    diagonal: Tensor  # diagonal of YᵀY / T over the base columns, (B, p)
+    spectrum: Array
+    diagonal: Array  # diagonal of YᵀY / T over the base columns, (B, p)
 
     @property
-    def eigenvalue_fitness(self) -> Tensor:
+    def eigenvalue_fitness(self) -> Array:
         """Condition number of YᵀY, (B,); infinite for a trajectory that leaves a direction unexcited."""
         low, high = self.spectrum[:, 0], self.spectrum[:, -1]
         return _ratio(high, low, self.spectrum.shape[1])
 
     @property
-    def diagonal_fitness(self) -> Tensor:
+    def diagonal_fitness(self) -> Array:
         """Largest over smallest diagonal element of YᵀY over the base columns, (B,)."""
-        return _ratio(self.diagonal.amax(1), self.diagonal.amin(1), 1)
+        return _ratio(self.diagonal.max(1), self.diagonal.min(1), 1)
 
 
-def _ratio(high: Tensor, low: Tensor, errors: int) -> Tensor:
+def _ratio(high: Array, low: Array, errors: int) -> Array:
     """Ratio of high to low, infinite where low is no more than so many rounding errors of high."""
-    floor = errors * torch.finfo(high.dtype).eps * high
-    return torch.where(low > floor, high / low.clamp_min(torch.finfo(high.dtype).tiny), torch.inf)
+    told = low > errors * np.finfo(float).eps * high
+    return np.divide(high, low, out=np.full_like(high, np.inf), where=told)
 
 
-def excitation_of(body: RigidBody, grams: Tensor) -> Excitation:
+def excitation_of(body: RigidBody, grams: Array) -> Excitation:
     """Excitation of Gram matrices of the base regressor, (B, p, p)."""
-    c = body.base.subspace.to(grams)
-    return Excitation(torch.linalg.eigvalsh(c.T @ grams @ c), grams.diagonal(dim1=1, dim2=2))
+    c = body.base.subspace
+    return Excitation(np.linalg.eigvalsh(c.T @ grams @ c), np.linalg.diagonal(grams))
 
 
-def excite(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) -> Excitation:
+def excite(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Excitation:
     """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
     trajectory.check(c)
     return excitation_of(body, gram(body, trajectory, c, samples))
 
 
-def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
+def diversity(c: Array, excitation: Excitation) -> dict[str, float]:
     """The paper's two mean distances, over batches, and two measures that modes cannot fool.
 
     Of very large sets they are estimates from a sample, which is logged. A single trajectory has none.
@@ -71,10 +71,10 @@ def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
     batch = max(2, len(c) // NOISE_BATCHES)
     pairs = [
         (mean_distance(x), mean_distance(y))
-        for x, y in zip(c.split(batch), excitation.diagonal.split(batch))
+        for x, y in zip(split(c, batch), split(excitation.diagonal, batch))
         if len(x) > 1
     ]
-    coefficients, diagonal = torch.tensor(pairs, dtype=torch.float64).mean(0).tolist()
+    coefficients, diagonal = np.array(pairs).mean(0).tolist()
     return {
         "distance": coefficients,
         "distance_diagonal": diagonal,
@@ -83,41 +83,45 @@ def diversity(c: Tensor, excitation: Excitation) -> dict[str, float]:
     }
 
 
-def mean_distance(x: Tensor) -> float:
+def mean_distance(x: Array) -> float:
     """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity).
 
     Of more than 5,000 rows, over the pairs of that many of them.
     """
+    from scipy.spatial.distance import pdist
+
     rows = _rows(x)
-    return float(torch.pdist(rows[_sample(len(rows), _PAIRED)] if len(rows) > _PAIRED else rows).mean())
+    return float(pdist(rows[_sample(len(rows), _PAIRED)] if len(rows) > _PAIRED else rows).mean())
 
 
-def nearest_distance(x: Tensor) -> float:
+def nearest_distance(x: Array) -> float:
     """Mean distance of a row to its nearest other row: zero when samples repeat themselves.
 
     Of more than 20,000 rows, the mean over 500 of them, each with its nearest one among all.
     """
     rows = _rows(x)
-    chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else torch.arange(len(rows))
-    nearest, batch = rows.new_empty(len(chosen)), max(1, min(_AT_ONCE, _NUMBERS // len(rows)))
-    for found, part in zip(nearest.split(batch), chosen.split(batch)):
+    chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else np.arange(len(rows))
+    nearest, batch = np.empty(len(chosen)), max(1, min(_AT_ONCE, _NUMBERS // len(rows)))
+    for found, part in zip(split(nearest, batch), split(chosen, batch)):
         found[:] = _nearest(rows, part)  # in place: small results between large ones would hold their memory
     return float(nearest.mean())
 
 
-def _nearest(rows: Tensor, chosen: Tensor) -> Tensor:
+def _nearest(rows: Array, chosen: Array) -> Array:
     """Distance of each chosen row, (K,), to the nearest other of all rows (N, D), (K,)."""
-    distances = torch.cdist(rows[chosen], rows, compute_mode="donot_use_mm_for_euclid_dist")
-    distances[torch.arange(len(chosen)), chosen] = torch.inf
-    return distances.amin(1)
+    from scipy.spatial.distance import cdist
+
+    distances = cdist(rows[chosen], rows)
+    distances[np.arange(len(chosen)), chosen] = np.inf
+    return distances.min(1)
 
 
-def _sample(count: int, size: int) -> Tensor:
+def _sample(count: int, size: int) -> Array:
     """Indices of some of so many rows, the same each time."""
-    return torch.randperm(count, generator=torch.Generator().manual_seed(0))[:size]
+    return np.random.default_rng(0).permutation(count)[:size]
 
 
-def effective_rank(x: Tensor, centred: bool = True) -> float:
+def effective_rank(x: Array, centred: bool = True) -> float:
     """Number of directions that the rows span: exp of the entropy of the covariance's eigenvalues.
 
     Of the second moments' where the mean is not taken off: one, where a common offset is all that there is.
@@ -125,19 +129,19 @@ def effective_rank(x: Tensor, centred: bool = True) -> float:
     Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
     """
     rows = _rows(x)
-    middle = rows.mean(0) if centred else torch.zeros_like(rows[0])
-    parts = (part - middle for part in rows.split(_NUMBERS // rows.shape[1]))
-    moments = sum((away.T @ away for away in parts), torch.zeros(()))
-    eigenvalues = torch.linalg.eigvalsh(moments / len(rows)).clamp_min(0)
+    middle = rows.mean(0) if centred else np.zeros_like(rows[0])
+    parts = (part - middle for part in split(rows, _NUMBERS // rows.shape[1]))
+    moments = sum((away.T @ away for away in parts), np.zeros(()))
+    eigenvalues = np.maximum(np.linalg.eigvalsh(moments / len(rows)), 0)
     total = eigenvalues.sum()
-    noise = (torch.finfo(rows.dtype).eps * max(-rows.min(), rows.max())) ** 2 * rows.shape[1]
-    if total <= noise:  # all rows are one, but for rounding
+    rounding = len(rows) * np.finfo(float).eps * max(-rows.min(), rows.max())  # of the mean
+    if total <= rounding**2 * rows.shape[1]:  # all rows are one
         return 0.0
-    share = eigenvalues / total
-    return float(torch.exp(-torch.special.xlogy(share, share).sum()))
+    share = eigenvalues[eigenvalues > 0] / total
+    return float(np.exp(-(share * np.log(share)).sum()))
 
 
-def _rows(x: Tensor) -> Tensor:
+def _rows(x: Array) -> Array:
     if len(x) < 2:
         raise ShapeError(f"diversity needs at least 2 rows, got {len(x)}")
-    return x.reshape(len(x), -1)
+    return flatten(x, 1)

@@ -3,46 +3,47 @@
 A set is rows of any shape, (N, …): coefficients [rad/s], or the logarithm of diag(YᵀY).
 """
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, flatten
 from sidegan.design.excitation import effective_rank
 from sidegan.errors import ShapeError
 
 _NEIGHBOURS = 5  # k of density and coverage, as their authors have it
 _FOLDS = 10  # of the classifier's cross-validation
 _RIDGE = 0.1  # of its least squares
+_NOTHING = 1e-12  # a shorter row has no direction
 
 
-def proportions(x: Tensor) -> dict[str, float]:
+def proportions(x: Array) -> dict[str, float]:
     """Size, cosine and uncentred rank of a set: what it has in common, which distances do not show."""
     rank = effective_rank(x, centred=False)
     return {"norm": mean_norm(x), "cosine": mean_cosine(x), "rank_uncentred": rank}
 
 
-def mean_norm(x: Tensor) -> float:
+def mean_norm(x: Array) -> float:
     """Mean size of a row."""
-    return float(x.flatten(1).norm(dim=1).mean())
+    return float(np.linalg.norm(flatten(x, 1), axis=1).mean())
 
 
-def mean_cosine(x: Tensor) -> float:
+def mean_cosine(x: Array) -> float:
     """Mean cosine over all pairs of rows: zero where directions are random, one where all have one."""
-    unit = torch.nn.functional.normalize(_some(x).double(), dim=1)
-    return float((unit.sum(0).square().sum() - unit.square().sum()) / (len(unit) * (len(unit) - 1)))
+    rows = _some(x)
+    unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), _NOTHING)
+    return float((np.square(unit.sum(0)).sum() - np.square(unit).sum()) / (len(unit) * (len(unit) - 1)))
 
 
-def beyond(x: Tensor, other: Tensor) -> float:
+def beyond(x: Array, other: Array) -> float:
     """Share of elements outside of the range that the same element has in another set."""
-    low, high = other.aminmax(dim=0)
-    return float(((x < low) | (x > high)).double().mean())
+    return float(((x < other.min(0)) | (x > other.max(0))).mean())
 
 
-def distance_to(x: Tensor, other: Tensor) -> float:
+def distance_to(x: Array, other: Array) -> float:
     """Mean distance of a row to the nearest one of another set: zero for copies."""
-    return float(_distances(x, other).amin(1).mean())
+    return float(_distances(x, other).min(1).mean())
 
 
-def density_and_coverage(x: Tensor, other: Tensor) -> tuple[float, float]:
+def density_and_coverage(x: Array, other: Array) -> tuple[float, float]:
     """Density and coverage of another set's neighbourhoods by this one's rows.
 
     The neighbourhood of a row reaches to the fifth nearest of its own set. Density is in how many of them a
@@ -53,12 +54,12 @@ def density_and_coverage(x: Tensor, other: Tensor) -> tuple[float, float]:
     Source: Naeem et al. 2020, Reliable fidelity and diversity metrics for generative models.
     """
     own, k = _distances(_some(other), other), min(_NEIGHBOURS, len(other) - 1)
-    reach = own.kthvalue(1 + k, dim=1).values  # the nearest is the row itself
+    reach = np.partition(own, k, axis=1)[:, k]  # the nearest is the row itself
     inside = _distances(x, other) <= reach
-    return float(inside.double().sum(1).mean() / k), float(inside.any(0).double().mean())
+    return float(inside.sum(1).mean() / k), float(inside.any(0).mean())
 
 
-def told_apart(x: Tensor, other: Tensor) -> float:
+def told_apart(x: Array, other: Array) -> float:
     """Accuracy with which a fresh classifier tells rows of two sets, as many of each, that it has not seen.
 
     One half: it cannot. Ridge regression, cross-validated, on the elements, their sizes, squares and products
@@ -67,28 +68,28 @@ def told_apart(x: Tensor, other: Tensor) -> float:
     Source: Lopez-Paz and Oquab 2017, Revisiting classifier two-sample tests.
     """
     count = min(len(x), len(other))
-    rows = torch.cat([_some(x)[:count], _some(other)[:count]]).double()
-    label = torch.ones(2 * count, dtype=torch.float64)
-    label[count:] = -1
-    fold, right = torch.arange(2 * count) % _FOLDS, 0
+    rows = np.concatenate([_some(x)[:count], _some(other)[:count]])
+    label = np.repeat([1.0, -1.0], count)
+    fold, right = np.arange(2 * count) % _FOLDS, 0
     for k in range(_FOLDS):
         unseen, seen = fold == k, fold != k
-        deviation, mean = torch.std_mean(rows[seen], 0)
-        z = (rows - mean) / deviation.clamp_min(torch.finfo(rows.dtype).tiny)
-        inner, square, size = z @ z.T / z.shape[1], z.square(), z.abs()
-        kernel = inner + (square @ square.T / 2 + size @ size.T) / z.shape[1] + (1 + inner).square()
-        ridge = _RIDGE * torch.eye(int(seen.sum()), dtype=torch.float64)
-        weights = torch.linalg.solve(kernel[seen][:, seen] + ridge, label[seen])
+        deviation = np.maximum(rows[seen].std(0, ddof=1), np.finfo(float).tiny)
+        z = (rows - rows[seen].mean(0)) / deviation
+        inner, square, size = z @ z.T / z.shape[1], np.square(z), np.abs(z)
+        kernel = inner + (square @ square.T / 2 + size @ size.T) / z.shape[1] + np.square(1 + inner)
+        ridge = _RIDGE * np.eye(seen.sum())
+        weights = np.linalg.solve(kernel[seen][:, seen] + ridge, label[seen])
         right += int((kernel[unseen][:, seen] @ weights * label[unseen] > 0).sum())
     return right / (2 * count)
 
 
-def _distances(x: Tensor, other: Tensor) -> Tensor:
-    rows = x.flatten(1), other.flatten(1)
-    return torch.cdist(*rows, compute_mode="donot_use_mm_for_euclid_dist")
+def _distances(x: Array, other: Array) -> Array:
+    from scipy.spatial.distance import cdist
+
+    return cdist(flatten(x, 1), flatten(other, 1))
 
 
-def _some(x: Tensor) -> Tensor:
+def _some(x: Array) -> Array:
     if len(x) < 2:
         raise ShapeError(f"sets of 2 rows or more are compared, got {len(x)}")
-    return x.flatten(1)
+    return flatten(x, 1)

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.kernels import goals, information
-from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import RigidBody
 
 _KINDS = {
@@ -25,7 +23,7 @@ class Linear(Protocol):
     """A model of torque that is linear in P parameters: rigid body first, then terms of single joints."""
 
     body: RigidBody
-    extras: Tensor  # term · J + joint of each of the latter
+    extras: Array  # term · J + joint of each of the latter
 
     @property
     def terms(self) -> Any:
@@ -42,12 +40,12 @@ class Goal:
     """
 
     kind: Literal["condition", "diagonal", "variance", "volume", "tool"] = "condition"
-    prior: Tensor | None = None  # information that there is already, (P, P)
-    certainty: Tensor | None = None  # one over the deviation of each joint's torque, (J,); None: ones
+    prior: Array | None = None  # information that there is already, (P, P)
+    certainty: Array | None = None  # one over the deviation of each joint's torque, (J,); None: ones
     rate: float = 1.0  # of samples with independent errors [Hz]
     model: Linear | None = None  # what is identified, friction and rotors included; None: rigid bodies
-    targets: Tensor | None = None  # (R, P)
-    doubt: Tensor | None = None  # information on a tool that there is already, (R, R)
+    targets: Array | None = None  # (R, P)
+    doubt: Array | None = None  # information on a tool that there is already, (R, R)
     runs: int = 1  # 2: a tool's trajectory is executed without it as well
 
 
@@ -64,16 +62,16 @@ class Compiled:
 
     def __init__(self, goal: Goal, body: RigidBody) -> None:
         self._goal, rigid = goal, len(body.base.columns)
-        if goal.model is not None and not torch.equal(goal.model.body.base.columns, body.base.columns):
+        if goal.model is not None and not np.array_equal(goal.model.body.base.columns, body.base.columns):
             raise ShapeError("the model is of another arm: it has other base parameters")
-        extras = np.zeros(0, np.int64) if goal.model is None else array(goal.model.extras)
+        extras = np.zeros(0, np.int64) if goal.model is None else goal.model.extras
         kinds, joints = np.divmod(extras, body.joints)
         by_joint = np.argsort(joints, kind="stable")
         self._order = np.concatenate([np.arange(rigid), rigid + by_joint])
         self.terms = _terms(goal.model, kinds[by_joint], joints[by_joint], body.joints)
         size = len(self._order)
         self.subspace = np.eye(size)
-        self.subspace[:rigid, :rigid] = array(body.base.subspace)
+        self.subspace[:rigid, :rigid] = body.base.subspace
         targets = 0 if goal.targets is None else len(goal.targets)
         self._prior = _fitting("prior", goal.prior, (size, size))
         self._targets = _fitting("targets", goal.targets, (targets, size))
@@ -100,16 +98,16 @@ class Compiled:
         )
 
 
-def _fitting(name: str, given: Tensor | None, shape: tuple[int, ...]) -> np.ndarray:
+def _fitting(name: str, given: Array | None, shape: tuple[int, ...]) -> Array:
     """Finite numbers of a shape; zeros where nothing is given."""
     if given is None:
         return np.zeros(shape)
-    if given.shape != shape or not given.isfinite().all():
-        raise ShapeError(f"{name} of the goal is {tuple(given.shape)}, expected finite numbers {shape}")
-    return array(given.double())
+    if given.shape != shape or not np.isfinite(given).all():
+        raise ShapeError(f"{name} of the goal is {given.shape}, expected finite numbers {shape}")
+    return np.ascontiguousarray(given, float)
 
 
-def _terms(model: Linear | None, kinds: np.ndarray, joints: np.ndarray, count: int) -> information.JointTerms:
+def _terms(model: Linear | None, kinds: Array, joints: Array, count: int) -> information.JointTerms:
     """Terms of a model beside rigid bodies, joints in order."""
     if model is None:
         return information.no_terms(count)

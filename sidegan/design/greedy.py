@@ -1,12 +1,14 @@
 """The greedy pick of the most informative trajectories of a library."""
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, split
 from sidegan.errors import ShapeError
 
+_ROWS = 4000  # whose differences stay near the processor
 
-def greedy(diagonals: Tensor, count: int) -> Tensor:
+
+def greedy(diagonals: Array, count: int) -> Array:
     """Indices of the chosen trajectories in the order of choice, (count,).
 
     With ψ_i the diagonal of YᵀY over the base columns of trajectory i, a row of (N, p), the next choice is
@@ -21,31 +23,31 @@ def greedy(diagonals: Tensor, count: int) -> Tensor:
     """
     _check(diagonals, count)
     excitation = diagonals.sum(1)
-    chosen = torch.zeros(len(diagonals), dtype=torch.bool, device=diagonals.device)
-    previous, order = torch.zeros_like(diagonals[:1]), list[int]()
+    chosen = np.zeros(len(diagonals), dtype=bool)
+    previous, order = np.zeros_like(diagonals[0]), list[int]()
     for _ in range(count):
         # Not by inner products: their cancellation would decide between near neighbours.
-        away = torch.cdist(diagonals, previous, compute_mode="donot_use_mm_for_euclid_dist")[:, 0]
+        apart = (part - previous for part in split(diagonals, _ROWS))
+        away = np.sqrt(np.concatenate([np.linalg.vecdot(x, x) for x in apart]))
         score = _share(away, chosen) + _share(excitation, chosen)
-        best = int(score.masked_fill_(chosen, -1.0).argmax())
+        best = int(np.where(chosen, -1.0, score).argmax())
         chosen[best] = True
-        previous = diagonals[best : best + 1]
+        previous = diagonals[best]
         order.append(best)
-    return torch.tensor(order, device=diagonals.device)
+    return np.array(order)
 
 
-def _share(x: Tensor, chosen: Tensor) -> Tensor:
+def _share(x: Array, chosen: Array) -> Array:
     """Part of the largest value that is left, (N,); zeros when that is zero."""
-    largest = x.masked_fill(chosen, 0.0).amax()
-    return torch.where(largest > 0, x / largest, torch.zeros_like(x))
+    largest = x.max(where=~chosen, initial=0.0)
+    return x / largest if largest > 0 else np.zeros_like(x)
 
 
-def _check(diagonals: Tensor, count: int) -> None:
+def _check(diagonals: Array, count: int) -> None:
     if diagonals.ndim != 2 or diagonals.shape[1] == 0:
-        raise ShapeError(f"diagonals are {tuple(diagonals.shape)}, expected (N, p)")
-    bad = ~(torch.isfinite(diagonals) & (diagonals >= 0)).all(1)
+        raise ShapeError(f"diagonals are {diagonals.shape}, expected (N, p)")
+    bad = ~(np.isfinite(diagonals) & (diagonals >= 0)).all(1)
     if bad.any():
-        first = int(bad.nonzero()[0])
-        raise ShapeError(f"the diagonal of trajectory {first} is not finite and non-negative")
+        raise ShapeError(f"the diagonal of trajectory {bad.argmax()} is not finite and non-negative")
     if not 1 <= count <= len(diagonals):
         raise ShapeError(f"cannot choose {count} of {len(diagonals)} trajectories")

@@ -9,9 +9,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array, flatten
 from sidegan.design.goal import Compiled, Goal
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
@@ -23,11 +22,8 @@ from sidegan.motion.operations import columns_of_links
 from sidegan.motion.threads import share
 from sidegan.validity.constraints import NAMES
 
-Array = np.ndarray
-
-_LEAST = (
-    1e-3  # share of a torque limit that counts where dry friction leaves nothing: an optimiser divides by it
-)
+# share of a torque limit that counts where dry friction leaves nothing: an optimiser divides by it
+_LEAST = 1e-3
 
 
 class Objective:
@@ -47,24 +43,24 @@ class Objective:
         goal: Goal,
         penalty: Penalty | None = None,
         refine: int = 1,
-        matrix: Tensor | None = None,
+        matrix: Array | None = None,
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
         arm, drives, compiled = constraints.arm, constraints.arm.known_drives, Compiled(goal, body)
         joints, harmonics, _ = trajectory.shape
-        lower, upper = array(arm.position_lower), array(arm.position_upper)
+        lower, upper = arm.position_lower, arm.position_upper
         middle, room = (upper + lower) / 2, (upper - lower) / 2
         most = arm.torque_limit - drives.coulomb
-        torque = array(torch.maximum(most, _LEAST * arm.torque_limit))
+        torque = np.maximum(most, _LEAST * arm.torque_limit)
         torque = torque if constraints.torque else np.full(joints, np.inf)
         parameters = array(arm.inertial_parameters.reshape(1, 1, -1))
         higher = array(constraints.higher_rows).reshape(-1, joints)
         if matrix is None:
-            matrix = torch.eye(2 * harmonics, dtype=torch.float64).expand(joints, -1, -1)
+            matrix = np.tile(np.eye(2 * harmonics), (joints, 1, 1))
 
         def basis(points: int, orders: int) -> Array:
             times = trajectory.grid(points)
-            return array(torch.stack([trajectory.basis(times, k).flatten(1).T for k in range(orders)]))
+            return array(np.stack([flatten(trajectory.basis(times, k), 1).T for k in range(orders)]))
 
         self.samples, self.finer = problem.samples, refine * problem.samples
         plan = kernel.Plan(
@@ -124,9 +120,9 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
     return evaluate
 
 
-def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> tuple[Tensor, Tensor]:
+def value_and_gradient(problem: Problem, c: Array, penalty: Penalty | None) -> tuple[Array, Array]:
     """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c [rad/s]."""
-    x = array(c.double().flatten(2))
+    x = array(flatten(c, 2))
     value, gradient = np.empty(len(x)), np.empty(x.shape)
 
     def work(k: slice) -> None:
@@ -136,24 +132,24 @@ def value_and_gradient(problem: Problem, c: Tensor, penalty: Penalty | None) -> 
 
     share(work, len(x), problem.samples)
     value[~np.isfinite(value)] = math.log(HOPELESS)
-    return torch.from_numpy(value), torch.from_numpy(gradient).reshape(c.shape)
+    return value, gradient.reshape(c.shape)
 
 
 def pull_back(
     problem: Problem,
-    c: Tensor,
-    vectors: Tensor,
-    weights: Tensor,
+    c: Array,
+    vectors: Array,
+    weights: Array,
     penalty: Penalty | None = None,
-    certainty: Tensor | None = None,
-) -> tuple[Tensor, Tensor]:
+    certainty: Array | None = None,
+) -> tuple[Array, Array]:
     """Penalty, (B,), and the gradient of it and of an energy, (B, J, H, 2), at coefficients c [rad/s].
 
     The energy is Σ weight · |Y v|² / T over directions v, (B, D, p), with weights (B, D), D ≤ p: for
     eigenvectors of YᵀY / T and the slopes of a function of its eigenvalues its gradient is that function's.
     Each joint's rows of Y count by its certainty, (J,).
     """
-    x, v, w = array(c.double().flatten(2)), array(vectors.double()), array(weights.double())
+    x, v, w = array(flatten(c, 2)), array(vectors), array(weights)
     cost, gradient = np.empty(len(x)), np.empty(x.shape)
 
     def work(k: slice) -> None:
@@ -162,4 +158,4 @@ def pull_back(
             cost[n] = kernel.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.scratch)
 
     share(work, len(x), problem.samples)
-    return torch.from_numpy(cost), torch.from_numpy(gradient).reshape(c.shape)
+    return cost, gradient.reshape(c.shape)

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, replace
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
 from sidegan.kernels import HOPELESS
@@ -51,43 +51,41 @@ class Problem:
         """Rank, from the smallest, of the first eigenvalue that counts."""
         return 0 if self.strongest is None else max(0, len(self.body.base.columns) - self.strongest)
 
-    def start(self, count: int, generator: torch.Generator, reach: float = 0.7) -> Tensor:
+    def start(self, count: int, generator: np.random.Generator, reach: float = 0.7) -> Array:
         """Random coefficients [rad/s], (count, J, H, 2), each joint using ``reach`` of its tightest limit."""
-        c = torch.randn(count, *self.trajectory.shape, generator=generator, dtype=torch.float64)
+        c = generator.standard_normal((count, *self.trajectory.shape))
         return c * (reach / self.limit_use(c))[:, :, None, None]
 
-    def limit_use(self, c: Tensor) -> Tensor:
+    def limit_use(self, c: Array) -> Array:
         """Largest share of its tightest limit that each joint uses, (B, J).
 
         Limits are those of position, from home, of velocity and, where there are any, of acceleration and
         jerk: what is linear in the coefficients.
         """
         arm, times = self.constraints.arm, self.trajectory.grid(4 * self.samples)
-        lower, upper, home = arm.position_lower, arm.position_upper, c.new_tensor(self.trajectory.home)
+        lower, upper, home = arm.position_lower, arm.position_upper, np.array(self.trajectory.home)
         least = _LEAST_ROOM * (upper - lower)
-        above, below = torch.maximum(upper - home, least), torch.maximum(home - lower, least)
+        above, below = np.maximum(upper - home, least), np.maximum(home - lower, least)
         motion = self.trajectory.roll_out(c, times)
         away = motion.position - home
-        position = torch.maximum(away.amax(1) / above, -away.amin(1) / below)
-        use = torch.maximum(position, motion.velocity.abs().amax(1) / arm.velocity_limit)
+        position = np.maximum(away.max(1) / above, -away.min(1) / below)
+        use = np.maximum(position, np.abs(motion.velocity).max(1) / arm.velocity_limit)
         for name, limit in self.constraints.higher.items():
             x = self.trajectory.derivative(c, times, DERIVATIVE_ORDER[name])
-            use = torch.maximum(use, x.abs().amax(1) / limit)
-        return use.clamp_min(1e-9)
+            use = np.maximum(use, np.abs(x).max(1) / limit)
+        return np.maximum(use, 1e-9)
 
-    @torch.no_grad()
-    def gram(self, c: Tensor) -> Tensor:
+    def gram(self, c: Array) -> Array:
         """Gram matrices of the base regressor, (B, p, p); zero where a trajectory makes them non-finite."""
         grams = gram(self.body, self.trajectory, c, self.samples)
-        finite = torch.isfinite(grams).all(2).all(1)
-        return torch.where(finite[:, None, None], grams, 0.0)
+        finite = np.isfinite(grams).all((1, 2), keepdims=True)
+        return np.where(finite, grams, 0.0)
 
-    @torch.no_grad()
-    def fitness(self, c: Tensor) -> Tensor:
+    def fitness(self, c: Array) -> Array:
         """The number to minimise, (B,), at most ``HOPELESS``."""
         excitation = excitation_of(self.body, self.gram(c))
         if self.diagonal:
             value = excitation.diagonal_fitness
         else:
             value = replace(excitation, spectrum=excitation.spectrum[:, self.weakest :]).eigenvalue_fitness
-        return value.nan_to_num(HOPELESS).clamp_max(HOPELESS)
+        return np.fmin(value, HOPELESS)

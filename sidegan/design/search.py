@@ -10,9 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
+from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective
@@ -22,7 +23,6 @@ from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
 from sidegan.kernels.objective import Plan
-from sidegan.motion.arrays import array
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Validity, check
@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 class Found:
     """A proven trajectory."""
 
-    coefficients: Tensor  # (J, H, 2) [rad/s]
+    coefficients: Array  # (J, H, 2) [rad/s]
     value: float  # of the goal
     share: float = 1.0  # of the size that the search gave it, which is left
 
@@ -74,22 +74,22 @@ class Descent:
         joints, harmonics, _ = problem.trajectory.shape
         self._state = descent.search(joints, 2 * harmonics, _MEMORY)
 
-    def start(self, random: torch.Generator, reach: float = _REACH) -> Tensor:
+    def start(self, random: np.random.Generator, reach: float = _REACH) -> Array:
         """A random point, (J, 2 H), of which each joint uses ``reach`` of its tightest limit."""
         return self.coordinates.start(self.problem, 1, random, reach)[0]
 
-    def run(self, x: Tensor, evaluations: int) -> Tensor:
+    def run(self, x: Array, evaluations: int) -> Array:
         """Coefficients [rad/s], (J, H, 2), within the limits on motion, to which a point leads."""
         first = round(_ROUGH_SHARE * evaluations)
-        self._state.x[:] = array(x).ravel()
+        self._state.x[:] = x.ravel()
         for plan, count in ((self._objective.plan, first), (self._strict, evaluations - first)):
             self._descend(plan, count)
-        c = self.coordinates.coefficients(torch.from_numpy(self._state.x.copy()).view(1, *x.shape))
-        return (c / (self.problem.limit_use(c) / _FULL).clamp_min(1.0)[:, :, None, None])[0]
+        c = self.coordinates.coefficients(self._state.x.reshape(1, *x.shape))
+        return (c / np.maximum(self.problem.limit_use(c) / _FULL, 1.0)[:, :, None, None])[0]
 
-    def value(self, c: Tensor) -> float:
+    def value(self, c: Array) -> float:
         """The goal at coefficients [rad/s], (J, H, 2)."""
-        self._state.x[:] = array(self.coordinates.points(c[None])[0]).ravel()
+        self._state.x[:] = self.coordinates.points(c[None]).ravel()
         self._descend(self._objective.plan, 1)
         return float(self._state.numbers[descent.GOAL])
 
@@ -99,17 +99,17 @@ class Descent:
         descent.descend(plan, _RULES, self._state, self._objective.scratch, evaluations)
 
 
-def proven(problem: Problem, c: Tensor, smallest: float = 0.5) -> tuple[Tensor, Tensor, Validity]:
+def proven(problem: Problem, c: Array, smallest: float = 0.5) -> tuple[Array, Array, Validity]:
     """Trajectories [rad/s], (B, J, H, 2), as much smaller as they must be to be valid, and which are, (B,).
 
     They shrink towards home to no less than a share of their size; the last verdict is on what is left.
     """
-    c = torch.where(torch.isfinite(c).flatten(1).all(1)[:, None, None, None], c, 0.0)
-    valid = torch.zeros(len(c), dtype=torch.bool)
+    c = np.where(np.isfinite(c).all((1, 2, 3), keepdims=True), c, 0.0)
+    valid = np.zeros(len(c), dtype=bool)
     for share in _SHARES:
         if share < smallest or valid.all():
             break
-        left = torch.nonzero(~valid)[:, 0]
+        left = np.flatnonzero(~valid)
         verdict = check(problem.constraints, problem.trajectory, c[left] * share)
         c[left[verdict.valid]] *= share
         valid[left[verdict.valid]] = True
@@ -133,9 +133,10 @@ def search(
         ShapeError: when the goal does not fit the arm.
     """
     began, done, pace = clock(), 0, 0.0  # pace: [s] of an evaluation
+    compile_beside()
     problem = replace(problem, samples=max(settings.samples, 2 * problem.trajectory.harmonics + 1))
     problem.constraints.refuse_home(problem.trajectory.home or ())
-    searching, random = Descent(problem, goal, settings.reserve), torch.Generator().manual_seed(seed)
+    searching, random = Descent(problem, goal, settings.reserve), np.random.default_rng(seed)
 
     def left() -> int:
         if deadline is None:
@@ -155,14 +156,14 @@ def search(
         least = math.inf if best is None else best.value - _BETTER
         if searching.value(c[0]) < least:
             shrunk, valid, verdict = proven(problem, c, _SLIGHTLY)
-            if not valid:
+            if not valid.all():
                 failed = c
             elif (value := searching.value(shrunk[0])) < least:
                 best = Found(shrunk[0], value)
     if best is None and failed is not None:
         shrunk, valid, verdict = proven(problem, failed, _SHARES[-1])
-        if valid:
-            share = float(shrunk.norm() / failed.norm())
+        if valid.all():
+            share = float(np.linalg.norm(shrunk) / np.linalg.norm(failed))
             best = Found(shrunk[0], searching.value(shrunk[0]), share)
     if best is None:
         faults = verdict.failures(0) if verdict else []
@@ -178,7 +179,7 @@ class SetGoal(Protocol):
     def next(self) -> Goal:
         """The goal of the next trajectory."""
 
-    def take(self, trajectory: Trajectory, c: Tensor) -> None:
+    def take(self, trajectory: Trajectory, c: Array) -> None:
         """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
 
 
@@ -187,18 +188,18 @@ class ConditionGoal:
 
     def __init__(self, problem: Problem) -> None:
         self._body, size = problem.body, problem.body.parameters_count
-        self._sum = torch.zeros(size, size, dtype=torch.float64)
+        self._sum = np.zeros((size, size))
 
     def next(self) -> Goal:
         """The goal of the next trajectory."""
         return Goal("condition", prior=self._sum)
 
-    def take(self, trajectory: Trajectory, c: Tensor) -> None:
+    def take(self, trajectory: Trajectory, c: Array) -> None:
         """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
         self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], _SAMPLES)[0]
 
 
-def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Tensor:
+def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Array:
     """A set of proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
 
     A trajectory that had to become much smaller to be valid is searched again. If next to nothing is left of
@@ -226,4 +227,4 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
     worth = [one for one in found if one.share >= _SCRAP] or found
     if len(worth) < count:
         _log.warning("%d of %d trajectories came to nothing and are left out", count - len(worth), count)
-    return torch.stack([one.coefficients for one in worth])
+    return np.stack([one.coefficients for one in worth])

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Count, Positive
 from sidegan.design.greedy import greedy
 from sidegan.design.information import information_of
@@ -30,9 +29,7 @@ class Selection:
             raise ConfigError("the paper's greedy score knows no noise: choose another method")
 
 
-def choose(
-    settings: Selection, body: RigidBody, trajectory: Trajectory, c: Tensor, diagonal: Tensor
-) -> Tensor:
+def choose(settings: Selection, body: RigidBody, trajectory: Trajectory, c: Array, diagonal: Array) -> Array:
     """Indices of the trajectories picked from a pool (N, J, H, 2), in the order of choice, (count,).
 
     The paper's score looks at the diagonal of each YᵀY / T over the base columns alone, (N, p).
@@ -40,7 +37,7 @@ def choose(
     if settings.method == "greedy":
         return greedy(diagonal, settings.count)
 
-    def information(some: Tensor) -> Tensor:
+    def information(some: Array) -> Array:
         return information_of(body, trajectory, some, noise=settings.noise)
 
     pick = a_optimal if settings.method == "a_optimal" else d_optimal

@@ -1,4 +1,4 @@
-"""SIDE-GAN, after figure 1 of the paper; the only door to Lightning.
+"""SIDE-GAN, after figure 1 of the paper; the only door to torch and Lightning.
 
     generator                    networks.Generator; with its scale and limits generator.TrajectoryGenerator
     … that looks at the motion   correction.Correction
@@ -10,11 +10,8 @@
     losses                       functions in losses; which a variant adds is in variants
     the adversarial loop         side_gan.SideGAN.training_step; training.train runs it
 
+Other rooms pass arrays, and this one tensors: tensors.array and tensors.tensor are the border.
+
 The recipe as the authors published it: ``Published…`` in variants, their networks and surrogates in the
 files ``published_*``.
 """
-
-from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.settings import Variant
-
-__all__ = ["TrajectoryGenerator", "Variant"]

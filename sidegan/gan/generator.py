@@ -1,18 +1,21 @@
 """The generator of trajectories: its network, scale and limits, in one file once it is trained."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
-from sidegan.base.storage import read_torch, write_torch
+from sidegan.base.arrays import Array
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.correction import Correction
+from sidegan.gan.files import read_tensors, write_tensors
 from sidegan.gan.limits import Box, LimitLayer
 from sidegan.gan.networks import Generator
 from sidegan.gan.published_networks import ConvolutionalGenerator
-from sidegan.gan.scaling import Scaling
+from sidegan.gan.scaling import PublishedScaling, Scaling
+from sidegan.gan.tensors import array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.seeding.published import Layout
@@ -36,7 +39,7 @@ class TrajectoryGenerator(nn.Module):
     def __init__(
         self,
         network: Generator | ConvolutionalGenerator,
-        scaling: Scaling | Layout,
+        scaling: Scaling | PublishedScaling,
         trajectory: Trajectory,
         arm: Arm,
         *,
@@ -67,7 +70,7 @@ class TrajectoryGenerator(nn.Module):
         return images
 
     @torch.no_grad()
-    def sample(self, count: int, seed: int | torch.Generator = 0) -> Tensor:
+    def sample(self, count: int, seed: int | torch.Generator = 0) -> Array:
         """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed.
 
         A stream of random numbers in place of a seed goes on.
@@ -75,7 +78,12 @@ class TrajectoryGenerator(nn.Module):
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
         stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
-        return self.coefficients(self.images(count, stream)).double().cpu()
+        return array(self.coefficients(self.images(count, stream)))
+
+    def stream(self, seed: int) -> Callable[[int], Array]:
+        """A function that draws so many new coefficients [rad/s], (count, J, H, 2), others at every call."""
+        noise = torch.Generator().manual_seed(seed)
+        return lambda count: self.sample(count, noise)
 
     def save(self, path: Path) -> None:
         """Write one file of tensors and plain values."""
@@ -88,10 +96,10 @@ class TrajectoryGenerator(nn.Module):
             "limited": self.limits is not None,
             "box": None if self.box is None else self.box.size,
             "corrections": len(self.corrections),
-            "published": isinstance(self.scaling, Layout),
+            "published": isinstance(self.scaling, PublishedScaling),
             "weights": self.state_dict(),
         }
-        write_torch(path, content)
+        write_tensors(path, content)
 
     def start_from(self, path: Path) -> None:
         """Take over the network of a generator's file, of any arm; scale, limits and corrections stay.
@@ -124,9 +132,10 @@ class TrajectoryGenerator(nn.Module):
         family = Trajectory(**content["trajectory"])
         joints, harmonics, size = family.joints, family.harmonics, 2 * family.harmonics
         network: Generator | ConvolutionalGenerator
-        scaling: Scaling | Layout
+        scaling: Scaling | PublishedScaling
         if content["published"]:
-            network, scaling = ConvolutionalGenerator(**content["network"]), Layout(joints, harmonics)
+            network = ConvolutionalGenerator(**content["network"])
+            scaling = PublishedScaling(Layout(joints, harmonics))
         else:
             network = Generator(**content["network"])
             scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
@@ -137,7 +146,7 @@ class TrajectoryGenerator(nn.Module):
 
 
 def _content(path: Path) -> dict[str, Any]:
-    content = read_torch(path)
+    content = read_tensors(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
     return content

@@ -1,8 +1,11 @@
 """Last layers after which a limit holds whatever they are given: limits on motion, a box of coefficients."""
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.arrays import flatten
+from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
@@ -34,19 +37,19 @@ class LimitLayer(nn.Module):
     def __init__(self, arm: Arm, trajectory: Trajectory) -> None:
         super().__init__()
         count = _POINTS * trajectory.harmonics
-        times = torch.linspace(0.0, trajectory.period, count + 1, dtype=torch.float64)
+        times = np.linspace(0.0, trajectory.period, count + 1)
         self.gap = trajectory.period / count
         self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
-        home = torch.tensor(trajectory.home).double()
-        room = torch.stack([arm.position_upper - home, home - arm.position_lower]).clamp_min(_LEAST_ROOM)
+        home = np.asarray(trajectory.home)
+        room = np.stack([arm.position_upper - home, home - arm.position_lower])
         buffers = {
-            "bases": torch.stack([trajectory.basis(times, order).flatten(1) for order in range(4)]),
-            "peaks": torch.stack([trajectory.derivative_bound(order).flatten() for order in (4, 5)]),
-            "room": room,
-            "limits": torch.stack([arm.velocity_limit, *arm.higher_limits.values()]),
+            "bases": np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)]),
+            "peaks": np.stack([trajectory.derivative_bound(order).ravel() for order in (4, 5)]),
+            "room": np.maximum(room, _LEAST_ROOM),
+            "limits": np.stack([arm.velocity_limit, *arm.higher_limits.values()]),
         }
         for name, value in buffers.items():
-            self.register_buffer(name, value.float(), persistent=False)
+            self.register_buffer(name, tensor(value).float(), persistent=False)
 
     def forward(self, c: Tensor) -> Tensor:
         """Scaled coefficients [rad/s], (B, J, H, 2)."""

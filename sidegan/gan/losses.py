@@ -10,7 +10,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import normalize, softplus
 
+from sidegan.base.arrays import Array, flatten, split
 from sidegan.design.excitation import mean_distance
+from sidegan.design.fidelity import mean_cosine
+from sidegan.gan.tensors import tensor
 
 _PAIRS = 500  # seeds whose mean distance stands for all
 _BATCHES = 8  # of seeds, whose mean rank stands for that of any batch
@@ -68,19 +71,19 @@ class Adversary(nn.Module):
         return softplus(-on_real).mean() + softplus(on_fake).mean()
 
 
-def missing_distance(seeds: Tensor) -> Value:
+def missing_distance(seeds: Array) -> Value:
     """Missing share of the mean distance between two trajectories, 0 when it is that of the seeds."""
-    target = mean_distance(seeds.double().flatten(1)[:_PAIRS])
+    target = mean_distance(seeds[:_PAIRS])
     return lambda batch: (1 - torch.pdist(batch.coefficients.flatten(1)).mean() / target).clamp_min(0)
 
 
-def common_offset(seeds: Tensor) -> Value:
+def common_offset(seeds: Array) -> Value:
     """Mean cosine between two trajectories beyond that of the seeds: of what all of a batch have in common.
 
     Distances and covariances cannot see it. Where home is at the edge of a range seeds may have more in
     common than a generator needs.
     """
-    most = _mean_cosine(seeds.double().flatten(1)).clamp(0, _IN_COMMON)
+    most = min(max(mean_cosine(seeds), 0.0), _IN_COMMON)
     return lambda batch: (_mean_cosine(batch.coefficients.flatten(1)) - most).clamp_min(0)
 
 
@@ -90,10 +93,10 @@ def _mean_cosine(x: Tensor) -> Tensor:
     return (normalize(x).sum(0).square().sum() - count) / (count * (count - 1))
 
 
-def missing_rank(seeds: Tensor, size: int, share: float = 1.0) -> Value:
+def missing_rank(seeds: Array, size: int, share: float = 1.0) -> Value:
     """Missing log effective rank of a batch of a size, 0 when it is that share of as many seeds'."""
-    x, size = seeds.double().flatten(1), min(size, len(seeds))
-    parts = [part for part in x.split(size)[:_BATCHES] if len(part) == size]
+    rows, size = flatten(seeds, 1), min(size, len(seeds))
+    parts = [tensor(part) for part in split(rows[: _BATCHES * size], size) if len(part) == size]
     target = float(torch.stack([_log_rank(part) for part in parts]).mean()) + math.log(share)
     return lambda batch: (target - _log_rank(batch.coefficients.flatten(1))).clamp_min(0)
 

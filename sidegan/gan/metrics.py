@@ -1,27 +1,37 @@
 """How good a generator is, measured with the true physics and not with the surrogates."""
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.design.excitation import diversity, excite, mean_distance
 from sidegan.design.fidelity import beyond, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,
+    TorqueNoise,
     random_motions,
     sampled,
     wanted_torques,
 )
 from sidegan.design.problem import Problem
-from sidegan.gan.reward import noises
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
+_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
 _POOL, _DRAWS = 200, 100  # valid trajectories from which sets are drawn, and how many of these
 
 
+def noises(body: RigidBody) -> dict[str, TorqueNoise]:
+    """Noise on torques under which a model is identified, by the names in ``settings.Reward``."""
+    return {
+        "proportional": TorqueNoise.proportional(_LEVEL, np.ones(body.joints)),
+        "constant": TorqueNoise.constant(body, _SHARE),
+    }
+
+
 def measure(
-    constraints: Constraints, trajectory: Trajectory, c: Tensor, seeds: Tensor | None = None
+    constraints: Constraints, trajectory: Trajectory, c: Array, seeds: Array | None = None
 ) -> dict[str, float]:
     """Validity, fitness, diversity and worth of generated coefficients (N, J, H, 2), beside seeds.
 
@@ -35,12 +45,12 @@ def measure(
     excitation = excite(constraints.body, trajectory, c)
     condition = excitation.eigenvalue_fitness
     return {
-        "success": float(valid.double().mean()),
-        "condition": float(condition.median()),
+        "success": float(valid.mean()),
+        "condition": float(np.median(condition)),
         "condition_mean": float(condition.mean()),
-        "condition_valid": float(condition[valid].median()),
-        "diagonal_ratio": float(excitation.diagonal_fitness.median()),
-        "distance_valid": mean_distance(c[valid]) if int(valid.sum()) > 1 else float("nan"),
+        "condition_valid": float(np.median(condition[valid])) if valid.any() else float("nan"),
+        "diagonal_ratio": float(np.median(excitation.diagonal_fitness)),
+        "distance_valid": mean_distance(c[valid]) if valid.sum() > 1 else float("nan"),
         **diversity(c, excitation),
         **(proportions(c) if len(c) > 1 else {}),
         **({} if seeds is None else {"beyond": beyond(c, seeds)}),
@@ -48,7 +58,7 @@ def measure(
     }
 
 
-def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> dict[str, float]:
+def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Array) -> dict[str, float]:
     """Expected nMSE of 35 of some valid trajectories (N, J, H, 2), drawn at random, on random motions.
 
     Under the paper's noise and equal weights, and under a constant noise by which joints are weighted; mean
@@ -58,8 +68,8 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Tensor)
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
     errors: dict[str, float] = {}
     for name, noise in zip(("error", "error_constant"), noises(body).values()):
-        predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), wanted.new_tensor(torch.inf)
+        predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), np.array(np.inf)
         if len(c) >= TOGETHER:
             nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)
-        errors |= {name: float(nmse.mean()), f"{name}_geometric": float(nmse.log().mean().exp())}
+        errors |= {name: float(nmse.mean()), f"{name}_geometric": float(np.exp(np.log(nmse).mean()))}
     return errors

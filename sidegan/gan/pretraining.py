@@ -5,18 +5,21 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch, write_task
 from sidegan.errors import ArtifactError
+from sidegan.gan.files import read_tensors, write_network
 from sidegan.gan.labels import Labelled, blend, label
 from sidegan.gan.lightning import pl
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogate
+from sidegan.gan.tensors import array, tensor
 from sidegan.gan.trainer import Progress, Shuffled, fit
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -36,15 +39,14 @@ class Pretraining:
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
-    seeds: Tensor  # coefficients [rad/s], (N, J, H, 2)
-    negatives: Tensor  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
+    seeds: Array  # coefficients [rad/s], (N, J, H, 2)
+    negatives: Array  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
 
     def label(self, seed: int, progress: Report) -> Labelled:
         """One of ``SHARES`` shares of the labelled samples."""
         sources = self.seeds[: self._learnt], self.negatives[:-_HELD_OUT_NEGATIVES]
-        count, random = -(-self.settings.samples // SHARES), torch.Generator().manual_seed(seed)
-        samples, steps = blend(*sources, count, random), self.settings.margin_steps
-        energies = Energies(self.constraints, self.trajectory, self.seeds)
+        samples = blend(*sources, -(-self.settings.samples // SHARES), seed)
+        energies, steps = Energies(self.constraints, self.trajectory, self.seeds), self.settings.margin_steps
         return label(self.constraints, self.trajectory, samples, steps, progress, energies)
 
     def train_success(
@@ -59,14 +61,14 @@ class Pretraining:
         sizes = {"width": self.settings.width, "steps": self.settings.margin_steps}
         arguments = {"constraints": len(self.constraints.labels), **sizes}
         predictor = SuccessPredictor(self.constraints.arm, self.trajectory, **arguments)
-        self._fit(predictor, (data.c, data.margins, data.valid), random, progress)
-        write_task(folder / "success.pt", {"arguments": arguments, "weights": predictor.state_dict()})
+        self._fit(predictor, [tensor(x) for x in (data.c, data.margins, data.valid)], random, progress)
+        write_network(folder / "success.pt", predictor.state_dict(), arguments)
         held_seeds, faulty = self.seeds[self._learnt :], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
-        c = torch.cat([held_seeds, faulty])
+        c = np.concatenate([held_seeds, faulty])
         return {
-            "accuracy_paper": predictor.accuracy(c, torch.arange(len(c)) < len(held_seeds)),
-            "accuracy_broad": predictor.accuracy(held.c, held.valid),
+            "accuracy_paper": predictor.accuracy(tensor(c), torch.arange(len(c)) < len(held_seeds)),
+            "accuracy_broad": predictor.accuracy(tensor(held.c), tensor(held.valid)),
         }
 
     def train_features(
@@ -74,14 +76,15 @@ class Pretraining:
     ) -> dict[str, float]:
         """Held-out mean R² of the converter to some features, which is left in ``folder``."""
         data, held, random = _begin(labelled, seed)
-        target = getattr(data, features)
+        target = tensor(getattr(data, features))
         sizes = {"width": self.settings.width, "steps": self.settings.feature_steps}
         arguments = {"features": target.shape[1], **sizes}
         converter = Converter(self.constraints.arm, self.trajectory, **arguments)
         converter.fit_standard(target)
-        self._fit(converter, (data.c, converter.standardise(target)), random, progress)
-        write_task(folder / f"{features}.pt", {"arguments": arguments, "weights": converter.state_dict()})
-        return {f"r2_{features}": float(converter.explained(held.c, getattr(held, features)).mean())}
+        self._fit(converter, (tensor(data.c), converter.standardise(target)), random, progress)
+        write_network(folder / f"{features}.pt", converter.state_dict(), arguments)
+        explained = converter.explained(tensor(held.c), tensor(getattr(held, features)))
+        return {f"r2_{features}": float(explained.mean())}
 
     @property
     def _learnt(self) -> int:
@@ -100,7 +103,7 @@ def _begin(labelled: Labelled, seed: int) -> tuple[Labelled, Labelled, torch.Gen
     """Training data, held-out data and the random numbers of one training."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
-    order = torch.randperm(len(labelled.c), generator=random)
+    order = array(torch.randperm(len(labelled.c), generator=random))
     cut = int(len(order) * (1 - _HELD_OUT))
     return labelled.take(order[:cut]), labelled.take(order[cut:]), random
 
@@ -126,7 +129,7 @@ def load_surrogates(
 
 
 def _load(path: Path, kind: Callable[..., pl.LightningModule]) -> pl.LightningModule:
-    content = read_torch(path)
+    content = read_tensors(path)
     try:
         network = kind(**content["arguments"])
         network.load_state_dict(content["weights"])

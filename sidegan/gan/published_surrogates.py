@@ -10,10 +10,12 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.base.storage import write_task
+from sidegan.gan.files import read_tensors, write_network
 from sidegan.gan.lightning import pl
 from sidegan.gan.published_networks import IMAGE
+from sidegan.gan.tensors import tensor
 from sidegan.gan.trainer import Progress, fit
 
 _FIRST = 200  # channels of the first layer
@@ -75,9 +77,9 @@ class PublishedPretraining:
     """Data from which the published surrogates learn."""
 
     steps: int  # of a training
-    seeds: Tensor  # images (N, 2, 7, 7)
-    samples: Tensor  # images (M, 2, 7, 7) of a vanilla GAN, of all of its epochs
-    valid: Tensor  # of the samples, by true physics, (M,)
+    seeds: Array  # images (N, 2, 7, 7) float32
+    samples: Array  # images (M, 2, 7, 7) float32 of a vanilla GAN, of all of its epochs
+    valid: Array  # of the samples, by true physics, (M,)
 
     def train_success(
         self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
@@ -88,33 +90,33 @@ class PublishedPretraining:
         faulty ones among these.
         """
         torch.manual_seed(seed)
-        valid = self.valid
+        samples, valid = tensor(self.samples), tensor(self.valid)
         held, learnt = _split(len(valid))
         network = PublishedPredictor()
         if weights is None:
-            self._fit(network, (self.samples[learnt], valid[learnt]), progress)
+            self._fit(network, (samples[learnt], valid[learnt]), progress)
         else:
             network.load_state_dict({"scale": network.scale, **weights})
-        write_task(folder / "success.pt", {"arguments": {}, "weights": network.state_dict()})
+        write_network(folder / "success.pt", network.state_dict(), {})
         with torch.no_grad():
-            right = (network(self.samples[held])[:, 0] > 0) == valid[held]
-            of_seeds = network(self.seeds)[:, 0] > 0
+            right = (network(samples[held])[:, 0] > 0) == valid[held]
+            of_seeds = network(tensor(self.seeds))[:, 0] > 0
         on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
         return {"accuracy_broad": float(right.double().mean()), "accuracy_paper": float(on_paper)}
 
     def train_features(
-        self, name: str, features: Tensor, folder: Path, seed: int, progress: Report
+        self, name: str, features: Array, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
         """Mean relative error on held-out seeds of a converter to features (N, p), left in ``folder``."""
         torch.manual_seed(seed)
-        target = features.float()
+        seeds, target = tensor(self.seeds), tensor(features).float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)
-        self._fit(network, (self.seeds[learnt], target[learnt]), progress)
+        self._fit(network, (seeds[learnt], target[learnt]), progress)
         write_converter(folder / f"{name}.pt", network.state_dict())
         with torch.no_grad():
-            return {f"error_{name}": float(network.training_step([self.seeds[held], target[held]], 0))}
+            return {f"error_{name}": float(network.training_step([seeds[held], target[held]], 0))}
 
     def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
         """So many steps, each on a batch of rows drawn anew."""
@@ -126,10 +128,14 @@ class PublishedPretraining:
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:
     """Write a published converter, as ``pretraining.load_surrogates`` reads it; the authors' has no scale."""
     outputs = len(weights["fc2.bias"])
-    scaled = {"scale": torch.ones(outputs), **weights}
-    write_task(path, {"arguments": {"features": outputs}, "weights": scaled})
+    write_network(path, {"scale": torch.ones(outputs), **weights}, {"features": outputs})
 
 
 def _split(count: int) -> tuple[Tensor, ...]:
     """Rows that are held out, and those that are learnt from, at random."""
     return torch.randperm(count).tensor_split([int(_HELD_OUT * count)])
+
+
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """The authors' weights of a surrogate, by the names of its layers."""
+    return {key: x.float() for key, x in read_tensors(path).items()}

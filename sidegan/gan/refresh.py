@@ -3,12 +3,14 @@
 from itertools import chain
 from typing import Any
 
+import numpy as np
 import torch
 
 from sidegan.gan.labels import Labelled, label
 from sidegan.gan.lightning import pl
 from sidegan.gan.settings import Refresh
 from sidegan.gan.side_gan import SideGAN
+from sidegan.gan.tensors import tensor
 
 _BATCH = 100
 
@@ -37,26 +39,19 @@ class Refreshed(pl.Callback):
     def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Label new samples, and take some steps on those of the last epochs."""
         data, settings, (predictor, converter) = pl_module.data, self.settings, self.surrogates
-        c = pl_module.generator.sample(settings.samples, self.random)
-        made = label(
-            data.constraints,
-            data.trajectory,
-            c,
-            predictor.roll_out.steps,
-            lambda *_: None,
-            pl_module.energies,
-        )
+        new, steps = pl_module.generator.sample(settings.samples, self.random), predictor.roll_out.steps
+        made = label(data.constraints, data.trajectory, new, steps, lambda *_: None, pl_module.energies)
         self.window = [*self.window, made][-settings.window :]
         every = Labelled.join(self.window)
-        features = getattr(every, str(pl_module.settings.features)).float()
-        labels = [x.to(pl_module.device) for x in (every.c, every.margins, every.valid, features)]
+        features = getattr(every, str(pl_module.settings.features)).astype(np.float32)
+        labels = [tensor(x).to(pl_module.device) for x in (every.c, every.margins, every.valid, features)]
         for network in self.surrogates:
             network.requires_grad_(True)
         for _ in range(settings.steps):
             rows = torch.randint(len(every.c), (_BATCH,), generator=self.random)
-            c, margins, valid, features = (x[rows] for x in labels)
+            c, margins, valid, target = (x[rows] for x in labels)
             loss = predictor.training_step([c, margins, valid], 0)
-            loss = loss + converter.training_step([c, converter.standardise(features)], 0)
+            loss = loss + converter.training_step([c, converter.standardise(target)], 0)
             self.adam.zero_grad()
             loss.backward()
             self.adam.step()
@@ -65,11 +60,11 @@ class Refreshed(pl.Callback):
 
     def state_dict(self) -> dict[str, Any]:
         """What a checkpoint needs to go on."""
-        window = [tuple(batch) for batch in self.window]
+        window = [tuple(map(tensor, batch)) for batch in self.window]
         return {"adam": self.adam.state_dict(), "window": window, "random": self.random.get_state()}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
         """Go on from a checkpoint."""
         self.saved = state_dict["adam"]
-        self.window = [Labelled(*one) for one in state_dict["window"]]
+        self.window = [Labelled(*(x.cpu().numpy() for x in one)) for one in state_dict["window"]]
         self.random.set_state(state_dict["random"].cpu())

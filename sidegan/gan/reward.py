@@ -1,9 +1,9 @@
 """What trajectories are worth for the prediction of torques anywhere within the limits on motion."""
 
-import torch
+import numpy as np
 from torch import Tensor
 
-from sidegan.design.physics import energies
+from sidegan.base.arrays import Array
 from sidegan.design.prediction import (
     Prediction,
     TorqueNoise,
@@ -13,26 +13,18 @@ from sidegan.design.prediction import (
     wanted_torques,
 )
 from sidegan.design.problem import Problem
+from sidegan.gan.metrics import noises
+from sidegan.gan.physics import energies, energies_of
 from sidegan.gan.settings import Reward
-from sidegan.motion.dynamics import RigidBody
+from sidegan.gan.tensors import array, tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
-_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
 _MOTIONS, _STREAM = 60, 7  # random motions that are to be predicted; those of tests and metrics are others
 _FEW = 8  # trajectories of a batch that count for the running means
 _FORGETTING = 0.02  # share of these in the means, once there were enough
 _DIRECTIONS = 24  # that count, those with the largest shares of the error
 _SEEDS = 200  # that these are of
-
-
-def noises(body: RigidBody) -> dict[str, TorqueNoise]:
-    """Noise on torques under which a model is identified, by the names in ``settings.Reward``."""
-    equal = torch.ones(body.joints, dtype=torch.float64)
-    return {
-        "proportional": TorqueNoise.proportional(_LEVEL, equal),
-        "constant": TorqueNoise.constant(body, _SHARE),
-    }
 
 
 class Worth:
@@ -47,29 +39,26 @@ class Worth:
     """
 
     def __init__(self, problem: Problem, noise: TorqueNoise) -> None:
-        body, family, motions = (
-            problem.body,
-            problem.trajectory,
-            random_motions(problem, _MOTIONS, seed=_STREAM),
-        )
-        wanted, times = wanted_torques(body, family, motions, sampled(family)), family.grid(problem.samples)
+        body, family, times = problem.body, problem.trajectory, problem.trajectory.grid(problem.samples)
+        motions = random_motions(problem, _MOTIONS, seed=_STREAM)
+        wanted = wanted_torques(body, family, motions, sampled(family))
         self.problem = problem
         self.prediction = Prediction(body, family, wanted, noise, times, 1 / len(times))
-        self.means, self.seen = torch.zeros(2, *wanted.shape[1:], dtype=torch.float64), 0
+        self.means, self.seen = np.zeros((2, *wanted.shape[1:])), 0
 
     def __call__(self, c: Tensor) -> Tensor:
         """Log worth of coefficients [rad/s] (B, J, H, 2) beside that of the running means, (B,) float64."""
-        self.learn(c[:_FEW].detach())
+        self.learn(array(c[:_FEW]))
         directions, shares = self.slope
-        return (energies(self.problem, c, directions, self.prediction.noise.weights) @ shares).log()
+        return (energies(self.problem, c, directions, self.prediction.noise.weights) @ tensor(shares)).log()
 
-    def learn(self, c: Tensor) -> None:
-        """Take trajectories into the running means of information and noise."""
-        new, self.seen = torch.stack([x.mean(0) for x in self.prediction.informations(c)]), self.seen + 1
-        self.means = torch.lerp(self.means, new, max(_FORGETTING, 1 / self.seen))
+    def learn(self, c: Array) -> None:
+        """Take trajectories [rad/s] (B, J, H, 2) into the running means of information and noise."""
+        new, self.seen = np.stack([x.mean(0) for x in self.prediction.informations(c)]), self.seen + 1
+        self.means = self.means + max(_FORGETTING, 1 / self.seen) * (new - self.means)
 
     @property
-    def slope(self) -> tuple[Tensor, Tensor]:
+    def slope(self) -> tuple[Array, Array]:
         """Directions (p, K) in which the error falls most, and their shares, (K,)."""
         directions, shares = error_slope(self.prediction.wanted, *self.means)
         return directions[:, :_DIRECTIONS], shares[:_DIRECTIONS] / shares[:_DIRECTIONS].sum()
@@ -84,18 +73,17 @@ class Energies:
         seeds: coefficients [rad/s], (N, J, H, 2).
     """
 
-    def __init__(self, constraints: Constraints, trajectory: Trajectory, seeds: Tensor) -> None:
+    def __init__(self, constraints: Constraints, trajectory: Trajectory, seeds: Array) -> None:
         self.problem = Problem(constraints, trajectory, len(sampled(trajectory)))
-        self.parts: dict[str, tuple[Tensor, Tensor, Tensor]] = {}
+        self.parts: dict[str, tuple[Array, Array, Array]] = {}
         for name, noise in noises(constraints.body).items():
             worth = Worth(self.problem, noise)
             worth.learn(seeds[:_SEEDS])
             self.parts[name] = *worth.slope, noise.weights
 
-    @torch.no_grad()
-    def __call__(self, c: Tensor) -> Tensor:
-        """Energies under one noise after the other, (N, K) float64, about one for the seeds."""
-        return torch.cat([energies(self.problem, c, v, w) for v, _, w in self.parts.values()], 1)
+    def __call__(self, c: Array) -> Array:
+        """Energies under one noise after the other, (N, K), about one for the seeds."""
+        return np.concatenate([energies_of(self.problem, c, v, w) for v, _, w in self.parts.values()], 1)
 
     def worth(self, logs: Tensor, reward: Reward) -> Tensor:
         """Mean log worth by the logarithms of energies, (B, K); 0-dimensional.
@@ -105,6 +93,6 @@ class Energies:
         total, sizes = logs.new_zeros(()), [len(shares) for _, shares, _ in self.parts.values()]
         for x, (name, (_, shares, _)) in zip(logs.exp().split(sizes, 1), self.parts.items()):
             mean = x.mean(0).detach()
-            slope = shares.to(x) / mean.square()
+            slope = tensor(shares).to(x) / mean.square()
             total = total + getattr(reward, name) * (x @ slope / (mean @ slope)).log().mean()
         return total

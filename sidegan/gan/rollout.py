@@ -1,8 +1,11 @@
 """The roll-out as a fixed first layer: what a surrogate sees of a trajectory."""
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.arrays import flatten
+from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
@@ -32,17 +35,16 @@ class RollOut(nn.Module):
         self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)
         orders = range(4 if self.higher else 3)
-        basis = torch.stack([trajectory.basis(times, order).flatten(1) for order in orders])
         buffers = {
-            "basis": basis,
-            "home": torch.tensor(trajectory.home),
+            "basis": np.stack([flatten(trajectory.basis(times, order), 1) for order in orders]),
+            "home": np.array(trajectory.home),
             "middle": (arm.position_upper + arm.position_lower) / 2,
             "room": (arm.position_upper - arm.position_lower) / 2,
             "speed": arm.velocity_limit,
             **arm.higher_limits,
         }
         for name, value in buffers.items():
-            self.register_buffer(name, value.float(), persistent=False)
+            self.register_buffer(name, tensor(value).float(), persistent=False)
 
     def forward(self, c: Tensor) -> Tensor:
         """Channels (B, 5 J + L, T)."""

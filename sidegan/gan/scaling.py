@@ -1,15 +1,18 @@
-"""The affine map between coefficients and the unit-spread images that the networks see."""
+"""Maps between coefficients and the images that the networks see."""
+
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 
 from sidegan.errors import ShapeError
+from sidegan.seeding.published import SCALE, Layout
 
 _SHRINKAGE = 1e-3  # share of the mean variance added to each covariance: few seeds may span less than 2 H
 
 
 class Scaling(nn.Module):
-    """Image = (coefficients − mean) whitened, per joint.
+    """Images of unit spread: (coefficients − mean) whitened, per joint.
 
     Args:
         mean: mean coefficients [rad/s], (J, 2 H).
@@ -49,3 +52,20 @@ class Scaling(nn.Module):
         x = (c.to(self.mean).flatten(2) - self.mean).transpose(0, 1)
         whitened = torch.linalg.solve(self.spread, x.transpose(1, 2)).permute(2, 0, 1)
         return whitened.reshape(c.shape).permute(0, 3, 1, 2)
+
+
+@dataclass(frozen=True)
+class PublishedScaling:
+    """The images of the paper's authors: ``Layout``, through which gradients pass."""
+
+    layout: Layout
+
+    def coefficients(self, image: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J)."""
+        rows = image[:, :, :-1].reshape(len(image), 2, self.layout.joints, self.layout.harmonics)
+        return rows.permute(0, 2, 3, 1) / SCALE
+
+    def image(self, c: Tensor) -> Tensor:
+        """Images (B, 2, H + 1, J) float32 of coefficients (B, J, H, 2)."""
+        rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.layout.harmonics, self.layout.joints)
+        return torch.cat([rows, rows[:, :, :1]], 2).float()

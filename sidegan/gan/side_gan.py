@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.lightning import pl
@@ -20,6 +21,7 @@ from sidegan.gan.networks import Generator
 from sidegan.gan.reward import Energies
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Variant
+from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
@@ -31,7 +33,7 @@ class Data:
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     # Coefficients [rad/s], (N, J, H, 2); of ``training.random_trajectories`` for Exact, which needs none.
-    seeds: Tensor
+    seeds: Array
     success_predictor: Any = None  # a trained network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
     box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
@@ -63,6 +65,7 @@ class SideGAN(pl.LightningModule):
         super().__init__()
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
+        self.seeds = tensor(data.seeds)
         self.generator = self.make_generator()
         # Copies, since they may go on learning.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
@@ -72,7 +75,7 @@ class SideGAN(pl.LightningModule):
         settings, family, box = self.settings, self.data.trajectory, self.data.box
         joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
-        seeds = self.data.seeds if box is None else Box(box).free(self.data.seeds)
+        seeds = self.seeds if box is None else Box(box).free(self.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))

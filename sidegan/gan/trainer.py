@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import readable
+from sidegan.gan.files import readable_tensors
 from sidegan.gan.lightning import pl
 
 _log = logging.getLogger(__name__)
@@ -59,7 +59,7 @@ def fit(
             default_root_dir=work,
         )
         last = None if work is None else work / f"{_LAST}.ckpt"
-        known = last if last is not None and readable(last) else None
+        known = last if last is not None and readable_tensors(last) else None
         if last is not None and last.exists() and known is None:
             _log.warning("the checkpoint %s is damaged: the training starts over", last)
         try:

@@ -3,15 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import torch
-from torch import Tensor
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
+from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch, write_torch
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
+from sidegan.gan.files import read_tensors, write_tensors
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.lightning import pl
 from sidegan.gan.limits import Box
@@ -19,6 +20,7 @@ from sidegan.gan.metrics import measure
 from sidegan.gan.refresh import Refreshed
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
+from sidegan.gan.tensors import array, tensor
 from sidegan.gan.trainer import fit
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
@@ -36,7 +38,7 @@ class Trained:
 
     generator: TrajectoryGenerator
     history: list[dict[str, float]]
-    samples: Tensor  # images drawn after every epoch, (E · n, 2, …); empty where none were asked for
+    samples: Array  # images drawn after every epoch, (E · n, 2, …) float32; empty where none were asked for
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,8 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     fit(model, batches, settings.epochs, [*refresh, EpochMetrics(run)], run.work, run.device)
     files = [_left(run, epoch) for epoch in range(settings.epochs)]
-    history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_torch, files)))
-    return Trained(model.generator.eval(), list(history), torch.cat(samples))
+    history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_tensors, files)))
+    return Trained(model.generator.eval(), list(history), torch.cat(samples).numpy())
 
 
 def _left(run: Run, epoch: int) -> Path:
@@ -91,19 +93,19 @@ class EpochMetrics(pl.Callback):
         run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
         c = generator.sample(run.evaluation, noise)
-        if not torch.isfinite(c).all():
+        if not np.isfinite(c).all():
             pl_module.stop("not a number")
         data = pl_module.data
         seeds = data.seeds if pl_module.settings.seeded else None
         metrics = measure(data.constraints, data.trajectory, c, seeds)
         samples = generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0)
-        write_torch(_left(run, epoch), {"metrics": metrics, "samples": samples})
+        write_tensors(_left(run, epoch), {"metrics": metrics, "samples": samples})
         run.progress(epoch + 1, trainer.max_epochs or 0)
 
 
 def random_trajectories(
     constraints: Constraints, trajectory: Trajectory, seed: int, box: float | None = None
-) -> Tensor:
+) -> Array:
     """Random trajectories that use much of their limits on motion, in a box, (N, J, H, 2) [rad/s].
 
     What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
@@ -113,13 +115,12 @@ def random_trajectories(
     """
     problem = Problem(constraints, trajectory)
     coordinates = Coordinates.of(problem)
-    noise = torch.Generator().manual_seed(seed)
-    reach = _REACH if box is None else 1.0
-    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, noise, reach))
+    random, reach = np.random.default_rng(seed), _REACH if box is None else 1.0
+    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, random, reach))
     verdict = check(constraints, trajectory, _SMALL / reach * c[:_TRIED])
     if not verdict.valid.any():
         raise InfeasibleError(
             f"the arm cannot even move a little around home: of {_TRIED} random motions that use "
             f"{_SMALL:.0%} of their limits on motion, {summarise_faults(verdict.faults())}"
         )
-    return c if box is None else Box(box)(c)
+    return c if box is None else array(Box(box)(tensor(c)))

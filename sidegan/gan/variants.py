@@ -9,18 +9,21 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from sidegan.design import physics
 from sidegan.design.excitation import excitation_of
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
+from sidegan.gan import physics
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss
+from sidegan.gan.metrics import noises
 from sidegan.gan.networks import Discriminator
 from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
-from sidegan.gan.reward import Energies, Worth, noises
+from sidegan.gan.reward import Energies, Worth
+from sidegan.gan.scaling import PublishedScaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
+from sidegan.gan.tensors import array, tensor
 from sidegan.motion.dynamics import gram
 from sidegan.seeding.published import Layout
 
@@ -35,7 +38,7 @@ class Vanilla(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
-        images = self.generator.scaling.image(data.seeds)
+        images = self.generator.scaling.image(self.seeds)
         self.discriminator = Adversary(self.make_critic(images), images, lambda batch: batch.images)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
@@ -62,7 +65,7 @@ class Eigen(Vanilla):
         """Features of the seeds, (N, p): the true ones, standardised as the converter's are."""
         body = self.data.constraints.body
         excitation = excitation_of(body, gram(body, self.data.trajectory, self.data.seeds))
-        return self.converter.standardise(getattr(excitation, str(self.settings.features)))
+        return self.converter.standardise(tensor(getattr(excitation, str(self.settings.features))))
 
     def losses(self) -> list[Loss]:
         """The vanilla GAN's, failure by the success predictor, the second discriminator, and fitness."""
@@ -98,7 +101,7 @@ class Predicting(Eigen):
     def seeds_features(self) -> Tensor:
         """Features of the seeds, (N, K): their true energies, standardised as the converter's are."""
         self.energies = Energies(self.data.constraints, self.data.trajectory, self.data.seeds)
-        return self.converter.standardise(self.energies(self.data.seeds))
+        return self.converter.standardise(tensor(self.energies(self.data.seeds)))
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, by predicted energies."""
@@ -146,13 +149,13 @@ class Exact(SideGAN):
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Keep the running means of what the generator makes, too."""
         super().on_save_checkpoint(checkpoint)
-        checkpoint["worths"] = [(worth.means, worth.seen) for _, worth in self.worths]
+        checkpoint["worths"] = [(tensor(worth.means), worth.seen) for _, worth in self.worths]
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Go on with them."""
         super().on_load_checkpoint(checkpoint)
         for (_, worth), kept in zip(self.worths, checkpoint["worths"]):
-            worth.means, worth.seen = kept
+            worth.means, worth.seen = array(kept[0]), kept[1]
 
 
 class PublishedVanilla(Vanilla):
@@ -168,8 +171,8 @@ class PublishedVanilla(Vanilla):
                 f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
             )
         network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
-        arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, layout, family, arm, limited=settings.limited)
+        scaling, arm = PublishedScaling(layout), self.data.constraints.arm
+        return TrajectoryGenerator(network, scaling, family, arm, limited=settings.limited)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""
@@ -182,7 +185,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
     def seeds_features(self) -> Tensor:
         """Features of the seeds, (N, p): what the converter says of them, not the true ones."""
         with torch.no_grad():
-            return self.converter(self.generator.scaling.image(self.data.seeds))
+            return self.converter(self.generator.scaling.image(self.seeds))
 
     def convert(self, batch: Batch) -> Tensor:
         """Features that the converter predicts from images, (B, p)."""

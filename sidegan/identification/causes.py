@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import reweighted
@@ -63,7 +63,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
             [] if found.quality.verdict == GOOD else [*_faults(found)]
         )
         causes += [Finding(USABLE, text) for text in faults]
-    torques_tell = (model.mapping[:, : links.numel() : links.shape[1]] != 0).any(0)  # masses of links, (J,)
+    torques_tell = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
         masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
@@ -75,7 +75,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     return [*causes, *told, *_offsets(found)], gravity is not None
 
 
-def _error_under(found: IdentifiedArm, gravity: Tensor) -> float:
+def _error_under(found: IdentifiedArm, gravity: Array) -> float:
     """Mean nMSE of the chosen method if gravity in the arm's world [m/s²], (3,), were another."""
     return _error_of(
         found, TorqueModel(RigidBody(replace(found.model.arm, gravity=gravity)), found.model.terms)
@@ -110,16 +110,16 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> Iterator[str]:
     description says which. Alone it may be wrong about masses.
     """
     chosen, arm, sums = found.chosen, found.model.arm, found.chosen.sums
-    squares = chosen.weights.square()
+    squares = np.square(chosen.weights)
     moments = squares[:, None] * sums.moment
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
     free = squares * sums.energy - (turned * moments).sum(1)  # of each scale, beside all parameters, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
-    times, deviation = free / shared, (chosen.inflation / free).sqrt() * (free / shared).square()
-    off, same = (times - 1).abs(), (times - agreement.load.scale).abs()
-    odd = (off > (_CLEAR * deviation).clamp_min(_SCALE)) & (same < _SCALE) & (agreement.sign > _ALIKE)
+    times, deviation = free / shared, np.sqrt(chosen.inflation / free) * np.square(free / shared)
+    off, same = np.abs(times - 1), np.abs(times - agreement.load.scale)
+    odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & (same < _SCALE) & (agreement.sign > _ALIKE)
     if odd.any():
-        j = int(torch.where(odd, off, 0.0).argmax())
+        j = int(np.where(odd, off, 0.0).argmax())
         yield (
             f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
             "the description make it: another gain or unit? (robot.gains, or divide the column by that)"
@@ -136,7 +136,7 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
     if len(each) == 2:
         each = each[1:]  # which of both it is cannot be told
     mass, deviation, share, k = min(each, key=lambda one: one[2])
-    least = max(_SURE * deviation, _NOTABLE * float(found.model.arm.inertial_parameters[:, 0].sum()))
+    least = max(_SURE * deviation, _NOTABLE * found.model.arm.inertial_parameters[:, 0].sum())
     if share < _EXPLAINED and abs(mass) > least:
         yield (
             f"{found.recordings[k].name} was recorded with another load than the others: {mass:+.2g} ± "
@@ -154,21 +154,21 @@ def _load(
     plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
     fit, before = reweighted(sums, _LEAST), reweighted(plain, _LEAST)
     whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].samples, parts[k].reach)
-    deviation = float(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD].sqrt())
-    empty = torch.cat([before.parameters, torch.zeros(LOAD, dtype=torch.float64)])
+    deviation = float(np.sqrt(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD]))
+    empty = np.concatenate([before.parameters, np.zeros(LOAD)])
     left, now = (with_load[k].sums.squares(x) for x in (empty, fit.parameters))
-    return float(fit.parameters[-LOAD]), deviation, float((now / left).log().mean().exp()), k
+    return float(fit.parameters[-LOAD]), deviation, float(np.exp(np.log(now / left).mean())), k
 
 
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
     """Offsets that are no small part of a joint's torque: the model holds them, a sensor should not."""
     chosen, arm = found.chosen, found.model.arm
-    limits = torch.where(arm.torque_limit.isfinite(), arm.torque_limit, 0.0)
+    limits = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, 0.0)
     each = zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist())
-    for name, value, deviation in [one for one in each if one[0].startswith("fo")]:
+    for name, value, deviation in (one for one in each if one[0].startswith("fo")):
         j = joint_of(name)
-        usual, unit = float(found.quality.usual[j]), "N" if arm.prismatic[j] else "N·m"
-        if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * float(limits[j]), _SURE * deviation):
+        usual, unit = found.quality.usual[j], "N" if arm.prismatic[j] else "N·m"
+        if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * limits[j], _SURE * deviation):
             text = (
                 f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, for a usual torque of "
                 f"{usual:.2g} {unit}: the model holds it, but was the sensor tared?"

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
+import scipy  # its parts are imported when they are used
 
+from sidegan.base.arrays import Array
 from sidegan.errors import InfeasibleError
 from sidegan.identification.accuracy import torque_errors
 from sidegan.identification.fit import Fit, reweighted
@@ -56,27 +56,27 @@ class Consistent:
         model = data.model
         first = reweighted(data.sums, _LEAST)
         errors = torque_errors(data, first)
-        weights = first.weights / errors.inflation.sqrt()  # with which samples count beside the pull
+        weights = first.weights / np.sqrt(errors.inflation)  # with which samples count beside the pull
         information, moment = data.sums.weighted(weights)
         standard, pull = self.standard(model, information, moment)
         prior = _pull_information(model, standard, pull)
         _, inverse = solve(information + prior, moment, _LEAST)
         return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
 
-    def standard(self, model: TorqueModel, information: Tensor, moment: Tensor) -> "tuple[Tensor, Pull]":
+    def standard(self, model: TorqueModel, information: Array, moment: Array) -> "tuple[Array, Pull]":
         """Most likely parameters from weighted Σ Yᵀ Y and Σ Yᵀ τ, and the pull on each link.
 
         Links and terms are in ``TorqueModel.standard_names``' order, (F,).
         """
         (rows, right), unit = rows_of(information, moment), _units(model.arm)
         signed = [model.standard_slice(name) for name in model.kinds if name != "offset"]
-        alike = torch.full((model.joints,), self.strength or 1.0, dtype=torch.float64)
+        alike = np.full(model.joints, self.strength or 1.0)
         pull = Pull(unit, _scaled(possible_links(model.arm), unit), alike)
         found = most_likely(rows @ model.mapping, right, pull, signed)
         for _ in range(_ROUNDS if self.strength is None else 0):
             before, pull = pull, pull._replace(strength=_most_probable(model, information, found, pull))
             found = most_likely(rows @ model.mapping, right, pull, signed)
-            if ((pull.strength / before.strength).log().abs() < math.log(_SETTLED)).all():
+            if (np.abs(np.log(pull.strength / before.strength)) < math.log(_SETTLED)).all():
                 break
         return found, pull
 
@@ -84,35 +84,33 @@ class Consistent:
 class Pull(NamedTuple):
     """Pull of K bodies towards nominal ones."""
 
-    unit: Tensor  # D as in ``_units``, (K, 4)
-    nominal: Tensor  # pseudo-inertias in these units, (K, 4, 4)
-    strength: Tensor  # on each, (K,)
+    unit: Array  # D as in ``_units``, (K, 4)
+    nominal: Array  # pseudo-inertias in these units, (K, 4, 4)
+    strength: Array  # on each, (K,)
 
-    def distances(self, bodies: Tensor) -> tuple[Tensor, Tensor]:
+    def distances(self, bodies: Array) -> tuple[Array, Array]:
         """Distances of bodies (K, 10) from the nominal ones, (K,), and second derivatives, (K, 10, 10)."""
-        axes = torch.eye(10, dtype=torch.float64).expand(len(bodies), 10, 10)
-        steps = torch.stack([_scaled(axes[:, k], self.unit) for k in range(10)], 1)  # (K, 10, 4, 4)
         now = _scaled(bodies, self.unit)
-        ratio = torch.linalg.solve(self.nominal, now)
-        distances = ratio.diagonal(dim1=1, dim2=2).sum(1) - 4 - torch.logdet(ratio)
-        steps = torch.linalg.solve(now[:, None], steps)
-        return distances, torch.einsum("kaxy,kbyx->kab", steps, steps)
+        ratio = np.linalg.solve(self.nominal, now)
+        distances = ratio.trace(axis1=1, axis2=2) - 4 - np.linalg.slogdet(ratio).logabsdet
+        steps = np.linalg.solve(now[:, None], _scaled(np.eye(10), self.unit[:, None]))  # (K, 10, 4, 4)
+        return distances, np.einsum("kaxy,kbyx->kab", steps, steps)
 
 
-def _pull_information(model: TorqueModel, standard: Tensor, pull: Pull) -> Tensor:
+def _pull_information(model: TorqueModel, standard: Array, pull: Pull) -> Array:
     """Information on the model's parameters, (P, P), that the pull adds at standard ones, (F,).
 
     It is on links alone. What the model does not separate in a link has the spread that the pull leaves.
     """
     _, bend = pull.distances(model.links_of(standard))
-    free = torch.full((len(standard) - 10 * len(bend),), 1 / _LEAST, dtype=torch.float64)
-    links = torch.linalg.inv(pull.strength[:, None, None] * bend)
-    spread = model.mapping @ torch.block_diag(*links, free.diag()) @ model.mapping.T
-    unit = spread.diagonal().sqrt()  # parameters differ by orders of magnitude
-    return torch.linalg.inv(spread / unit[:, None] / unit) / unit[:, None] / unit
+    free = np.eye(len(standard) - 10 * len(bend)) / _LEAST
+    links = np.linalg.inv(pull.strength[:, None, None] * bend)
+    spread = model.mapping @ scipy.linalg.block_diag(*links, free) @ model.mapping.T
+    unit = np.sqrt(spread.diagonal())  # parameters differ by orders of magnitude
+    return np.linalg.inv(spread / unit[:, None] / unit) / unit[:, None] / unit
 
 
-def _most_probable(model: TorqueModel, information: Tensor, standard: Tensor, pull: Pull) -> Tensor:
+def _most_probable(model: TorqueModel, information: Array, standard: Array, pull: Pull) -> Array:
     """Strengths (J,) that the samples make most probable, from the parameters (F,) found with others.
 
     Of a link's parameters, the pull and not the samples determines γ; strength · 2 d = γ then says
@@ -122,17 +120,17 @@ def _most_probable(model: TorqueModel, information: Tensor, standard: Tensor, pu
     strength of each group of parameters; with a gamma distribution about the others' strength before.
     """
     distances, bend = pull.distances(model.links_of(standard))
-    own = torch.block_diag(*(pull.strength[:, None, None] * bend))
+    own = scipy.linalg.block_diag(*(pull.strength[:, None, None] * bend))
     count, size = len(standard), len(own)
-    both = model.mapping.T @ information @ model.mapping + _LEAST * torch.diag(torch.arange(count) >= size)
+    both = model.mapping.T @ information @ model.mapping + _LEAST * np.diag(np.arange(count) >= size)
     both[:size, :size] += own
-    left = torch.linalg.solve(both, torch.eye(count, size, dtype=torch.float64))[:size]
-    determined = 10 - (left @ own).diagonal().view(-1, 10).sum(1)
-    usual = pull.strength.log().mean().exp()
-    return ((determined + _BELIEVED) / (2 * distances + _BELIEVED / usual)).clamp(*_STRENGTHS)
+    left = np.linalg.solve(both, np.eye(count, size))[:size]
+    determined = 10 - (left @ own).diagonal().reshape(-1, 10).sum(1)
+    usual = np.exp(np.log(pull.strength).mean())
+    return np.clip((determined + _BELIEVED) / (2 * distances + _BELIEVED / usual), *_STRENGTHS)
 
 
-def most_likely(rows: Tensor, right: Tensor, pull: Pull, signed: Sequence[slice] = ()) -> Tensor:
+def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] = ()) -> Array:
     """Parameters x of K bodies that can exist and then of terms, (F,), with least ½ |R x − z|² and pulls.
 
     Terms at ``signed`` places are not negative.
@@ -144,32 +142,31 @@ def most_likely(rows: Tensor, right: Tensor, pull: Pull, signed: Sequence[slice]
 
     unit, nominal, strength = pull
     bodies = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
-    outer, back = (unit[:, :, None] * unit[:, None]).reshape(-1, 16).numpy(), FROM_PSEUDO_INERTIA.numpy()
+    outer, back = (unit[:, :, None] * unit[:, None]).reshape(-1, 16), FROM_PSEUDO_INERTIA
     parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, bodies)]
     terms = rows.shape[1] - 10 * len(bodies)
     x = cp.hstack([*parts, cp.Variable(terms)] if terms else parts)
     constraints = [p >> _MARGIN * np.eye(4) for p in bodies] + [x[where] >= 0 for where in signed]
-    each = zip(strength.tolist(), torch.linalg.inv(nominal).numpy(), bodies)
+    each = zip(strength.tolist(), np.linalg.inv(nominal), bodies)
     pulls = sum(one * (cp.trace(inverse @ p) - cp.log_det(p)) for one, inverse, p in each)
-    status = _minimise(cp.sum_squares(rows.numpy() @ x - right.numpy()) / 2 + pulls, constraints)
+    status = _minimise(cp.sum_squares(rows @ x - right) / 2 + pulls, constraints)
     if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         raise InfeasibleError(f"no bodies that can exist explain the samples: {status}")
-    found = torch.from_numpy(np.asarray(x.value, dtype=np.float64))
-    if not (torch.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].view(-1, 10), unit)) > 0).all():
+    found = np.asarray(x.value)
+    if not (np.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].reshape(-1, 10), unit)) > 0).all():
         raise InfeasibleError("the solver left a link that cannot exist: a stronger pull may help")
     return found
 
 
-def _units(arm: Arm) -> Tensor:
+def _units(arm: Arm) -> Array:
     """Diagonal √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
     mass, length = scales(arm)
-    return mass.sqrt()[:, None] * torch.stack([length, length, length, torch.ones_like(length)], 1)
+    return np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
 
 
-def _scaled(links: Tensor, unit: Tensor) -> Tensor:
-    """Pseudo-inertias (J, 4, 4) of links (J, 10) in units (J, 4)."""
-    inverse = 1 / unit
-    return pseudo_inertia(links) * inverse[:, :, None] * inverse[:, None]
+def _scaled(links: Array, unit: Array) -> Array:
+    """Pseudo-inertias (…, 4, 4) of links (…, 10) in units (…, 4)."""
+    return pseudo_inertia(links) / unit[..., :, None] / unit[..., None, :]
 
 
 def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
+import scipy  # its parts are imported when they are used
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.accuracy import inflation_of
 from sidegan.identification.measurements import Measurements
@@ -23,11 +24,11 @@ _SURE = 5.0  # deviations from nothing, from which a load is seen: the gain is k
 class Gains:
     """Drive gains of an arm."""
 
-    gains: Tensor  # torque per current [N·m/A or N/A], (J,)
-    deviation: Tensor  # standard deviation of each, (J,)
+    gains: Array  # torque per current [N·m/A or N/A], (J,)
+    deviation: Array  # standard deviation of each, (J,)
 
     @property
-    def certain(self) -> Tensor:
+    def certain(self) -> Array:
         """Whether a joint's gain may be used: the load is seen, and pulls as it should, (J,)."""
         return self.gains > _SURE * self.deviation
 
@@ -48,7 +49,7 @@ class Gains:
 
 
 def drive_gains(
-    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], load: Tensor
+    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], load: Array
 ) -> Gains:
     """Torque per current of each joint, from measurements whose torque holds currents [A].
 
@@ -68,22 +69,22 @@ def drive_gains(
     effect = parts[1].sums.information[:, -LOAD:, -LOAD:] @ load @ load
     if silent := model.arm.named(effect <= _SILENT * effect.max()):
         raise ConfigError(f"the load has no effect on {silent}: the gain of its drive cannot be determined")
-    whole = torch.block_diag(torch.eye(model.count, dtype=torch.float64), load[:, None])
+    whole = scipy.linalg.block_diag(np.eye(model.count), load[:, None])
     sums = parts[0].sums.plus(parts[1].sums)
     each = [solve(whole.T @ a @ whole, b @ whole, _LEAST) for a, b in zip(sums.information, sums.moment)]
-    parameters = torch.stack([whole @ found for found, _ in each])  # of each joint, (J, P + 10)
+    parameters = np.stack([whole @ found for found, _ in each])  # of each joint, (J, P + 10)
     residuals = [
-        x.torque - torch.einsum("sjp,jp->sj", part.model.regressor(*x.inputs), parameters)
+        x.torque - np.einsum("sjp,jp->sj", part.model.regressor(*x.inputs), parameters)
         for part in parts
         for x in part.pieces
     ]
-    squares = (sums.energy - (sums.moment * parameters).sum(1)).clamp_min(0)  # what the best fit leaves
-    spread = torch.stack([covariance[-1, -1] for _, covariance in each])
-    inverse = torch.stack([found[-1] for found, _ in each])
-    deviation = (squares / sums.weight * inflation_of(residuals) * spread).sqrt()
-    if (strength := float((inverse / deviation).norm())) < _SEEN:
+    squares = np.maximum(sums.energy - (sums.moment * parameters).sum(1), 0)  # what the best fit leaves
+    spread = np.stack([covariance[-1, -1] for _, covariance in each])
+    inverse = np.stack([found[-1] for found, _ in each])
+    deviation = np.sqrt(squares / sums.weight * inflation_of(residuals) * spread)
+    if (strength := np.linalg.norm(inverse / deviation)) < _SEEN:
         raise RecordingError(
             f"the load is not seen in the currents: its part of them is {strength:.2g} deviations, expected "
             f"{_SEEN:g} or more; was it on the arm in loaded, and is it heavy enough?"
         )
-    return Gains(1 / inverse, deviation / inverse.square())
+    return Gains(1 / inverse, deviation / np.square(inverse))

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
 from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.consistent import Consistent
@@ -30,26 +31,26 @@ class Estimate:
 
     method: str  # how they were found
     names: tuple[str, ...]  # of the parameters, (P,)
-    parameters: Tensor  # θ, (P,)
-    covariance: Tensor  # of their errors, (P, P), for errors of the torque; those of states are not in it
-    weights: Tensor  # what each joint's equations were multiplied with, (J,)
-    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
+    parameters: Array  # θ, (P,)
+    covariance: Array  # of their errors, (P, P), for errors of the torque; those of states are not in it
+    weights: Array  # what each joint's equations were multiplied with, (J,)
+    inflation: Array  # samples that weigh as much as one independent one, (J,)
     condition: float  # of the weighted, scaled regressor; infinite when a direction is not excited at all
     samples: int  # number of samples of all joints
     reach: Reach  # how far and how fast the joints moved
     sums: Sums  # over the samples, from which other weights can be tried
-    standard: Tensor | None = None  # as ``TorqueModel.standard_names``, (F,), of the consistent method
+    standard: Array | None = None  # as ``TorqueModel.standard_names``, (F,), of the consistent method
 
     @property
-    def deviation(self) -> Tensor:
+    def deviation(self) -> Array:
         """Standard deviation of each parameter's error, (P,)."""
-        return self.covariance.diagonal().clamp_min(0).sqrt()
+        return np.sqrt(np.maximum(self.covariance.diagonal(), 0))
 
     @property
-    def certainty(self) -> Tensor:
+    def certainty(self) -> Array:
         """One over the deviation of an independent sample's torque, (J,)."""
-        residual = (self.sums.squares(self.parameters) / self.sums.weight).sqrt()
-        return 1 / (residual * self.inflation.sqrt())
+        residual = np.sqrt(self.sums.squares(self.parameters) / self.sums.weight)
+        return 1 / (residual * np.sqrt(self.inflation))
 
 
 def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:

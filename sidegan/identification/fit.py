@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.identification.gather import Gathered
 from sidegan.identification.sums import Sums, solve
@@ -18,26 +18,26 @@ _SETTLED = 1e-3  # relative change of a weight that no longer matters
 class TorqueErrors(NamedTuple):
     """Errors of the measured torque, from residuals."""
 
-    variance: Tensor  # of each joint [N²·m² or N²], (J,)
-    inflation: Tensor  # samples that weigh as much as one independent one, (J,)
+    variance: Array  # of each joint [N²·m² or N²], (J,)
+    inflation: Array  # samples that weigh as much as one independent one, (J,)
 
 
 class Fit(NamedTuple):
     """Parameters that a method fitted."""
 
-    parameters: Tensor  # θ, (P,)
-    inverse: Tensor  # of the weighted information and the prior, (P, P): P of recursive least squares
-    weights: Tensor  # what each joint's equations were multiplied with, (J,)
-    prior: Tensor  # information that did not come from the samples, (P, P)
-    standard: Tensor | None = None  # link parameters and terms, (F,), where the method gives them
+    parameters: Array  # θ, (P,)
+    inverse: Array  # of the weighted information and the prior, (P, P): P of recursive least squares
+    weights: Array  # what each joint's equations were multiplied with, (J,)
+    prior: Array  # information that did not come from the samples, (P, P)
+    standard: Array | None = None  # link parameters and terms, (F,), where the method gives them
     errors: TorqueErrors | None = None  # where they are not those of these parameters' residuals
 
 
-def least_squares(sums: Sums, least: float, weights: Tensor | None = None) -> Fit:
+def least_squares(sums: Sums, least: float, weights: Array | None = None) -> Fit:
     """Least squares with a prior of information ``least`` on each parameter; joints alike without weights."""
-    weights = torch.ones_like(sums.energy) if weights is None else weights
+    weights = np.ones_like(sums.energy) if weights is None else weights
     parameters, inverse = solve(*sums.weighted(weights), least)
-    return Fit(parameters, inverse, weights, least * torch.eye(len(parameters), dtype=torch.float64))
+    return Fit(parameters, inverse, weights, least * np.eye(len(parameters)))
 
 
 def reweighted(sums: Sums, least: float) -> Fit:
@@ -51,23 +51,23 @@ def reweighted(sums: Sums, least: float) -> Fit:
     """
     fit = least_squares(sums, least)
     for _ in range(_REPETITIONS):
-        residual = (sums.squares(fit.parameters) / sums.weight).sqrt()
-        before, fit = fit, least_squares(sums, least, 1 / torch.maximum(residual, least_residual(sums)))
-        if torch.allclose(fit.weights, before.weights, rtol=_SETTLED, atol=0):
+        residual = np.sqrt(sums.squares(fit.parameters) / sums.weight)
+        before, fit = fit, least_squares(sums, least, 1 / np.maximum(residual, least_residual(sums)))
+        if np.allclose(fit.weights, before.weights, rtol=_SETTLED, atol=0):
             break
     return fit
 
 
-def least_residual(sums: Sums) -> Tensor:
+def least_residual(sums: Sums) -> Array:
     """Smallest residual [N·m or N] of each joint that is taken seriously, (J,).
 
     Raises:
         ShapeError: when there is no torque at all.
     """
-    torque = (sums.energy / sums.weight).sqrt()
+    torque = np.sqrt(sums.energy / sums.weight)
     if not torque.max() > 0:
         raise ShapeError("all torques are zero: their residuals give no weights")
-    return _LEAST_RESIDUAL * torch.where(torque > 0, torque, torque.max())
+    return _LEAST_RESIDUAL * np.where(torque > 0, torque, torque.max())
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,20 @@
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.identification.measurements import Measurements, Samples, pieces
-from sidegan.identification.model import TorqueModel
+from sidegan.identification.model import TorqueModel, torques_of
 from sidegan.identification.sums import Sums, no_sums, sums_of
 
 
 class Reach(NamedTuple):
     """Range and speed of each joint's motion, (J,) each."""
 
-    range: Tensor  # between the furthest positions [rad or m]
-    fastest: Tensor  # velocity [rad/s or m/s]
+    range: Array  # between the furthest positions [rad or m]
+    fastest: Array  # velocity [rad/s or m/s]
 
 
 @dataclass(frozen=True)
@@ -39,37 +39,36 @@ def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -
         ShapeError: when there are no samples, or they do not fit the model, or are too large.
     """
     sums, parts = no_sums(model.joints, model.count), list(pieces(measurements))
-    for part in parts:
-        sums = sums.plus(_sums(model, part, forgetting), forgetting ** len(part))
+    with np.errstate(over="ignore"):  # is refused below
+        for part in parts:
+            sums = sums.plus(_sums(model, part, forgetting), forgetting ** len(part))
     if not parts:
         raise ShapeError("there are no samples to identify from")
-    if not all(x.isfinite().all() for x in sums):
+    if not all(np.isfinite(x).all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"
         )
-    low, high = (torch.stack([part.position.aminmax(dim=0)[k] for part in parts]) for k in (0, 1))
-    fastest = torch.stack([part.velocity.abs().amax(0) for part in parts]).amax(0)
-    reach = Reach(high.amax(0) - low.amin(0), fastest)
-    return Gathered(model, sums, parts, sum(map(len, parts)), reach)
+    low, high = np.min([x.position.min(0) for x in parts], 0), np.max([x.position.max(0) for x in parts], 0)
+    fastest = np.max([np.abs(x.velocity).max(0) for x in parts], 0)
+    return Gathered(model, sums, parts, sum(map(len, parts)), Reach(high - low, fastest))
 
 
-def residual_of(model: TorqueModel, part: Measurements, parameters: Tensor) -> Tensor:
+def residual_of(model: TorqueModel, part: Measurements, parameters: Array) -> Array:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
-    return part.torque - _regressor(model, part) @ parameters
+    return part.torque - torques_of(_regressor(model, part), parameters)
 
 
 def _sums(model: TorqueModel, part: Measurements, forgetting: float) -> Sums:
     rigid = not model.kinds and part.joints == model.joints
     if forgetting < 1 or not rigid:
-        return sums_of(_regressor(model, part), part.torque.double(), forgetting)
+        return sums_of(_regressor(model, part), part.torque, forgetting)
     # The same for rigid bodies alone, which keeps no regressor.
     products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
-    weight = torch.tensor(float(len(part)), dtype=torch.float64)
-    return Sums(information, moment, energy, part.torque.detach().sum(0), weight)
+    return Sums(information, moment, energy, part.torque.sum(0), np.array(float(len(part))))
 
 
-def _regressor(model: TorqueModel, part: Measurements) -> Tensor:
+def _regressor(model: TorqueModel, part: Measurements) -> Array:
     if part.joints != model.joints:
         raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
-    return model.regressor(*(x.double() for x in part.inputs))
+    return model.regressor(*part.inputs)

@@ -7,9 +7,9 @@ before, and ``motion``, that of the set, G = Σ Yᵀ Y over the noise's variance
 from collections.abc import Sequence
 from typing import TypeAlias
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.design.criteria import root_of
 from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
@@ -29,7 +29,7 @@ _UNITS = ("kg", "kg·m", "kg·m²")
 class Parameters:
     """All parameters, or those that are named after some links and their joints: D-optimal design."""
 
-    def __init__(self, model: TorqueModel, unit: Tensor, links: Sequence[str] | None = None) -> None:
+    def __init__(self, model: TorqueModel, unit: Array, links: Sequence[str] | None = None) -> None:
         arm = model.arm
         places = [arm.link_names[joint_of(name)] for name in model.names]
         if links is not None and (not links or not set(links) <= set(places)):
@@ -38,19 +38,19 @@ class Parameters:
                 f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
             )
         ours = [links is None or place in links for place in places]
-        self._ours, self._links = torch.tensor(ours), links
+        self._ours, self._links = np.array(ours), links
         self.names = tuple(name for name, mine in zip(model.names, ours) if mine)
         self._unit = unit[self._ours]
-        self.goal = Goal("volume", targets=torch.eye(model.count).double()[self._ours])
+        self.goal = Goal("volume", targets=np.eye(model.count)[self._ours])
 
-    def deviations(self, known: Tensor, motion: Tensor) -> Tensor:
+    def deviations(self, known: Array, motion: Array) -> Array:
         """Standard deviation of each of the parameters, (K,)."""
-        variances = torch.linalg.inv(known + motion).diagonal()[self._ours]
-        return variances.clamp_min(0).sqrt() * self._unit
+        variances = np.linalg.inv(known + motion).diagonal()[self._ours]
+        return np.sqrt(np.maximum(variances, 0)) * self._unit
 
-    def summary(self, deviations: Tensor, before: Tensor) -> str:
+    def summary(self, deviations: Array, before: Array) -> str:
         """By how much the deviations fall."""
-        share = float((deviations / before).log().mean().exp())
+        share = float(np.exp(np.log(deviations / before).mean()))
         whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
         return f"{whose} the parameters' deviations fall to {share:.0%} (geometric mean)"
 
@@ -62,27 +62,29 @@ class Tool:
     the arm's parameters are the same unknown ones. As in ``payload``: [Y 0; Y Y_last] [θ; tool] = τ.
     """
 
-    def __init__(self, model: TorqueModel, unit: Tensor, identified: bool) -> None:
+    def __init__(self, model: TorqueModel, unit: Array, identified: bool) -> None:
         last = slice(10 * (model.joints - 1), 10 * model.joints)
         self.names = tuple(f"tool {name}" for name in LINK_PARAMETERS)
         self._typical = _TOOL * _ARM**POWERS
         columns = model.mapping[:, last] * self._typical
         self._columns = columns / unit[:, None]  # the tool's among the parameters', (P, 10)
-        self._runs, self._doubt = 1 if identified else 2, torch.eye(10, dtype=torch.float64) / _DOUBT**2
+        self._runs, self._doubt = 1 if identified else 2, np.eye(10) / _DOUBT**2
         self.goal = Goal("tool", targets=columns.T, doubt=self._doubt, runs=self._runs)
 
-    def deviations(self, known: Tensor, motion: Tensor) -> Tensor:
+    def deviations(self, known: Array, motion: Array) -> Array:
         """Standard deviation of mass [kg], mass times centre [kg·m] and inertia [kg·m²], (10,)."""
         tool = motion @ self._columns
-        solved = torch.linalg.solve(known + self._runs * motion, tool)
-        variances = torch.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._doubt).diagonal()
-        return variances.clamp_min(0).sqrt() * self._typical
+        solved = np.linalg.solve(known + self._runs * motion, tool)
+        variances = np.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._doubt).diagonal()
+        return np.sqrt(np.maximum(variances, 0)) * self._typical
 
-    def summary(self, deviations: Tensor, before: Tensor) -> str:
+    def summary(self, deviations: Array, before: Array) -> str:
         """Errors of mass, centre of mass times mass, and inertia, as far as the motion tells them."""
         told = deviations < _TOLD * before
-        groups = zip(_UNITS, deviations.split([1, 3, 6]), told.split([1, 3, 6]))
-        sizes = [f"± {x[some].square().mean().sqrt():.2g} {unit}" for unit, x, some in groups if some.any()]
+        groups = zip(_UNITS, np.split(deviations, [1, 4]), np.split(told, [1, 4]))
+        sizes = [
+            f"± {np.sqrt(np.square(x[some]).mean()):.2g} {unit}" for unit, x, some in groups if some.any()
+        ]
         untold = [name.removeprefix("tool ") for name, some in zip(self.names, told.tolist()) if not some]
         runs = "" if self._runs == 1 else ", executed with and without it"
         but = f" but for {', '.join(untold)}" if untold else ""
@@ -92,28 +94,29 @@ class Tool:
 class Prediction:
     """Torques within the limits, over the joints' usual torques: their expected squared error."""
 
-    def __init__(self, model: TorqueModel, unit: Tensor, usual: Tensor) -> None:
+    def __init__(self, model: TorqueModel, unit: Array, usual: Array) -> None:
         self.names = model.arm.joint_names
-        rows = model.regressor(*model.usual_states()) / usual[:, None]
-        each = torch.einsum("sjp,sjq->jpq", rows, rows) / len(rows)
+        y = model.regressor(*model.usual_states()) / usual[:, None]
+        rows = y.transpose(1, 2, 0)
+        each = rows @ rows.mT / len(y)
         self.goal = Goal("variance", targets=root_of(each.mean(0)).T)
         self._each = each * unit * unit[:, None]
 
-    def deviations(self, known: Tensor, motion: Tensor) -> Tensor:
+    def deviations(self, known: Array, motion: Array) -> Array:
         """Root mean square error of each joint's torque over its usual one, (J,)."""
-        covariance = torch.linalg.inv(known + motion)
-        return (self._each * covariance).sum((1, 2)).clamp_min(0).sqrt()
+        covariance = np.linalg.inv(known + motion)
+        return np.sqrt(np.maximum((self._each * covariance).sum((1, 2)), 0))
 
-    def summary(self, deviations: Tensor, before: Tensor) -> str:
+    def summary(self, deviations: Array, before: Array) -> str:
         """The error on average."""
-        now, then = (float(x.square().mean().sqrt()) for x in (deviations, before))
+        now, then = (float(np.sqrt(np.square(x).mean())) for x in (deviations, before))
         return f"torques of other motions are uncertain by {now:.2%} of their usual size, before {then:.2%}"
 
 
 Purpose: TypeAlias = Parameters | Tool | Prediction
 
 
-def purpose_of(objective: str | list[str], model: TorqueModel, unit: Tensor, identified: bool) -> Purpose:
+def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, identified: bool) -> Purpose:
     """Goal by its name, or by those of links, for a model whose parameters count in units (P,).
 
     Raises:
@@ -126,7 +129,7 @@ def purpose_of(objective: str | list[str], model: TorqueModel, unit: Tensor, ide
     return Parameters(model, unit, objective if isinstance(objective, list) else None)
 
 
-def usual_torque(body: RigidBody) -> Tensor:
+def usual_torque(body: RigidBody) -> Array:
     """Root mean square torque of each joint within the limits [N·m or N], (J,).
 
     Raises:
@@ -137,4 +140,4 @@ def usual_torque(body: RigidBody) -> Tensor:
             f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "
             "goal.objective=condition needs none, and the URDF that +experiment=identify leaves has masses"
         )
-    return torch.from_numpy(torque_scale(body, _FLOOR))
+    return torque_scale(body, _FLOOR)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
@@ -32,7 +32,7 @@ class Choice:
     """The model to use: the consistent one, unless the chosen method's predicts clearly better."""
 
     method: str
-    errors: dict[str, Tensor]  # nMSE (J,) by which that was decided; empty where halves determine too little
+    errors: dict[str, Array]  # nMSE (J,) by which that was decided; empty where halves determine too little
     kind: str  # of these: that of the tests, or halves by each other where nothing was held out
 
 
@@ -70,19 +70,19 @@ class IdentifiedArm:
         return self.estimates[self.use]
 
     @property
-    def standard(self) -> Tensor:
+    def standard(self) -> Array:
         """Physically consistent parameters in ``TorqueModel.standard_names``' order, (F,)."""
         standard = self.estimates[CONSISTENT].standard
         assert standard is not None, "the consistent method has them"
         return standard
 
     @property
-    def links(self) -> Tensor:
+    def links(self) -> Array:
         """Physically consistent link parameters in Pinocchio's order, (J, 10)."""
         return self.model.links_of(self.standard)
 
     @property
-    def used_standard(self) -> Tensor:
+    def used_standard(self) -> Array:
         """Standard parameters of the model to use, (F,): the nearest to the consistent ones that give it.
 
         They have its torques exactly; where it is not the consistent one, some of its links cannot exist.
@@ -90,18 +90,18 @@ class IdentifiedArm:
         """
         if self.use == CONSISTENT:
             return self.standard
-        links = typical(self.model.arm).reshape(-1)
-        scale = torch.cat([links, torch.ones(len(self.standard) - len(links), dtype=torch.float64)])
+        links = typical(self.model.arm).ravel()
+        scale = np.concatenate([links, np.ones(len(self.standard) - len(links))])
         mapping = self.model.mapping
         missing = self.used.parameters - mapping @ self.standard
-        return self.standard + scale * (torch.linalg.pinv(mapping * scale) @ missing)
+        return self.standard + scale * (np.linalg.pinv(mapping * scale) @ missing)
 
     @cached_property
     def drives(self) -> Drives:
         """Friction and rotors of the consistent model; zero where it has no such term."""
         drives = vars(Drives.none(self.model.joints))
         found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
-        return Drives(**{kind: found.get(kind, none).clamp_min(0.0) for kind, none in drives.items()})
+        return Drives(**{kind: np.maximum(found.get(kind, none), 0.0) for kind, none in drives.items()})
 
     @cached_property
     def unmodelled(self) -> Unmodelled:

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import NonNegative
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion
@@ -26,13 +25,13 @@ class Measurements:
         ShapeError: when they are not alike, not (S, J), or not finite.
     """
 
-    position: Tensor  # [rad or m]
-    velocity: Tensor  # [rad/s or m/s]
-    acceleration: Tensor  # [rad/s² or m/s²]
-    torque: Tensor  # [N·m or N]
+    position: Array  # [rad or m]
+    velocity: Array  # [rad/s or m/s]
+    acceleration: Array  # [rad/s² or m/s²]
+    torque: Array  # [N·m or N]
     # smooth sign of the velocity after the low-pass that torque went through, for Coulomb friction: a sign
     # that jumps does not explain a torque that cannot; None takes it from the velocity
-    sign: Tensor | None = None
+    sign: Array | None = None
 
     def __post_init__(self) -> None:
         for name, x in self._named().items():
@@ -40,10 +39,10 @@ class Measurements:
                 raise ShapeError(
                     f"{name} is {tuple(x.shape)}, expected (S, J) like torque {tuple(self.torque.shape)}"
                 )
-            if not x.sum().isfinite():  # which is many times faster than looking at each
-                bad = (~x.isfinite().all(1)).nonzero()
+            if not np.isfinite(x.sum()):  # which is many times faster than looking at each
+                bad = np.flatnonzero(~np.isfinite(x).all(1))
                 if len(bad):
-                    raise ShapeError(f"{name} of sample {int(bad[0])} is not finite")
+                    raise ShapeError(f"{name} of sample {bad[0]} is not finite")
 
     def __len__(self) -> int:
         return len(self.torque)
@@ -57,16 +56,16 @@ class Measurements:
         return self.torque.shape[1]
 
     @property
-    def states(self) -> tuple[Tensor, Tensor, Tensor]:
+    def states(self) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration."""
         return self.position, self.velocity, self.acceleration
 
     @property
-    def inputs(self) -> tuple[Tensor, ...]:
+    def inputs(self) -> tuple[Array, ...]:
         """Inputs of a model's regressor: the states, and the sign where there is one."""
         return self.states if self.sign is None else (*self.states, self.sign)
 
-    def _named(self) -> dict[str, Tensor]:
+    def _named(self) -> dict[str, Array]:
         return {name: x for name, x in vars(self).items() if x is not None}
 
 
@@ -108,9 +107,9 @@ def measure(
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
     """
     shape = motion.position.shape
-    if not motion.position.numel():
+    if not motion.position.size:
         raise ShapeError(f"motion is {tuple(shape)}: there is nothing to measure")
-    q, dq, ddq = (x.flatten(0, 1) for x in motion[1:])
+    q, dq, ddq = (x.reshape(-1, shape[-1]) for x in motion[1:])
     exact = Measurements(q, dq, ddq, body.torque(q, dq, ddq))
     return exact if noise is None else disturbed(exact, noise, random, shape[0])
 
@@ -119,10 +118,7 @@ def disturbed(
     exact: Measurements, noise: Noise, random: np.random.Generator | int | None = None, batch: int = 1
 ) -> Measurements:
     """Exact measurements of ``batch`` trajectories, equally long and one after another, with noise."""
-    count = len(exact) // batch
-    draw = np.random.default_rng(random).uniform(-1.0, 1.0, (batch, 4, count, exact.joints))
-    draws = torch.from_numpy(draw).to(exact.torque).unbind(1)
-    signals = [x.unflatten(0, (batch, count)) for x in (*exact.states, exact.torque)]
-    noisy = (noise.state, noise.state, noise.state, noise.torque)
-    signals = [x + noise.level * x * d if some else x for x, d, some in zip(signals, draws, noisy)]
-    return Measurements(*(x.flatten(0, 1) for x in signals))
+    draws = np.random.default_rng(random).uniform(-1.0, 1.0, (batch, 4, len(exact) // batch, exact.joints))
+    draws = draws.swapaxes(0, 1).reshape(4, -1, exact.joints)
+    each = zip((*exact.states, exact.torque), draws, (*[noise.state] * 3, noise.torque))
+    return Measurements(*(x + noise.level * x * d if noisy else x for x, d, noisy in each))

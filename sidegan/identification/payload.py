@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.identification.accuracy import covariance_of, inflation_of
 from sidegan.identification.consistent import Pull, most_likely
 from sidegan.identification.fit import TorqueErrors, reweighted
@@ -20,6 +20,7 @@ _LEAST = 1e-6  # information on each parameter beside the samples'
 _LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
 _STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
 _CLEAR = 3.0  # deviations from which a mass is one
+_STEP = 1e-30  # of a derivative
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
 
 
@@ -28,34 +29,35 @@ class Payload:
     """A load that is rigidly fixed to an arm's last link."""
 
     link: str  # in whose frame its parameters are
-    estimate: Tensor  # its parameters in Pinocchio's order, as least squares gives them, (10,)
-    covariance: Tensor  # of their errors, (10, 10)
-    body: Tensor  # the most probable ones of a body that can exist, (10,)
-    without: Tensor  # nMSE of each joint on the runs with the load, where it is not accounted for, (J,)
-    explained: Tensor  # nMSE of each joint on these runs with it, (J,)
+    estimate: Array  # its parameters in Pinocchio's order, as least squares gives them, (10,)
+    covariance: Array  # of their errors, (10, 10)
+    body: Array  # the most probable ones of a body that can exist, (10,)
+    without: Array  # nMSE of each joint on the runs with the load, where it is not accounted for, (J,)
+    explained: Array  # nMSE of each joint on these runs with it, (J,)
 
     @property
-    def values(self) -> Tensor:
+    def values(self) -> Array:
         """Mass [kg], centre of mass [m] and inertia about it [kg·m²] of the body, as ``VALUES``, (10,)."""
-        return values_of(self.body)
+        return values_of(self.body[None])[0]
 
     @property
-    def deviation(self) -> Tensor:
+    def deviation(self) -> Array:
         """Standard deviation of each of these, (10,)."""
-        slope = torch.func.jacrev(values_of)(self.body)
-        return (slope @ self.covariance @ slope.T).diagonal().clamp_min(0).sqrt()
+        turned = values_of(self.body + _STEP * 1j * np.eye(LOAD))  # a complex step: no difference is taken
+        slope = turned.imag.T / _STEP
+        return np.sqrt(np.maximum((slope @ self.covariance @ slope.T).diagonal(), 0))
 
     @property
     def certain(self) -> bool:
         """Whether there is a load beyond doubt."""
-        return float(self.values[0]) > _CLEAR * float(self.deviation[0])
+        return bool(self.values[0] > _CLEAR * self.deviation[0])
 
 
-def values_of(parameters: Tensor) -> Tensor:
-    """Mass, centre of mass and inertia about it, in ``VALUES``' order, of link parameters (10,)."""
-    centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
-    rows, columns = torch.tensor([0, 0, 1, 0, 1, 2]), torch.tensor([0, 1, 1, 2, 2, 2])
-    return torch.cat([parameters[:1], centre, inertia[rows, columns]])
+def values_of(parameters: Array) -> Array:
+    """Mass, centre of mass and inertia about it, in ``VALUES``' order, of link parameters, (K, 10) both."""
+    centre, inertia = about_the_centre(parameters)
+    rows, columns = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]
+    return np.concatenate([parameters[:, :1], centre, inertia[:, rows, columns]], 1)
 
 
 def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> Payload:
@@ -72,24 +74,23 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     residuals = [residual_of(part.model, x, fit.parameters) for part in parts for x in part.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
-    load, empty = fit.parameters[-LOAD:], fit.parameters.clone()
+    load, empty = fit.parameters[-LOAD:], fit.parameters.copy()
     empty[-LOAD:] = 0
     without, explained = (parts[1].sums.nmse(x) for x in (empty, fit.parameters))
     body = _possible(load, covariance)
     return Payload(model.arm.link_names[-1], load, covariance, body, without, explained)
 
 
-def _possible(estimate: Tensor, covariance: Tensor) -> Tensor:
+def _possible(estimate: Array, covariance: Array) -> Array:
     """The most probable parameters (10,) of a body that can exist, from an estimate and its covariance.
 
     min over pseudo-inertias P of ½ |x − x̂|² in units of the errors + strength · d(P, P⁰), P⁰ a small ball.
     """
-    _, information = solve(covariance, torch.zeros(LOAD, dtype=torch.float64), 1e-12)
+    _, information = solve(covariance, np.zeros(LOAD), 1e-12)
     rows, right = rows_of(information, information @ estimate)
-    size = torch.tensor([[_LENGTH, _LENGTH, _LENGTH, 1.0]], dtype=torch.float64)
-    unit = max(float(estimate[0]), _LIGHTEST) ** 0.5 * size  # in which the ball is the identity
-    strength, ball = torch.tensor([_STRENGTH]), torch.eye(4, dtype=torch.float64)[None]
-    return most_likely(rows, right, Pull(unit, ball, strength))
+    size = np.array([[_LENGTH, _LENGTH, _LENGTH, 1.0]])
+    unit = max(estimate[0], _LIGHTEST) ** 0.5 * size  # in which the ball is the identity
+    return most_likely(rows, right, Pull(unit, np.eye(4)[None], np.array([_STRENGTH])))
 
 
 class Loaded:
@@ -100,10 +101,10 @@ class Loaded:
     def __init__(self, model: TorqueModel, carried: bool) -> None:
         self._model, self._carried, self.joints, self.count = model, carried, model.joints, model.count + LOAD
 
-    def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor | None = None) -> Tensor:
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
         """Regressor, (S, J, P + 10), of states (S, J)."""
-        load = self._model.body.regressor(q, dq, ddq)[..., -LOAD:] * float(self._carried)
-        return torch.cat([self._model.regressor(q, dq, ddq, sign), load], 2)
+        load = self._model.body.regressor(q, dq, ddq)[..., -LOAD:] * self._carried
+        return np.concatenate([self._model.regressor(q, dq, ddq, sign), load], 2)
 
 
 def gathered(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> list[Gathered]:

@@ -1,8 +1,9 @@
 """Quality of an identified model: its errors, its uncertain parameters, and the description beside it."""
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
+from sidegan.identification.accuracy import spread_of
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
@@ -27,7 +28,7 @@ def quality(
     """
     per_unit, torque_deviation, usual = _effects(model, estimate)
     effect = per_unit * estimate.deviation
-    weak = [i for i in effect.argsort(descending=True).tolist() if effect[i] > _EFFECT]
+    weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
     candidates = estimate.parameters, _nominal_fit(model, estimate)
     train, nominal = (score_of_sums(estimate.sums, x) for x in candidates)
     validated = None
@@ -46,21 +47,20 @@ def quality(
     )
 
 
-def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Tensor, Tensor, Tensor]:
+def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Array, Array, Array]:
     """Share of usual torques per unit of each parameter, (P,), of their deviation, (J,), and these, (J,).
 
     Usual is the root mean square over random states within the limits, at half the arm's pace.
     """
     y = model.regressor(*model.usual_states())
-    usual = (y @ estimate.parameters).square().mean(0).sqrt().clamp_min(torch.finfo(torch.float64).tiny)
-    share = y.square().mean(0).sqrt() / usual[:, None]
-    variance = torch.einsum("sjp,pq,sjq->j", y, estimate.covariance, y).clamp_min(0) / len(y)
-    return share.amax(0), variance.sqrt() / usual, usual
+    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
+    share = np.sqrt(np.square(y).mean(0)) / usual[:, None]
+    return share.max(0), np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual, usual
 
 
-def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Tensor:
+def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Array:
     """The description's link parameters with everything else fitted, (P,)."""
-    r, nominal = model.rigid, model.nominal.clone()
+    r, nominal = model.rigid, model.nominal.copy()
     information, moment = estimate.sums.weighted(estimate.weights)
     rest = moment[r:] - information[r:, :r] @ nominal[:r]
     if len(rest):

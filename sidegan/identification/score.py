@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.identification.estimate import estimate
 from sidegan.identification.gather import residual_of
@@ -26,8 +26,8 @@ def shown(nmse: float) -> str:
 class Score(NamedTuple):
     """Errors of predicted torques, of each joint (J,), or of each of K recordings, (K, J)."""
 
-    nmse: Tensor  # mean((τ − τ̂)²) / var(τ); one is as good as predicting the mean
-    rmse: Tensor  # root mean square of τ − τ̂ [N·m or N]
+    nmse: Array  # mean((τ − τ̂)²) / var(τ); one is as good as predicting the mean
+    rmse: Array  # root mean square of τ − τ̂ [N·m or N]
 
     @property
     def nmse_mean(self) -> float:
@@ -37,10 +37,10 @@ class Score(NamedTuple):
     @property
     def pooled(self) -> "Score":
         """Errors over all K recordings, (J,)."""
-        return Score(self.nmse.mean(0), self.rmse.square().mean(0).sqrt())
+        return Score(self.nmse.mean(0), np.sqrt(np.square(self.rmse).mean(0)))
 
 
-def score(model: TorqueModel, parameters: Tensor, measurements: Samples) -> Score:
+def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score:
     """Errors of the torques that parameters (P,) predict for measurements.
 
     Raises:
@@ -48,20 +48,20 @@ def score(model: TorqueModel, parameters: Tensor, measurements: Samples) -> Scor
     """
     if parameters.shape != (len(model.names),):
         raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {len(model.names)}")
-    parts = [(part.torque.double(), residual_of(model, part, parameters)) for part in pieces(measurements)]
+    parts = [(part.torque, residual_of(model, part, parameters)) for part in pieces(measurements)]
     if not sum(len(torque) for torque, _ in parts):
         raise ShapeError("there are no samples to test with")
-    torque, residual = (torch.cat(x) for x in zip(*parts))
-    variance, squares = torque.var(0, correction=0), residual.square().mean(0)
-    constant = (variance.sqrt() <= _CONSTANT * torque.abs().max()).nonzero()[:, 0]
+    torque, residual = (np.concatenate(x) for x in zip(*parts))
+    variance, squares = torque.var(0), np.square(residual).mean(0)
+    constant = np.flatnonzero(np.sqrt(variance) <= _CONSTANT * np.abs(torque).max())
     if len(constant):
         raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")
-    return Score(squares / variance, squares.sqrt())
+    return Score(squares / variance, np.sqrt(squares))
 
 
-def score_of_sums(sums: Sums, parameters: Tensor) -> Score:
+def score_of_sums(sums: Sums, parameters: Array) -> Score:
     """Errors from the sums over samples; infinite where a joint's torque is constant."""
-    return Score(sums.nmse(parameters), (sums.squares(parameters) / sums.weight).sqrt())
+    return Score(sums.nmse(parameters), np.sqrt(sums.squares(parameters) / sums.weight))
 
 
 def folds(
@@ -73,4 +73,4 @@ def folds(
         others = chain(*recordings[:k], *recordings[k + 1 :])
         parameters = estimate(method, model, others, **settings).parameters
         rows.append(score(model, parameters, held_out))
-    return Score(*(torch.stack(column) for column in zip(*rows)))
+    return Score(*(np.stack(column) for column in zip(*rows)))

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Count, Hertz, NonNegative, Number, Part, Positive, Seconds
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
@@ -75,7 +75,7 @@ class KnownLoad:
     inertia: tuple[Number, Number, Number, Number, Number, Number] | None = None
 
     @property
-    def parameters(self) -> Tensor:
+    def parameters(self) -> Array:
         """The load's ten parameters in Pinocchio's order about the frame, (10,).
 
         Raises:
@@ -83,11 +83,10 @@ class KnownLoad:
         """
         if not self.mass > 0:
             raise ConfigError("load.mass is 0, expected the mass of the known load [kg]")
-        c = torch.tensor(self.centre, dtype=torch.float64)
-        about = self.mass * (c @ c * torch.eye(3, dtype=torch.float64) - torch.outer(c, c))
-        own = torch.tensor(self.inertia or [0.0] * 6, dtype=torch.float64)
-        moved = own + about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
-        return torch.cat([torch.tensor([self.mass], dtype=torch.float64), self.mass * c, moved])
+        c = np.array(self.centre)
+        about = self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        moved = np.array(self.inertia or [0.0] * 6) + about[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]
+        return np.concatenate([[self.mass], self.mass * c, moved])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +104,7 @@ class GoalSettings:
     correlation: Seconds = 0.03  # time over which that noise keeps its sign
     believed: Positive = 1.0  # deviation of the description's parameters, in their typical sizes
 
-    def deviation(self, usual: Tensor) -> Tensor:
+    def deviation(self, usual: Array) -> Array:
         """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N].
 
         Raises:
@@ -115,7 +114,7 @@ class GoalSettings:
             return (self.noise or self.assumed) * usual
         if len(self.noise) != len(usual):
             raise ConfigError(f"goal.noise has {len(self.noise)} numbers, the arm has {len(usual)} joints")
-        return torch.tensor(self.noise, dtype=torch.float64)
+        return np.array(self.noise, float)
 
     @property
     def rate(self) -> float:

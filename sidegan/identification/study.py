@@ -12,9 +12,8 @@ from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
 from sidegan.identification.fit import least_residual, least_squares, reweighted
@@ -27,7 +26,7 @@ from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
-MotionSet: TypeAlias = tuple[Trajectory, Tensor]  # and coefficients [rad/s], (N, J, H, 2)
+MotionSet: TypeAlias = tuple[Trajectory, Array]  # and coefficients [rad/s], (N, J, H, 2)
 
 _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
 _TRAJECTORIES_AT_ONCE = 10
@@ -79,13 +78,13 @@ def measured_sums(
     model, count, done = TorqueModel(body, RIGID), len(family[1]), 0
     generators = [np.random.default_rng(one) for one in randoms]
     sums = [no_sums(model.joints, model.count) for _ in generators]
-    for some in family[1].split(_TRAJECTORIES_AT_ONCE) if count else ():
+    for some in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
         exact = measure(body, family[0].roll_out(some, family[0].times(settings.rate)))
         noisy = (disturbed(exact, settings.noise, generator, len(some)) for generator in generators)
         if settings.noise.state:
             parts = [gather(model, one).sums for one in noisy]
         else:
-            parts = sums_of_draws(model.regressor(*exact.states), torch.stack([one.torque for one in noisy]))
+            parts = sums_of_draws(model.regressor(*exact.states), np.stack([one.torque for one in noisy]))
         sums = [before.plus(new) for before, new in zip(sums, parts)]
         done += len(some)
         if progress is not None:
@@ -115,12 +114,12 @@ def expected_errors(
     exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
     sums, judged, spread = gather(model, exact).sums, gather(model, truth).sums, _noise(model, exact, noise)
     for weighted in () if noise.state and noise.level else (False, True):
-        weights = torch.ones_like(sums.energy)
+        weights = np.ones_like(sums.energy)
         if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
-            weights = 1 / torch.maximum((spread.energy / spread.weight).sqrt(), least_residual(sums))
+            weights = 1 / np.maximum(np.sqrt(spread.energy / spread.weight), least_residual(sums))
         fit = least_squares(sums, 1 / settings.prior, weights)
-        covariance = fit.inverse @ spread.weighted(weights.square())[0] @ fit.inverse
-        squares = judged.squares(fit.parameters) + torch.einsum("jpq,qp->j", judged.information, covariance)
+        covariance = fit.inverse @ spread.weighted(np.square(weights))[0] @ fit.inverse
+        squares = judged.squares(fit.parameters) + np.einsum("jpq,qp->j", judged.information, covariance)
         nmse = squares / judged.weight / judged.variance
         rows += [(weighted, *row) for row in zip(model.arm.joint_names, nmse.tolist())]
     return pd.DataFrame(rows, columns=["weighted", "joint", "nmse"])
@@ -130,8 +129,8 @@ def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
     """Sums over equations that count with the variance of their noise, which the energy has, too."""
     sums, share = no_sums(model.joints, model.count), noise.level**2 / 3 * noise.torque
     for part in pieces(exact):
-        variance = share * part.torque.square()
-        one = sums_of(model.regressor(*part.states) * variance.sqrt()[..., None], part.torque)
+        variance = share * np.square(part.torque)
+        one = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
         sums = sums.plus(one._replace(energy=variance.sum(0)))
     return sums
 
@@ -140,7 +139,7 @@ def _measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measu
     """Measurements without noise along each trajectory of a set."""
     trajectory, coefficients = family
     times = trajectory.times(rate)
-    return (measure(body, trajectory.roll_out(c, times)) for c in coefficients.split(1))
+    return (measure(body, trajectory.roll_out(c, times)) for c in split(coefficients, 1))
 
 
 class _Judge:
@@ -157,7 +156,7 @@ class _Judge:
             nmse = score(self.model, fit.parameters, self._truth).nmse.tolist()
             columns = {"weighted": bool(weighted), "joint": self.model.arm.joint_names, "nmse": nmse}
             errors.append(pd.DataFrame({**keys, **columns}))
-        norm = float(torch.linalg.vector_norm(fits[0].inverse.diagonal()))
+        norm = np.linalg.vector_norm(fits[0].inverse.diagonal())
         facts = pd.DataFrame([{**keys, "covariance_norm": norm, "samples": round(float(sums.weight))}])
         return pd.concat(errors), facts
 
@@ -172,4 +171,4 @@ def _stacked_condition(body: RigidBody, family: MotionSet) -> float:
     trajectory, coefficients = family
     samples = max(round(trajectory.period * _RATE), 4 * trajectory.harmonics)
     grams = gram(body, trajectory, coefficients, samples)
-    return float(excitation_of(body, grams.mean(0, keepdim=True)).eigenvalue_fitness)
+    return float(excitation_of(body, grams.mean(0, keepdims=True)).eigenvalue_fitness[0])

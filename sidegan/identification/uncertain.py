@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.design.goal import Goal
 from sidegan.identification.goals import purpose_of, usual_torque
 from sidegan.identification.model import Terms, TorqueModel
@@ -37,23 +37,24 @@ class Uncertain:
     def __init__(
         self,
         model: TorqueModel,
-        covariance: Tensor,
-        certainty: Tensor,
+        covariance: Array,
+        certainty: Array,
         rate: float,
         objective: str | list[str] = "parameters",
         identified: bool = False,
     ) -> None:
         self._model, self._certainty, self._rate = model, certainty, rate
         self._scale, self._before = _known(covariance)  # units of the parameters, information in these
-        self._motion = torch.zeros_like(self._before)
+        self._motion = np.zeros_like(self._before)
         self.purpose = purpose_of(objective, model, self._scale, identified)
 
-    def take(self, trajectory: Trajectory, c: Tensor) -> None:
+    def take(self, trajectory: Trajectory, c: Array) -> None:
         """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
         times = trajectory.grid(_SAMPLES)
         states = [x[0] for x in trajectory.roll_out(c[None], times)[1:]]
-        y = (self._model.regressor(*states) * self._certainty[:, None] * self._scale).flatten(0, 1)
-        self._motion = self._motion + self._rate * trajectory.period / len(times) * (y.mT @ y)
+        y = self._model.regressor(*states) * self._certainty[:, None] * self._scale
+        rows = y.transpose(1, 2, 0)
+        self._motion = self._motion + self._rate * trajectory.period / len(times) * (rows @ rows.mT).sum(0)
 
     def next(self) -> Goal:
         """The goal of the next trajectory."""
@@ -62,19 +63,19 @@ class Uncertain:
         return replace(goal, prior=prior, certainty=self._certainty, rate=self._rate, model=self._model)
 
     @property
-    def before(self) -> Tensor:
+    def before(self) -> Array:
         """Deviation of each of what is to be known without any trajectory, (K,)."""
-        return self.purpose.deviations(self._before, torch.zeros_like(self._motion))
+        return self.purpose.deviations(self._before, np.zeros_like(self._motion))
 
     @property
-    def deviations(self) -> Tensor:
+    def deviations(self) -> Array:
         """Deviation of each of what is to be known with those of the set, (K,)."""
         return self.purpose.deviations(self._before, self._motion)
 
     @property
     def left(self) -> float:
         """Deviations with the set over those without, their geometric mean."""
-        return float((self.deviations / self.before).log().mean().exp())
+        return float(np.exp(np.log(self.deviations / self.before).mean()))
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
@@ -84,16 +85,15 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
         ConfigError: when a setting does not fit the arm.
     """
     model, usual = TorqueModel(body, terms), usual_torque(body)
-    covariance = torch.linalg.inv(belief(model, usual, goal.believed))
+    covariance = np.linalg.inv(belief(model, usual, goal.believed))
     return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, goal.objective)
 
 
-def _known(covariance: Tensor) -> tuple[Tensor, Tensor]:
+def _known(covariance: Array) -> tuple[Array, Array]:
     """Deviations, (P,), and information in units of them, positive definite, (P, P)."""
     variance = covariance.diagonal()
-    least = variance.clamp_min(_LEAST * float(variance.max()))
-    unit = least.sqrt()
-    known = torch.linalg.pinv(
-        (covariance + torch.diag(least - variance)) / unit / unit[:, None], hermitian=True
-    )
-    return unit, (known + known.T) / 2 + _LEAST * torch.eye(len(unit), dtype=torch.float64)
+    least = np.maximum(variance, _LEAST * variance.max())
+    unit = np.sqrt(least)
+    scaled = (covariance + np.diag(least - variance)) / unit / unit[:, None]
+    known = np.linalg.pinv(scaled, rtol=len(unit) * np.finfo(float).eps, hermitian=True)
+    return unit, (known + known.T) / 2 + _LEAST * np.eye(len(unit))

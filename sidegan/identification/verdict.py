@@ -8,9 +8,9 @@ from statistics import NormalDist
 from string import ascii_letters
 from typing import NamedTuple
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.score import Score, shown
@@ -53,12 +53,12 @@ class Quality:
     validation: Score | None  # errors on what was held out; None when nothing was
     nominal_score: Score  # of the description's links with fitted friction, on the same samples as these
     folds: Score | None  # each recording predicted from the others; None when not asked for
-    torque_deviation: Tensor  # deviation of predicted torques within the limits, over the usual ones, (J,)
-    usual: Tensor  # these: torques within the limits, root mean square [N·m or N], (J,)
+    torque_deviation: Array  # deviation of predicted torques within the limits, over the usual ones, (J,)
+    usual: Array  # these: torques within the limits, root mean square [N·m or N], (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
     causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
     other_gravity: bool = False  # whether another one than the description's explains the torques better
-    noise: Tensor | None = None  # whether what is left of a joint's torque is noise, (J,); None: not known
+    noise: Array | None = None  # whether what is left of a joint's torque is noise, (J,); None: not known
 
     @property
     def verdict(self) -> str:
@@ -98,10 +98,10 @@ class Quality:
         return any(cause.level != GOOD for cause in self.causes)
 
     @property
-    def drowned(self) -> Tensor:
+    def drowned(self) -> Array:
         """Joints whose torque noise drowns, so that nMSE tells nothing about the model, (J,)."""
         large = self.judged.nmse > _GOOD_JOINT
-        drowned = large & self.noise if self.noise is not None else torch.zeros_like(large)
+        drowned = large & self.noise if self.noise is not None else np.zeros_like(large)
         return drowned & ~drowned.all()
 
     def mean(self, errors: Score) -> float:
@@ -171,12 +171,8 @@ def _misfits(quality: Quality) -> Iterator[Finding]:
 
 def _drowned(quality: Quality, j: int) -> Finding:
     """Finding on a joint whose torque is below its noise: it is judged by N·m beside its limit."""
-    unit, limit = "N" if quality.arm.prismatic[j] else "N·m", float(quality.arm.torque_limit[j])
-    usual, noise, share = (
-        float(quality.usual[j]),
-        float(quality.judged.rmse[j]),
-        float(quality.torque_deviation[j]),
-    )
+    unit, limit = "N" if quality.arm.prismatic[j] else "N·m", quality.arm.torque_limit[j]
+    usual, noise, share = (x[j] for x in (quality.usual, quality.judged.rmse, quality.torque_deviation))
     known = math.isfinite(limit)
     level = BAD if (share * usual > _USABLE_LIMIT * limit if known else share > _USABLE_TORQUE) else USABLE
     return Finding(
@@ -226,8 +222,8 @@ def _advice(quality: Quality, j: int) -> str:
     if quality.faulty:
         return ""
     arm, unit = quality.arm, "m" if quality.arm.prismatic[j] else "rad"
-    moved, fastest = (float(x[j]) for x in quality.estimate.reach)
-    span, limit = float(arm.position_upper[j] - arm.position_lower[j]), float(arm.velocity_limit[j])
+    moved, fastest = (x[j] for x in quality.estimate.reach)
+    span, limit = arm.position_upper[j] - arm.position_lower[j], arm.velocity_limit[j]
     wishes = []
     if moved < _LITTLE * span:
         wishes.append(f"goes further than {moved:.2g} of {span:.3g} {unit}")
@@ -247,14 +243,14 @@ def implausible_mass(found: float, described: float) -> list[Finding]:
     return [Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")]
 
 
-def implausible_links(arm: Arm, links: Tensor) -> list[Finding]:
+def implausible_links(arm: Arm, links: Array) -> list[Finding]:
     """Findings on links (J, 10) that no such arm has, by mass and centre of mass."""
     described = arm.inertial_parameters[:, 0]
-    whole, reach = float(described.sum()), float(arm.translation.norm(dim=1).sum() + arm.tip.norm())
+    whole, reach = described.sum(), np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
     found = []
     for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
         away = math.hypot(*moment) / mass if mass > 0 else 0.0
-        if mass > max(_MASSES * float(described[j]), whole) > 0:
+        if mass > max(_MASSES * described[j], whole) > 0:
             text = f"{arm.link_names[j]} weighs {mass:.3g} kg, by the description {described[j]:.3g} kg"
             found.append(Finding(USABLE, text, j))
         if away > reach > 0 and mass > _NOTABLE * whole:

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import InfeasibleError, RecordingError, ShapeError
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import estimate
@@ -71,9 +71,7 @@ def identify_arm(
     judged = replace(judged, train=trained[use], validation=tests[use] if held_out else None)
     sets = [one for one in (training, validation) if one]
     used = model, estimates[use].parameters, estimates[use].covariance
-    judged = replace(
-        judged, noise=torch.stack([is_noise(*used, excitation_set) for excitation_set in sets]).all(0)
-    )
+    judged = replace(judged, noise=np.all([is_noise(*used, recordings) for recordings in sets], 0))
     found = IdentifiedArm(
         model=model,
         training=training,
@@ -88,7 +86,7 @@ def identify_arm(
     return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
-def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
+def preferred(method: str, errors: Mapping[str, Array]) -> str:
     """The model to use, by the nMSE of each, (J,): one that can exist, unless another is clearly better.
 
     Joints count alike, by the ratio of their errors. Without any errors on what was not seen, the one that
@@ -96,11 +94,11 @@ def preferred(method: str, errors: Mapping[str, Tensor]) -> str:
     """
     if not errors:
         return CONSISTENT
-    existing, other = (errors[name].clamp_min(_PERFECT) for name in (CONSISTENT, method))
-    return method if float((existing / other).log().mean().exp()) > _AS_GOOD else CONSISTENT
+    existing, other = (np.maximum(errors[name], _PERFECT) for name in (CONSISTENT, method))
+    return method if np.exp(np.log(existing / other).mean()) > _AS_GOOD else CONSISTENT
 
 
-def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Tensor]:
+def _halves(model: TorqueModel, samples: list[Measurements], methods: Methods) -> dict[str, Array]:
     """NMSE of each half of the recordings by the other, (J,), of the chosen method and the consistent one.
 
     Empty where a half determines too little.

@@ -6,7 +6,8 @@ that is found out by vector instructions.
 
 from typing import NamedTuple
 
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Chain, Shapes
 from sidegan.kernels.distances import from_region, near_region, near_segment
 from sidegan.kernels.dynamics import (
     COS,

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Chain, Shapes
 from sidegan.kernels.distances import near_segment
 from sidegan.kernels.formulas import (
     Matrix,

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.kernels.bodies import Bodies, Place, place_for
-from sidegan.kernels.chain import Array
 from sidegan.kernels.formulas import (
     add,
     carried,

@@ -2,9 +2,7 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
-Array = np.ndarray
+from sidegan.base.arrays import Array
 
 PLANE, BOX, BALL, CONVEX = range(4)  # kinds of regions
 

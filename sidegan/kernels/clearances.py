@@ -1,7 +1,8 @@
 """Distances of an arm's capsules from each other and from keep-out regions, at many positions; compiled."""
 
+from sidegan.base.arrays import Array
 from sidegan.kernels.bodies import Place, near_pair, place_capsule, place_joints
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.chain import Chain, Shapes
 from sidegan.kernels.distances import near_region
 from sidegan.kernels.jit import kernel
 from sidegan.kernels.links import row

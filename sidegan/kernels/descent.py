@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels.chain import Array
+from sidegan.base.arrays import Array
 from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.jit import kernel
 from sidegan.kernels.objective import Plan, Scratch, objective_of

@@ -5,7 +5,8 @@ Prover, penalty and evaluation all ask these, and take what they need.
 
 import math
 
-from sidegan.kernels.chain import BALL, BOX, PLANE, Array, Shapes
+from sidegan.base.arrays import Array
+from sidegan.kernels.chain import BALL, BOX, PLANE, Shapes
 from sidegan.kernels.formulas import Vector, add, dot, less, times
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import TOUCHING, row

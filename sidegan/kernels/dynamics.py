@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels.chain import Array, Chain
+from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Chain
 from sidegan.kernels.formulas import (
     Matrix,
     Motion,

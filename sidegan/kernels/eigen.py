@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from sidegan.kernels.chain import Array
+from sidegan.base.arrays import Array
 from sidegan.kernels.jit import inline, inline_in_any_order, kernel
 
 _POINTS = 8  # shifts per eigenvalue and pass: each narrows its bracket to a ninth

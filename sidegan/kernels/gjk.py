@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels.chain import Array
+from sidegan.base.arrays import Array
 from sidegan.kernels.formulas import Matrix, Vector, add, cross, dot, less, times, to_child, to_parent
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import row, set_row

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.kernels import HIGHEST, HOPELESS, LOWEST, SHARPNESS, eigen
-from sidegan.kernels.chain import Array
 from sidegan.kernels.dynamics import clear
 from sidegan.kernels.eigen import add_to, all_eigenpairs, factorise, invert_factor, product
 from sidegan.kernels.jit import kernel, part

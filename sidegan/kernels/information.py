@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.kernels.chain import Array, Chain
+from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Chain
 from sidegan.kernels.dynamics import (
     DDQ,
     DQ,

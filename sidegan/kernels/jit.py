@@ -66,6 +66,16 @@ class Kernel:
         self._called = True
         return result
 
+    def to_be_compiled(self) -> bool:
+        """Whether nobody has compiled it on this machine, or does so now."""
+        if self._called or (folder := _folder()) is None or (folder / f"{self._name}.compiled").exists():
+            return False
+        try:
+            with FileLock(folder / f"{self._name}.lock", timeout=0):
+                return True
+        except (OSError, Timeout):
+            return False
+
 
 class _Inner(types.Dispatcher):
     """Type of a kernel within another: compiled once for all tuples, whatever constants are in them.

@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
+from sidegan.base.arrays import Array
 from sidegan.kernels import formulas
-from sidegan.kernels.chain import Array, Chain
+from sidegan.kernels.chain import Chain
 from sidegan.kernels.formulas import Matrix, Ten, Vector, add, times
 from sidegan.kernels.jit import inline, share
 

@@ -6,8 +6,9 @@ A twist is the angular velocity of every frame, and its velocity at the origin, 
 
 import math
 
+from sidegan.base.arrays import Array
 from sidegan.kernels.bodies import Bodies, Place, ordered
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.chain import Chain, Shapes
 from sidegan.kernels.distances import Contact
 from sidegan.kernels.formulas import Vector, add, cross, dot, less, times, to_child, to_parent
 from sidegan.kernels.gjk import farthest

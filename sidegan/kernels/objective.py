@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.kernels import HOPELESS, apart, dynamics, eigen, goals, information, regressor
 from sidegan.kernels.apart import keep_apart
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.kernels.chain import Chain, Shapes
 from sidegan.kernels.dynamics import COS, DDQ, DQ, SIN, Limits, Q, beyond, clear
 from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.goals import goal_of, to_orthonormal

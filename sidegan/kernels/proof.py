@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.kernels.bodies import direction, near_pair, near_pieces, ordered, place_capsule, place_joints
 from sidegan.kernels.cells import (
     Model,
@@ -20,7 +21,7 @@ from sidegan.kernels.cells import (
     torque_rates,
     torques,
 )
-from sidegan.kernels.chain import Array, Shapes
+from sidegan.kernels.chain import Shapes
 from sidegan.kernels.distances import from_region, near_region
 from sidegan.kernels.formulas import Vector, dot, drift, less, times, to_parent
 from sidegan.kernels.jit import inline, kernel

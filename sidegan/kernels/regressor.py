@@ -2,7 +2,8 @@
 
 from typing import NamedTuple
 
-from sidegan.kernels.chain import Array, Chain
+from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Chain
 from sidegan.kernels.dynamics import (
     LANES,
     SHIFT,

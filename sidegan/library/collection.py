@@ -5,9 +5,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import parquet_rows, read_parquet, write_parquet
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.library.parquet import MARGIN, OPTIONS, Family, content_of, table_of
@@ -20,15 +20,15 @@ LIBRARY = "library.parquet"  # name of its file in a folder
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """N trajectories of one robot; tensors are float64 (``valid``: bool) on the CPU."""
+    """N trajectories of one robot; arrays are float64 (``valid``: bool)."""
 
-    coefficients: Tensor  # [rad/s], (N, J, H, 2)
-    valid: Tensor  # whether every constraint holds over the whole period, (N,)
-    margins: dict[str, Tensor]  # signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each
-    fitness: Tensor  # eigenvalue fitness, (N,); infinite where a direction is not excited
-    diagonal_fitness: Tensor  # (N,); infinite where a base parameter is not excited
-    spectrum: Tensor  # eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p)
-    diagonal: Tensor  # diagonal of YᵀY / T over the base columns, (N, p)
+    coefficients: Array  # [rad/s], (N, J, H, 2)
+    valid: Array  # whether every constraint holds over the whole period, (N,)
+    margins: dict[str, Array]  # signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each
+    fitness: Array  # eigenvalue fitness, (N,); infinite where a direction is not excited
+    diagonal_fitness: Array  # (N,); infinite where a base parameter is not excited
+    spectrum: Array  # eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p)
+    diagonal: Array  # diagonal of YᵀY / T over the base columns, (N, p)
     source: list[str]  # where each trajectory comes from, such as "seeds" or "eigen", N of them
     robot: str  # name of the arm
     digest: str  # the arm's
@@ -38,8 +38,8 @@ class Library:
     def __len__(self) -> int:
         return len(self.coefficients)
 
-    def columns(self) -> dict[str, Tensor]:
-        """Every tensor, (N, …), under the name of its column in the file."""
+    def columns(self) -> dict[str, Array]:
+        """Every array, (N, …), under the name of its column in the file."""
         margins = {f"{MARGIN}{name}": x for name, x in self.margins.items()}
         names = self.family().shapes()
         return {name: margins[name] if name in margins else getattr(self, name) for name in names}
@@ -58,9 +58,9 @@ class Library:
             margins=sorted(self.margins),
         )
 
-    def take(self, indices: Tensor | Sequence[int]) -> "Library":
+    def take(self, indices: Array | Sequence[int]) -> "Library":
         """The trajectories at ``indices``, (K,) integers in 0 … N − 1, in that order."""
-        index = torch.as_tensor(indices, dtype=torch.long, device="cpu")
+        index = np.asarray(indices, int)
         columns = {name: x[index] for name, x in self.columns().items()}
         return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 
@@ -100,12 +100,12 @@ def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
 
 def _joined(parts: Iterable[Library], count: int) -> Library:
     """One library of so many trajectories: a part is held beside it, and not all of them twice."""
-    first, rows, columns, source = None, 0, dict[str, Tensor](), list[str]()
+    first, rows, columns, source = None, 0, dict[str, Array](), list[str]()
     for part in parts:
         first = first or part
         _refuse_others(asdict(first.family()), asdict(part.family()))
         for name, x in part.columns().items():
-            columns.setdefault(name, x.new_empty(count, *x.shape[1:]))[rows : rows + len(part)] = x
+            columns.setdefault(name, np.empty((count, *x.shape[1:]), x.dtype))[rows : rows + len(part)] = x
         rows += len(part)
         source.extend(part.source)
     assert first is not None
@@ -118,7 +118,7 @@ def _refuse_others(mine: dict[str, Any], theirs: dict[str, Any]) -> None:
         raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
 
 
-def _fields(columns: dict[str, Tensor]) -> dict[str, Any]:
+def _fields(columns: dict[str, Array]) -> dict[str, Any]:
     """Constructor's arguments for the columns of a file."""
     margins = {name.removeprefix(MARGIN): x for name, x in columns.items() if name.startswith(MARGIN)}
     return {name: x for name, x in columns.items() if not name.startswith(MARGIN)} | {"margins": margins}

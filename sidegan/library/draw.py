@@ -4,9 +4,9 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.base.typed import Count, Natural, Size
 from sidegan.errors import InfeasibleError
@@ -29,14 +29,14 @@ class Expansion:
 class Draws:
     """Valid trajectories, and how many had to be drawn for them."""
 
-    coefficients: Tensor  # the first valid ones [rad/s], (n, J, H, 2), n ≤ count
+    coefficients: Array  # the first valid ones [rad/s], (n, J, H, 2), n ≤ count
     drawn: int  # trajectories that were drawn
     valid: int  # how many of those are valid; may be more than were kept
 
 
 def draw_valid(
-    sample: Callable[[int], Tensor],
-    check: Callable[[Tensor], Validity],
+    sample: Callable[[int], Array],
+    check: Callable[[Array], Validity],
     settings: Expansion,
     origin: str,
     report: Report | None = None,
@@ -49,7 +49,7 @@ def draw_valid(
     Raises:
         InfeasibleError: when fewer than the least are valid; says what the others violate.
     """
-    kept: list[Tensor] = []
+    kept: list[Array] = []
     count, drawn, valid = settings.count, 0, 0
     while valid < count and drawn < settings.draws:
         c = sample(min(settings.batch, settings.draws - drawn))
@@ -67,4 +67,4 @@ def draw_valid(
         )
     if valid < count:
         log.warning("%d valid trajectories in %d draws, %d were wanted: %s", valid, drawn, count, origin)
-    return Draws(torch.cat(kept)[:count], drawn, valid)
+    return Draws(np.concatenate(kept)[:count], drawn, valid)

@@ -1,8 +1,8 @@
 """Measurement of trajectories: a library with margins and excitation, and its summary."""
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, split
 from sidegan.design.excitation import Excitation, diversity, excite, nearest_distance
 from sidegan.design.fidelity import beyond, density_and_coverage, distance_to, proportions, told_apart
 from sidegan.library.collection import Library
@@ -15,10 +15,10 @@ _AT_ONCE = 250  # trajectories
 _LEAST = 1e-30  # of diag(YᵀY), which is zero where a column is never excited
 
 
-def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source: str) -> Library:
+def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
     """A library of coefficients (N, J, H, 2) with everything measured about them."""
-    c, columns = c.detach().to("cpu", torch.float64), dict[str, Tensor]()
-    for index in torch.arange(len(c)).split(_AT_ONCE):
+    columns: dict[str, Array] = {}
+    for index in split(np.arange(len(c)), _AT_ONCE):
         validity = check(constraints, trajectory, c[index])
         excitation = excite(constraints.body, trajectory, c[index], round(RATE * trajectory.period))
         found = {
@@ -30,7 +30,7 @@ def measured(constraints: Constraints, trajectory: Trajectory, c: Tensor, source
             **{f"{MARGIN}{name}": x for name, x in validity.margins.items()},
         }
         for name, x in found.items():  # in place: what a large library takes is held once
-            columns.setdefault(name, x.new_empty(len(c), *x.shape[1:]))[index] = x
+            columns.setdefault(name, np.empty((len(c), *x.shape[1:]), x.dtype))[index] = x
     margins = {name: columns.pop(f"{MARGIN}{name}") for name in validity.margins}
     return Library(
         coefficients=c,
@@ -48,9 +48,9 @@ def summary(library: Library) -> dict[str, float]:
     """Validity, fitness and diversity of a library."""
     return {
         "count": len(library),
-        "valid": float(library.valid.double().mean()),
-        "condition": float(library.fitness.median()),
-        "diagonal_ratio": float(library.diagonal_fitness.median()),
+        "valid": float(library.valid.mean()),
+        "condition": float(np.median(library.fitness)),
+        "diagonal_ratio": float(np.median(library.diagonal_fitness)),
         **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
     }
 
@@ -62,7 +62,7 @@ def likeness(library: Library, seeds: Library) -> dict[str, float]:
     """
     count = min(len(library), len(seeds))
     c, other = library.coefficients[:count], seeds.coefficients[:count]
-    diagonals = (one.diagonal[:count].clamp_min(_LEAST).log() for one in (library, seeds))
+    diagonals = (np.log(np.maximum(one.diagonal[:count], _LEAST)) for one in (library, seeds))
     density, coverage = density_and_coverage(c, other)
     density_diagonal, coverage_diagonal = density_and_coverage(*diagonals)
     return {

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.base.typed import Number, Positive, build
 from sidegan.errors import ArtifactError, ConfigError
@@ -63,28 +62,26 @@ def _schema(family: Family) -> "pa.Schema":
     return pa.schema([pa.field(name, kind, nullable=False) for name, kind in fields.items()])
 
 
-def table_of(family: Family, columns: dict[str, Tensor], source: list[str]) -> "pa.Table":
+def table_of(family: Family, columns: dict[str, Array], source: list[str]) -> "pa.Table":
     """Table of a library's columns, (N, …) each."""
     import pyarrow as pa
 
     schema, arrays = _schema(family), {"source": pa.array(source, pa.string())}
     for name, x in columns.items():
-        flat = pa.array(x.contiguous().numpy().reshape(-1))
-        arrays[name] = (
-            flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=schema.field(name).type)
-        )
+        flat, kind = pa.array(x.ravel()), schema.field(name).type
+        arrays[name] = flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=kind)
     metadata = json.dumps({"format": FORMAT, **asdict(family)}).encode()
     return pa.table(arrays, schema=schema).replace_schema_metadata({METADATA_KEY: metadata})
 
 
-def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Tensor], list[str]]:
+def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Array], list[str]]:
     """Family, columns and sources of a library's table that was read from ``path``.
 
     Raises:
         ArtifactError: when it is of an unknown format, or a column is missing, of another type or not finite.
     """
     family = _family(path, table)
-    schema, columns = _schema(family), dict[str, Tensor]()
+    schema, columns = _schema(family), dict[str, Array]()
     with reading(path, "library"):
         table = table.select(schema.names)
         for own, expected in zip(table.schema, schema):
@@ -94,9 +91,9 @@ def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Tensor]
         for name, shape in family.shapes().items():
             column = table[name].combine_chunks()
             cells = (column.flatten() if shape else column).to_numpy(zero_copy_only=False)
-            columns[name] = torch.from_numpy(np.array(cells)).reshape(len(table), *shape)
+            columns[name] = np.array(cells).reshape(len(table), *shape)
             # A margin or a fitness may be infinite: no limit stated, or a direction that is not excited.
-            if columns[name].isnan().any() or (shape and columns[name].isinf().any()):
+            if np.isnan(columns[name]).any() or (shape and np.isinf(columns[name]).any()):
                 raise ArtifactError(f"{path}: column {name} is not finite")
     return family, columns, table["source"].to_pylist()
 

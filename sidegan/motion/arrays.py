@@ -1,9 +1,9 @@
-"""Arms and tensors as the arrays that kernels take."""
+"""Arms as the arrays that kernels take."""
 
-import torch
-from torch import Tensor
+import numpy as np
 
-from sidegan.kernels.chain import Array, Chain, Shapes
+from sidegan.base.arrays import Array, flatten
+from sidegan.kernels.chain import Chain, Shapes
 from sidegan.robot import Arm, Capsules
 
 _ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they need be
@@ -11,39 +11,40 @@ _ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they 
 
 def chain_of(arm: Arm) -> Chain:
     """The chain of an arm."""
-    eye, slides = torch.eye(3, dtype=torch.float64), arm.prismatic[:, None, None]
-    spin = torch.linalg.cross(arm.axis[:, :, None], eye[None], dim=1)  # of a unit turn, (J, 3, 3)
-    tensors = [
+    eye, slides = np.eye(3), arm.prismatic[:, None, None]
+    spin = np.linalg.cross(arm.axis[:, :, None], eye[None], axis=1)  # of a unit turn, (J, 3, 3)
+    arrays = [
         arm.prismatic,
-        (arm.rotation @ torch.where(slides, eye, eye + spin @ spin)).flatten(1),
-        torch.where(slides, 0.0, arm.rotation @ spin).flatten(1),
-        torch.where(slides, 0.0, -arm.rotation @ spin @ spin).flatten(1),
+        flatten(arm.rotation @ np.where(slides, eye, eye + spin @ spin), 1),
+        flatten(np.where(slides, 0.0, arm.rotation @ spin), 1),
+        flatten(np.where(slides, 0.0, -arm.rotation @ spin @ spin), 1),
         arm.translation,
-        torch.where(slides, arm.rotation @ arm.axis[..., None], 0.0)[..., 0],
+        np.where(slides, arm.rotation @ arm.axis[..., None], 0.0)[..., 0],
         arm.axis,
         arm.gravity,
     ]
-    return Chain(*map(array, tensors))
+    return Chain(*map(array, arrays))
 
 
 def shapes_of(
     capsules: Capsules,
-    pairs: Tensor,
-    guarded: Tensor,
-    regions: tuple[Tensor, ...],
-    closer: Tensor | None = None,
+    pairs: Array,
+    guarded: Array,
+    regions: tuple[Array, ...],
+    closer: Array | None = None,
 ) -> Shapes:
     """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4).
 
     Pairs (P, 2) may come so much closer, (P,) [m]; None: not at all.
     """
-    ends, radius = torch.stack([capsules.a, capsules.b]), capsules.radius
-    size = radius + (ends[0] - ends[1]).norm(dim=1) / 2 + _ROUNDING
+    ends, radius = np.stack([capsules.a, capsules.b]), capsules.radius
+    size = radius + np.linalg.norm(ends[0] - ends[1], axis=1) / 2 + _ROUNDING
     bodies = capsules.link + 1, ends, radius, capsules.core, size
-    allowed = ends.new_zeros(len(pairs)) if closer is None else closer
+    allowed = np.zeros(len(pairs)) if closer is None else closer
     return Shapes(*map(array, (*bodies, pairs, allowed, guarded, *regions)))
 
 
-def array(x: Tensor) -> Array:
-    """A tensor's numbers, contiguous, without gradient."""
-    return x.detach().contiguous().numpy()
+def array(x: Array) -> Array:
+    """An array as kernels take it: contiguous, writable, and numbers in float64."""
+    numbers = np.require(x, requirements=["C", "W"])
+    return numbers.astype(float, copy=False) if x.dtype.kind == "f" else numbers

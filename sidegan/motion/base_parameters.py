@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
 
-from sidegan.base.threads import one_thread
+from sidegan.base.arrays import Array
+from sidegan.base.threads import on_threads
 from sidegan.errors import RobotError
 from sidegan.motion.arrays import chain_of
 from sidegan.robot import Arm
@@ -24,14 +23,14 @@ _NO_EFFECT = 1e-5
 class BaseParameters:
     """The identifiable combinations of the inertial parameters (Gautier 1991)."""
 
-    columns: Tensor  # indices of the independent columns of the full regressor, ascending, (p,)
-    mapping: Tensor  # base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``
-    values: Tensor  # base parameters of the arm, (p,)
-    subspace: Tensor  # C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY
+    columns: Array  # indices of the independent columns of the full regressor, ascending, (p,)
+    mapping: Array  # base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``
+    values: Array  # base parameters of the arm, (p,)
+    subspace: Array  # C with C Cᵀ = mapping mappingᵀ, (p, p): Cᵀ G C has the spectrum of the full YᵀY
     names: tuple[str, ...]  # the leading parameter of each combination, such as ``"Ixx2"``
 
     @classmethod
-    @one_thread()
+    @on_threads(1)
     def of(cls, arm: Arm) -> "BaseParameters":
         """Independent columns and the map onto them, from 60 random states per joint, at most 720.
 
@@ -52,30 +51,29 @@ class BaseParameters:
         mapping = np.linalg.lstsq(y[:, columns] / scale, y, rcond=None)[0] / scale[:, None]
         mapping[np.abs(mapping) < 1e-10] = 0.0
         mapping[:, columns] = np.eye(len(columns))
-        values = mapping @ arm.inertial_parameters.reshape(-1).numpy()
+        values = mapping @ arm.inertial_parameters.ravel()
         subspace = np.linalg.cholesky(mapping @ mapping.T)
         names = tuple(f"{LINK_PARAMETERS[c % 10]}{c // 10 + 1}" for c in columns)
-        tensors = [torch.from_numpy(x) for x in (columns, mapping, values, subspace)]
-        return cls(tensors[0], tensors[1], tensors[2], tensors[3], names)
+        return cls(columns, mapping, values, subspace, names)
 
 
-def _random_rows(arm: Arm) -> np.ndarray:
+def _random_rows(arm: Arm) -> Array:
     """Rows of the full regressor over S random states, (S J, 10 J)."""
     from sidegan.motion import operations
 
-    random = torch.Generator().manual_seed(0)
+    random = np.random.default_rng(0)
     states = min(_STATES_EACH * arm.joints, _MOST_STATES)
-    draw = torch.rand(3, states, arm.joints, generator=random, dtype=torch.float64) * 2 - 1
+    draw = random.random((3, states, arm.joints)) * 2 - 1
     span = (arm.position_upper - arm.position_lower) / 2
     q = (arm.position_upper + arm.position_lower) / 2 + span * draw[0]
-    full = torch.arange(10 * arm.joints)
+    full = np.arange(10 * arm.joints)
     y = operations.rows(chain_of(arm), full, (q, draw[1] * arm.velocity_limit, draw[2] * 5.0))
-    return y.reshape(-1, len(full)).numpy()
+    return y.reshape(-1, len(full))
 
 
-def _first_independent(y: np.ndarray) -> np.ndarray:
+def _first_independent(y: Array) -> Array:
     """Indices of the first linearly independent columns, of length one at most, from left to right."""
-    triangle: np.ndarray = np.asarray(np.linalg.qr(y, mode="r"))
+    triangle: Array = np.asarray(np.linalg.qr(y, mode="r"))
     basis, kept = np.zeros((0, len(triangle))), list[int]()
     for k, column in enumerate(triangle.T):
         rest = column

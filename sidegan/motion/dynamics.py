@@ -1,15 +1,15 @@
 """Rigid-body dynamics of batches of states: regressor, torque, base parameters and Gram matrix.
 
-Compiled kernels, imported when they are used, do the work, in float64 on the processor, whatever the states'
-type and device.
+Compiled kernels, imported when they are used, do the work.
 """
 
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, split
+from sidegan.base.threads import threads
 from sidegan.errors import ShapeError
 from sidegan.kernels.chain import Chain
 from sidegan.motion.arrays import chain_of
@@ -27,7 +27,7 @@ _found: WeakKeyDictionary[Arm, BaseParameters] = WeakKeyDictionary()
 class RigidBody:
     """Dynamics of a serial arm.
 
-    States are joint position [rad or m], velocity and acceleration, (…, J) each. Nothing is differentiable.
+    States are joint position [rad or m], velocity and acceleration, (…, J) each.
     """
 
     def __init__(self, arm: Arm) -> None:
@@ -55,32 +55,32 @@ class RigidBody:
         """The arm as compiled kernels take it."""
         return chain_of(self.arm)
 
-    def regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    def regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Full regressor, (…, J, 10 J), with ``torque = regressor @ parameters`` [N·m]."""
-        return self._rows(torch.arange(10 * self.joints), q, dq, ddq)
+        return self._rows(np.arange(10 * self.joints), q, dq, ddq)
 
-    def base_regressor(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    def base_regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Base regressor, (…, J, p), with ``torque = base_regressor @ base.values`` [N·m]."""
         return self._rows(self.base.columns, q, dq, ddq)
 
-    def _rows(self, columns: Tensor, *states: Tensor) -> Tensor:
+    def _rows(self, columns: Array, *states: Array) -> Array:
         from sidegan.motion import operations
 
         flat = [x.reshape(-1, self.joints) for x in self._checked(*states)]
         return operations.rows(self.chain, columns, flat).reshape(*states[0].shape, len(columns))
 
-    def torque(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
         from sidegan.motion import operations
 
         flat = [x.reshape(-1, self.joints) for x in self._checked(q, dq, ddq)]
         return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
 
-    def drive_torque(self, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+    def drive_torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Torque of the drives [N·m], (…, J): ``torque``, and what is known of their friction and rotors."""
         return self.torque(q, dq, ddq) + self.arm.known_drives.torque(dq, ddq)
 
-    def sums(self, q: Tensor, dq: Tensor, ddq: Tensor, torque: Tensor) -> Tensor:
+    def sums(self, q: Array, dq: Array, ddq: Array, torque: Array) -> Array:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 
         States and torque are (S, J). No regressor is kept.
@@ -88,27 +88,27 @@ class RigidBody:
         from sidegan.motion import operations
 
         states = self._checked(q, dq, ddq)
-        return operations.sums(self.chain, self.base.columns, states, torque.to("cpu", torch.float64))
+        return operations.sums(self.chain, self.base.columns, states, torque)
 
-    def _checked(self, q: Tensor, dq: Tensor, ddq: Tensor) -> list[Tensor]:
+    def _checked(self, q: Array, dq: Array, ddq: Array) -> list[Array]:
         """The states as kernels take them."""
         for name, x in (("position", q), ("velocity", dq), ("acceleration", ddq)):
             if x.shape != q.shape or x.shape[-1:] != (self.joints,):
                 raise ShapeError(f"{name} is {tuple(x.shape)}, expected (…, {self.joints}), all three alike")
-        return [x.to("cpu", torch.float64) for x in (q, dq, ddq)]
+        return [q, dq, ddq]
 
 
-def gram(body: RigidBody, trajectory: Trajectory, c: Tensor, samples: int = 80) -> Tensor:
+def gram(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Array:
     """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p), at centres of cells.
 
     It works in about 150 MB beside its result, whatever the number of trajectories, samples and joints.
     """
-    times, c = trajectory.grid(samples), c.to("cpu", torch.float64)
-    batch = max(1, _STATES_IN_CACHE * torch.get_num_threads() // samples)
-    return torch.cat([gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in c.split(batch)])
+    times = trajectory.grid(samples)
+    batch = max(1, _STATES_IN_CACHE * threads() // samples)
+    return np.concatenate([gram_of(body, *trajectory.roll_out(part, times)[1:]) for part in split(c, batch)])
 
 
-def gram_of(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor) -> Tensor:
+def gram_of(body: RigidBody, q: Array, dq: Array, ddq: Array) -> Array:
     """Gram matrices YᵀY / T of the base regressor, (B, p, p), at states (B, T, J)."""
     from sidegan.motion import operations
 

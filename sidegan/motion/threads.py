@@ -1,20 +1,22 @@
-"""Work shared among torch's threads, for what torch does in one alone: kernels, and eigenpairs."""
+"""Work shared among threads: kernels, and eigenpairs."""
 
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import cache
 
-import torch
-from torch import Tensor
+import numpy as np
+
+from sidegan.base.arrays import Array
+from sidegan.base.threads import threads
 
 AS_STATES = 50  # a small matrix is as much work as so many states
 _WORTH_A_THREAD = 1_000  # states: half a millisecond of work
 
 
 def threads_for(tasks: int, states: int) -> int:
-    """How many of torch's threads so much work is worth."""
-    return max(1, min(torch.get_num_threads(), tasks, states // _WORTH_A_THREAD))
+    """How many threads so much work is worth."""
+    return max(1, min(threads(), tasks, states // _WORTH_A_THREAD))
 
 
 def share(work: Callable[[slice], None], batch: int, states: int) -> None:
@@ -41,16 +43,15 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, "sidegan")
 
 
-@torch.no_grad()
-def eigh(x: Tensor) -> tuple[Tensor, Tensor]:
-    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices; not differentiable.
+def eigh(x: Array) -> tuple[Array, Array]:
+    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices.
 
-    LAPACK takes one matrix after the other; here torch's threads share them.
+    LAPACK takes one matrix after the other; here threads share them.
     """
-    values, vectors = x.new_empty(x.shape[:2]), torch.empty_like(x)
+    values, vectors = np.empty(x.shape[:2]), np.empty_like(x)
 
     def work(k: slice) -> None:
-        values[k], vectors[k] = torch.linalg.eigh(x[k].detach())
+        values[k], vectors[k] = np.linalg.eigh(x[k])
 
     share(work, len(x), AS_STATES)
     return values, vectors

@@ -11,14 +11,13 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 
 _CACHED = 1_000_000  # time points × harmonics up to which a basis is kept: 16 MB
 _KEPT = 32  # bases kept: half a gigabyte at worst, a few megabytes for the grids of one run
-_OUTSIDE = 1e-6  # share of the period by which rounding (float32) may put a time outside it
+_OUTSIDE = 1e-6  # share of the period by which rounding may put a time outside it
 _SAME = 1e-4  # [rad, rad/s] how far apart ends that are called common may be
 
 # Quintics over s = t / period, coefficients of s⁰ … s⁵. The first has unit slope at both ends, the second
@@ -31,10 +30,10 @@ _QUINTICS = np.array([_SLOPE, _CURVATURE]).T
 class Motion(NamedTuple):
     """Joint motion on a time grid: time (T,) [s]; position, velocity, acceleration (B, T, J) [rad, s]."""
 
-    time: Tensor
-    position: Tensor
-    velocity: Tensor
-    acceleration: Tensor
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
 
 
 @dataclass(frozen=True)
@@ -65,17 +64,17 @@ class Trajectory:
         """Plain values that identify this family, for stamps and file metadata."""
         return {**asdict(self), "home": list(self.home or ())}
 
-    def check(self, c: Tensor) -> None:
+    def check(self, c: Array) -> None:
         """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers."""
         if c.ndim != 4 or c.shape[1:] != self.shape:
             raise ShapeError(
                 f"coefficients are {tuple(c.shape)}, expected (B, {', '.join(map(str, self.shape))})"
             )
-        finite = torch.isfinite(c).flatten(1).all(1)
+        finite = flatten(np.isfinite(c), 1).all(1)
         if not finite.all():
-            raise ShapeError(f"coefficients of trajectory {int((~finite).nonzero()[0])} are not finite")
+            raise ShapeError(f"coefficients of trajectory {int(finite.argmin())} are not finite")
 
-    def times(self, rate: float) -> Tensor:
+    def times(self, rate: float) -> Array:
         """Uniform time grid [s] over one period with both ends, (T,), at ``rate`` [Hz].
 
         Where a period is not a whole number of samples, at the nearest rate for which it is.
@@ -86,29 +85,28 @@ class Trajectory:
         if not (np.isfinite(rate) and round(self.period * rate) >= 1):
             raise ShapeError(f"a rate of {rate} Hz gives no sample in {self.period} s")
         count = round(self.period * rate)
-        return torch.linspace(0.0, self.period, count + 1, dtype=torch.float64)
+        return np.linspace(0.0, self.period, count + 1)
 
-    def grid(self, count: int) -> Tensor:
+    def grid(self, count: int) -> Array:
         """Uniform time grid [s] of cell centres over one period, (count,)."""
         if count < 1:
             raise ShapeError(f"a time grid needs at least one sample, got {count}")
-        return (torch.arange(count, dtype=torch.float64) + 0.5) * (self.period / count)
+        return (np.arange(count) + 0.5) * (self.period / count)
 
-    def basis(self, times: Tensor, order: int) -> Tensor:
+    def basis(self, times: Array, order: int) -> Array:
         """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2).
 
         Those up to the second vanish at both ends. The third, which is continuous in between, does not: the
         jerk begins and ends with a step.
         """
-        t = times.detach().to("cpu", torch.float64).numpy()
-        if len(t) * self.harmonics > _CACHED:
-            basis = _basis(self.harmonics, self.period, t, order)
+        if len(times) * self.harmonics > _CACHED:
+            basis = _basis(self.harmonics, self.period, times, order)
         else:
-            basis = _cached_basis(self.harmonics, self.period, t.tobytes(), order)
+            basis = _cached_basis(self.harmonics, self.period, times.tobytes(), order)
         # A copy: whoever writes to it must not change what the next caller gets.
-        return torch.tensor(basis, device=times.device, dtype=times.dtype)
+        return basis.copy()
 
-    def derivative_bound(self, order: int) -> Tensor:
+    def derivative_bound(self, order: int) -> Array:
         """Upper bound of the absolute derivative ``order``, 4 or more, of each basis function, (H, 2).
 
         A wave reaches its amplitude; the quintic's fourth derivative is linear, so an end has its peak, and
@@ -116,29 +114,30 @@ class Trajectory:
         """
         w = _frequencies(self.harmonics, self.period)
         peaks = np.abs(_power_derivatives(np.array([0.0, 1.0]), order) @ _QUINTICS).max(0)
-        return torch.from_numpy(w[:, None] ** (order - 1) + peaks * _quintic_scales(w, self.period, order))
+        return w[:, None] ** (order - 1) + peaks * _quintic_scales(w, self.period, order)
 
-    def roll_out(self, c: Tensor, times: Tensor) -> Motion:
+    def roll_out(self, c: Array, times: Array) -> Motion:
         """Joint motion, (B, T, J) each, of coefficients [rad/s], (B, J, H, 2), at ``times`` [s], (T,).
 
         Source: Park 2006, eq. 6, with velocity coefficients.
         """
-        return Motion(times.to(c.device, c.dtype), *self._derivatives(c, times, range(3)))
+        return Motion(times, *self._derivatives(c, times, range(3)))
 
-    def derivative(self, c: Tensor, times: Tensor, order: int) -> Tensor:
+    def derivative(self, c: Array, times: Array, order: int) -> Array:
         """Time derivative ``order`` of the joint position [rad/s^order], (B, T, J)."""
         return self._derivatives(c, times, [order])[0]
 
-    def _derivatives(self, c: Tensor, times: Tensor, orders: Sequence[int]) -> list[Tensor]:
+    def _derivatives(self, c: Array, times: Array, orders: Sequence[int]) -> list[Array]:
         self.check(c)
         # A basis that is too large to be kept is not held whole either: gigabytes for a long trajectory.
-        parts: list[list[Tensor]] = [[] for _ in orders]
-        for block in times.split(max(1, _CACHED // self.harmonics)):
+        parts: list[list[Array]] = [[] for _ in orders]
+        flat = c.reshape(-1, 2 * self.harmonics)  # one product, not one for each trajectory
+        for block in split(times, max(1, _CACHED // self.harmonics)):
             for part, order in zip(parts, orders):  # one block after another: all orders have its waves
-                basis = self.basis(block, order).to(c.device, c.dtype).flatten(1)
-                part.append((c.flatten(2) @ basis.T).transpose(1, 2))
-        joined = [torch.cat(part, 1) for part in parts]
-        return [x if order else x + c.new_tensor(self.home) for x, order in zip(joined, orders)]
+                basis = flatten(self.basis(block, order), 1)
+                part.append((flat @ basis.T).reshape(len(c), self.joints, len(block)).swapaxes(1, 2))
+        joined = [np.concatenate(part, 1) for part in parts]
+        return [x if order else x + np.asarray(self.home) for x, order in zip(joined, orders)]
 
 
 def concatenate(motion: Motion) -> Motion:
@@ -153,27 +152,27 @@ def concatenate(motion: Motion) -> Motion:
     if batch < 1 or count < 2:
         raise ShapeError(f"concatenation needs a motion of two samples or more, got {batch} of {count}")
     ends, speeds = motion.position[:, [0, -1]], motion.velocity[:, [0, -1]]
-    if not max((ends - ends[0, 0]).abs().max(), speeds.abs().max()) <= _SAME:
+    if not max(np.abs(ends - ends[0, 0]).max(), np.abs(speeds).max()) <= _SAME:
         raise ShapeError(
             "motions to concatenate must begin and end at rest at one position, see Trajectory.times"
         )
     period = motion.time[-1] - motion.time[0]
-    starts = torch.arange(batch, device=motion.time.device, dtype=motion.time.dtype) * period
+    starts = np.arange(batch) * period
     time = (starts[:, None] + motion.time[None, :-1] - motion.time[0]).reshape(-1)
 
-    def join(x: Tensor) -> Tensor:
-        return torch.cat([x[:, :-1].reshape(-1, x.shape[-1]), x[-1:, -1]])[None]
+    def join(x: Array) -> Array:
+        return np.concatenate([x[:, :-1].reshape(-1, x.shape[-1]), x[-1:, -1]])[None]
 
-    time = torch.cat([time, (batch * period)[None]])
+    time = np.append(time, batch * period)
     return Motion(time, join(motion.position), join(motion.velocity), join(motion.acceleration))
 
 
 @lru_cache(maxsize=_KEPT)
-def _cached_basis(harmonics: int, period: float, times: bytes, order: int) -> np.ndarray:
+def _cached_basis(harmonics: int, period: float, times: bytes, order: int) -> Array:
     return _basis(harmonics, period, np.frombuffer(times), order)
 
 
-def _basis(harmonics: int, period: float, times: np.ndarray, order: int) -> np.ndarray:
+def _basis(harmonics: int, period: float, times: Array, order: int) -> Array:
     if not ((times >= -_OUTSIDE * period) & (times <= (1 + _OUTSIDE) * period)).all():
         raise ShapeError(f"times run from {times.min()} to {times.max()} s, expected 0 to {period} s")
     s = times / period
@@ -189,19 +188,19 @@ def _basis(harmonics: int, period: float, times: np.ndarray, order: int) -> np.n
 
 
 @lru_cache(maxsize=1)
-def _waves(harmonics: int, shares: bytes) -> tuple[np.ndarray, np.ndarray]:
+def _waves(harmonics: int, shares: bytes) -> tuple[Array, Array]:
     """Sine and cosine of each harmonic at shares of the period, (T, H) each; orders differ in neither."""
     # Whole turns are taken out while they are exact, so that the waves meet the quintic at the very end.
     angle = 2 * np.pi * (np.frombuffer(shares)[:, None] * np.arange(1, harmonics + 1) % 1.0)
     return np.sin(angle), np.cos(angle)
 
 
-def _frequencies(harmonics: int, period: float) -> np.ndarray:
+def _frequencies(harmonics: int, period: float) -> Array:
     """Angular frequencies kω [rad/s], (H,)."""
     return 2 * np.pi / period * np.arange(1, harmonics + 1)
 
 
-def _quintic_scales(w: np.ndarray, period: float, order: int) -> np.ndarray:
+def _quintic_scales(w: Array, period: float, order: int) -> Array:
     """Factors of the quintics' derivative ``order`` over s, (H, 2).
 
     Without them a sine wave would leave a velocity of 1 at both ends, a cosine wave an acceleration of kω.
@@ -209,7 +208,7 @@ def _quintic_scales(w: np.ndarray, period: float, order: int) -> np.ndarray:
     return np.stack([np.full_like(w, period ** (1 - order)), w * period ** (2.0 - order)], -1)
 
 
-def _power_derivatives(s: np.ndarray, order: int) -> np.ndarray:
+def _power_derivatives(s: Array, order: int) -> Array:
     """Derivative ``order`` of the powers 1, s, …, s⁵, (T, 6)."""
     columns = []
     for power in range(len(_QUINTICS)):

@@ -10,18 +10,17 @@ from dataclasses import asdict, dataclass, field
 from itertools import chain
 from typing import Any
 
-import torch
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from sidegan.base.extras import extra
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.cell import TrajectoryFamily, Workspace
 from sidegan.controllers import ExportSettings
 from sidegan.design.selection import Selection
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
-from sidegan.gan import Variant
-from sidegan.gan.settings import Surrogates
+from sidegan.gan.settings import Surrogates, Variant
 from sidegan.identification import (
     EstimationSettings,
     GoalSettings,
@@ -75,7 +74,7 @@ class Config:
     outputs: str
     clearance: NonNegative | None  # of workspaces that say nothing else [m]
     effort: Part | None  # of robots that say nothing else
-    publish: str | None  # folder of a page and its tables; null: the run's own
+    publish: str | None  # folder of a page and its tables, or the page's name; null: the run's own
     device: str
     tracking: str  # local, off, or the URI of an MLflow server or database
     parallel: Parallel
@@ -100,7 +99,6 @@ class Config:
     replication: ReplicationSettings = _group("replication")
     condition: ConditionSettings = _group("condition")
     conditions: list[str] | None = None  # which the page compares; null: the run's own alone
-    beside: dict[str, str] | None = None  # others that it shows where they are made, and their outputs
     arms: list[str] = _group("arms")  # that are compared, files of the group robot
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
@@ -145,10 +143,11 @@ class Config:
         if not _DEVICE.fullmatch(self.device):
             yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
         elif self.device != "cpu":
-            try:
-                torch.zeros(1, device=self.device)
-            except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
-                yield f"device is {self.device!r}, which is not there: {str(error).splitlines()[0]}"
+            with extra("paper"):
+                from sidegan.gan.tensors import refusal
+
+            if refused := refusal(self.device):
+                yield f"device is {self.device!r}, which is not there: {refused}"
         if not _TRACKING.match(self.tracking):
             yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):

@@ -4,9 +4,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, concatenate
@@ -26,10 +25,10 @@ _AT_THE_LIMIT = 0.999  # of the torque limit
 class Executed(NamedTuple):
     """Recorded signals: time (T,) [s]; position, velocity, torque (T, J) [rad, rad/s, N·m]."""
 
-    time: Tensor
-    position: Tensor
-    velocity: Tensor
-    torque: Tensor
+    time: Array
+    position: Array
+    velocity: Array
+    torque: Array
 
 
 class Plant:
@@ -46,7 +45,7 @@ class Plant:
         self.arm, self.settings, self.body = arm, settings, RigidBody(arm)
 
     @cached_property
-    def gains(self) -> tuple[Tensor, Tensor]:
+    def gains(self) -> tuple[Array, Array]:
         """Stiffness [N·m/rad] and damping [N·m·s/rad] of the servos, (J,) each.
 
         A joint that alone moves its largest inertia has the bandwidth and damping ratio of the settings.
@@ -64,7 +63,7 @@ class Plant:
         """Signals of a motion as in ``follow``, with Gaussian noise on torques of this deviation [N·m]."""
         true = self.follow(motion)
         draw = np.random.default_rng(seed).standard_normal(true.torque.shape)
-        return true._replace(torque=true.torque + noise * torch.from_numpy(draw))
+        return true._replace(torque=true.torque + noise * draw)
 
     def follow(self, motion: Motion) -> Executed:
         """True signals of a motion, or of several executed one after another.
@@ -82,12 +81,12 @@ class Plant:
         self._check(motion)
         if len(motion.position) > 1:
             motion = concatenate(motion)
-        reference = Motion(motion.time, *(x[0].double() for x in motion[1:]))
+        reference = Motion(motion.time, *(x[0] for x in motion[1:]))
         position, velocity, torque = self._simulate(reference)
         self._check_tracking(reference, position, torque)
-        return Executed(reference.time.double() - reference.time[0], position, velocity, torque)
+        return Executed(reference.time - reference.time[0], position, velocity, torque)
 
-    def _simulate(self, reference: Motion) -> tuple[Tensor, Tensor, Tensor]:
+    def _simulate(self, reference: Motion) -> tuple[Array, Array, Array]:
         """True position, velocity and torque, (T, J) each.
 
         The servo's damping acts on the speed at the end of a step (that is what implicit integration
@@ -97,29 +96,28 @@ class Plant:
         from mujoco import MjData, mj_getState, mj_stateSize, mjtState, rollout
 
         stiffness, damping = self.gains
-        ahead = torch.cat([reference.velocity[1:], reference.velocity[-1:]])
+        ahead = np.concatenate([reference.velocity[1:], reference.velocity[-1:]])
         target = reference.position + (damping * ahead + self._feed_forward(reference)) / stiffness
         data = MjData(self.model)
-        data.qpos[:], data.qvel[:] = reference.position[0].numpy(), reference.velocity[0].numpy()
+        data.qpos[:], data.qvel[:] = reference.position[0], reference.velocity[0]
         spec = mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mj_stateSize(self.model, spec))
         mj_getState(self.model, data, start, spec)
         # The solver starts from rest, whatever was simulated before.
         warm = np.zeros(self.model.nv)
-        given = self.model, data, start, target.numpy()[None]
+        given = self.model, data, start, target[None]
         with mujoco_logged(self.arm.name):
             states, _ = rollout.rollout(*given, initial_warmstart=warm)
         joints = self.arm.joints  # a state is time, positions, velocities
-        states = torch.from_numpy(np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints])
+        states = np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints]
         position, velocity = states[:, :joints], states[:, joints:]
         spring, limit = stiffness * (target - position[:-1]), self.arm.torque_limit
         demand = spring - damping * velocity[:-1]
-        torque = torch.where(
-            demand.abs() < limit, spring - damping * velocity[1:], demand.clamp(-limit, limit)
-        )
+        held = np.clip(demand, -limit, limit)
+        torque = np.where(np.abs(demand) < limit, spring - damping * velocity[1:], held)
         return position[:-1], velocity[:-1], torque
 
-    def _feed_forward(self, reference: Motion) -> Tensor:
+    def _feed_forward(self, reference: Motion) -> Array:
         """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
         rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
         return self.settings.feed_forward * rigid
@@ -129,42 +127,37 @@ class Plant:
         count = len(motion.time)
         for name, x in zip(motion._fields[1:], motion[1:]):
             if x.ndim != 3 or x.shape[1:] != (count, joints) or not len(x) or count < 2:
-                raise ShapeError(
-                    f"{name} is {tuple(x.shape)}, expected (B, {count}, {joints}), two samples or more"
-                )
-            if not x.isfinite().all():
+                raise ShapeError(f"{name} is {x.shape}, expected (B, {count}, {joints}), two samples or more")
+            if not np.isfinite(x).all():
                 raise ShapeError(f"{name} of the motion is not finite")
-        steps = motion.time.double().diff() * rate
-        if not ((steps - 1).abs() <= _OFF_GRID).all():
-            given = f"{float(steps.min()) / rate:.6g} to {float(steps.max()) / rate:.6g} s"
+        steps = np.diff(motion.time) * rate
+        if not (np.abs(steps - 1) <= _OFF_GRID).all():
+            given = f"{steps.min() / rate:.6g} to {steps.max() / rate:.6g} s"
             raise ShapeError(
                 f"the motion's time steps are {given}, expected {1 / rate:g} s: the plant runs at {rate:g} Hz"
             )
 
-    def _check_tracking(self, reference: Motion, position: Tensor, torque: Tensor) -> None:
-        error = (position - reference.position).abs().nan_to_num(nan=torch.inf)
-        late = (error > self.settings.tolerance).nonzero()
+    def _check_tracking(self, reference: Motion, position: Array, torque: Array) -> None:
+        late = np.argwhere(~(np.abs(position - reference.position) <= self.settings.tolerance))
         if not len(late):
             return
         sample, joint = late[0].tolist()
-        name, limit = self.arm.joint_names[joint], float(self.arm.torque_limit[joint])
-        saturated = (torque[: sample + 1, joint].abs() >= _AT_THE_LIMIT * limit).any()
+        name, limit = self.arm.joint_names[joint], self.arm.torque_limit[joint]
+        saturated = (np.abs(torque[: sample + 1, joint]) >= _AT_THE_LIMIT * limit).any()
         hint = f"; its torque reached the limit of {limit:g} N·m before" if saturated else ""
         raise InfeasibleError(
             f"joint {name!r} does not follow: after {sample / self.settings.rate:.3f} s it is more than "
             f"{self.settings.tolerance:g} rad off its reference{hint}"
         )
 
-    def largest_inertia(self) -> Tensor:
+    def largest_inertia(self) -> Array:
         """Largest diagonal element of the mass matrix over random postures, (J,)."""
-        arm = self.arm
-        random = torch.Generator().manual_seed(0)
-        share = torch.rand(_POSTURES, 1, arm.joints, generator=random, dtype=torch.float64)
-        q = torch.lerp(arm.position_lower, arm.position_upper, share).expand(-1, arm.joints, -1)
-        unit = torch.eye(arm.joints, dtype=torch.float64).expand_as(q)
-        still = torch.zeros_like(q)
-        column = self.body.torque(q, still, unit) - self.body.torque(q, still, still)
-        return column.diagonal(dim1=1, dim2=2).amax(0)
+        arm, random = self.arm, np.random.default_rng(0)
+        postures = random.uniform(arm.position_lower, arm.position_upper, (_POSTURES, 1, arm.joints))
+        q = np.repeat(postures, arm.joints, axis=1)
+        still, unit = np.zeros_like(q), np.broadcast_to(np.eye(arm.joints), q.shape)
+        columns = self.body.torque(q, still, unit) - self.body.torque(q, still, still)
+        return np.linalg.diagonal(columns).max(0)
 
-    def _each(self, name: str) -> Tensor:
+    def _each(self, name: str) -> Array:
         return self.settings.of(name, self.arm.joints)

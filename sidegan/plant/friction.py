@@ -6,25 +6,19 @@ The law differs in form from the smooth basis with which ``identification.unmode
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import NonNegative, Positive, Share
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionSettings:
     """Sizes; a size of zero switches its part off."""
 
-    coulomb: tuple[Share, Share] = (
-        0.05,
-        0.2,
-    )  # range of the Coulomb friction, as a share of the joint's torque
-    viscous: tuple[NonNegative, NonNegative] = (
-        0.3,
-        1.0,
-    )  # range of the viscous friction at top speed, of Coulomb's
+    # range of the Coulomb friction, as a share of the joint's torque
+    coulomb: tuple[Share, Share] = (0.05, 0.2)
+    # range of the viscous friction at top speed, of Coulomb's
+    viscous: tuple[NonNegative, NonNegative] = (0.3, 1.0)
     width: Positive = 0.03  # speed [rad/s] at which the smooth sign is at 76 %
     stribeck: NonNegative = 0.4  # extra friction near rest, of Coulomb's
     load: NonNegative = 0.05  # friction per transmitted torque

@@ -8,7 +8,7 @@ Source: Brokate, Sprekels 1996, Hysteresis and Phase Transitions.
 
 import numpy as np
 
-from sidegan.plant.friction import Array
+from sidegan.base.arrays import Array
 
 RADII = np.array([0.125, 0.25, 0.5])  # of the stops, in shares of the range: an assumption
 

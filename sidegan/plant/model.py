@@ -1,10 +1,10 @@
 """An arm as MuJoCo's model, with servos."""
 
+import math
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
 from sidegan.plant.settings import IDEAL, PlantSettings
 from sidegan.robot import Arm, require_consistent
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def mujoco_model(
-    arm: Arm, settings: PlantSettings = IDEAL, stiffness: Tensor | None = None, damping: Tensor | None = None
+    arm: Arm, settings: PlantSettings = IDEAL, stiffness: Array | None = None, damping: Array | None = None
 ) -> "mujoco.MjModel":
     """MuJoCo's model of an arm, without contacts.
 
@@ -42,7 +42,7 @@ def mujoco_model(
         actuators = ET.SubElement(root, "actuator")
         for joint, kp, kv, limit in zip(names[1], stiffness, damping, arm.torque_limit):
             servo = {"joint": joint, "kp": words([kp]), "kv": words([kv])}
-            if limit.isfinite():
+            if math.isfinite(limit):
                 servo["forcerange"] = words([-limit, limit])
             ET.SubElement(actuators, "position", servo)
     try:

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Seconds
 from sidegan.motion.trajectory import Trajectory
-from sidegan.plant.friction import Array
 from sidegan.plant.varied import VariedPlant
 
 
@@ -25,24 +23,24 @@ class Sensors:
 def recorded(
     plant: VariedPlant,
     family: Trajectory,
-    coefficients: Tensor,
+    coefficients: Array,
     sensors: Sensors,
     random: np.random.Generator | None = None,
-) -> list[Tensor]:
+) -> list[Array]:
     """Positions, velocities, accelerations and torques of trajectories, (n, S, J) each.
 
     Coefficients are (n, J, H, 2) [rad/s]; torques have noise where there are random numbers for it.
     """
     rate = plant.settings.rate
-    clock = torch.arange(round(family.period * rate), dtype=torch.float64) / rate
+    clock = np.arange(round(family.period * rate)) / rate
     signals = plant.follow(family.roll_out(coefficients, clock))
     states = _filtered(*signals, rate, sensors)
     if random is not None:
-        states[3] = states[3] + torch.stack([_noise(x, plant.range, sensors, random) for x in states[3]])
+        states[3] = states[3] + np.stack([_noise(x, plant.range, sensors, random) for x in states[3]])
     return states
 
 
-def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> list[Tensor]:
+def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> list[Array]:
     """States and torque (n, S, J) at the sensors' rate, filtered without delay."""
     from scipy.signal import butter, sosfiltfilt  # takes half a second to import
 
@@ -52,15 +50,14 @@ def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> 
     ddq = np.empty_like(q)
     ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
     ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
-    kept = (x[:, step // 2 :: step] for x in (q, dq, ddq, torque))
-    return [torch.from_numpy(np.ascontiguousarray(x)) for x in kept]
+    return [np.ascontiguousarray(x[:, step // 2 :: step]) for x in (q, dq, ddq, torque)]
 
 
-def _noise(torque: Tensor, full: Array, sensors: Sensors, random: np.random.Generator) -> Tensor:
+def _noise(torque: Array, full: Array, sensors: Sensors, random: np.random.Generator) -> Array:
     """Gaussian noise on the torques of one recording, (S, J), that keeps its sign for a while."""
     from scipy.signal import lfilter
 
     keep = np.exp(-1 / (sensors.rate * sensors.correlation))
-    draw = random.standard_normal(torque.shape)
+    draw = random.standard_normal((*torque.shape,))
     draw[1:] *= np.sqrt(1 - keep**2)
-    return torch.from_numpy(sensors.noise * full * lfilter([1.0], [1.0, -keep], draw, axis=0))
+    return sensors.noise * full * lfilter([1.0], [1.0, -keep], draw, axis=0)

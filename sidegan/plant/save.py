@@ -17,8 +17,8 @@ def save_recording(executed: Executed, joint_names: Sequence[str], path: Path) -
     """
     import pyarrow as pa
 
-    columns = {"time": executed.time.numpy()}
+    columns = {"time": executed.time}
     for signal, letter in _LETTERS.items():
-        values = getattr(executed, signal).numpy()
+        values = getattr(executed, signal)
         columns |= {f"{letter}_{name}": values[:, i] for i, name in enumerate(joint_names)}
     write_parquet(path, pa.table(columns))

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass, field
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import ConfigError
 
@@ -19,16 +19,15 @@ class PlantSettings:
     rate: Hertz = 1000.0  # [Hz] of the servos, and of the recording
     viscous: list[NonNegative] = field(default_factory=lambda: [2.0])  # friction [N·m·s/rad]
     coulomb: list[NonNegative] = field(default_factory=lambda: [1.0])  # friction [N·m]
-    rotor_inertia: list[NonNegative] = field(
-        default_factory=lambda: [0.1]
-    )  # seen from the joint's side [kg·m²]
+    # seen from the joint's side [kg·m²]
+    rotor_inertia: list[NonNegative] = field(default_factory=lambda: [0.1])
     bandwidth: list[Hertz] = field(default_factory=lambda: [10.0])  # of the position servo [Hz]
     damping_ratio: list[Positive] = field(default_factory=lambda: [1.0])  # of the position servo
     feed_forward: Share = 1.0  # share of the inverse dynamics that the controller adds; it knows no friction
     tolerance: Positive = 0.1  # [rad] off the reference at which the execution has failed
 
-    def of(self, name: str, joints: int) -> Tensor:
-        """One setting as a value per joint, (J,), float64.
+    def of(self, name: str, joints: int) -> Array:
+        """One setting as a value per joint, (J,).
 
         Raises:
             ConfigError: when it has neither one value nor J.
@@ -38,7 +37,7 @@ class PlantSettings:
             raise ConfigError(
                 f"plant.{name} has {len(values)} values, expected {joints} (one per joint) or one"
             )
-        return torch.tensor(values, dtype=torch.float64).expand(joints)
+        return np.full(joints, values, float)
 
 
 # No friction, and a controller that knows the arm.

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-import torch
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
-from sidegan.plant.friction import Array, FrictionSettings, Law
+from sidegan.plant.friction import FrictionSettings, Law
 from sidegan.plant.hysteresis import lagging
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
@@ -65,15 +65,14 @@ def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
 
     Joints whose links hardly weigh anything would otherwise have no friction to speak of.
     """
-    arm, random = body.arm, torch.Generator().manual_seed(seed)
-    draw = torch.rand(3, _STATES, arm.joints, generator=random, dtype=torch.float64)
-    q = torch.lerp(arm.position_lower, arm.position_upper, draw[0])
-    dq = arm.velocity_limit * (2 * draw[1] - 1) / 2
-    most, limit = arm.velocity_limit, arm.acceleration_limit
-    if limit is not None:  # infinite for a joint without one
-        most = torch.where(limit.isfinite(), limit, most)
-    rms = body.torque(q, dq, most * (2 * draw[2] - 1)).square().mean(0).sqrt()
-    return rms.clamp_min(floor * float(rms.max())).numpy()
+    arm, random = body.arm, np.random.default_rng(seed)
+    speed, most, size = arm.velocity_limit / 2, arm.velocity_limit, (_STATES, arm.joints)
+    if (limit := arm.acceleration_limit) is not None:  # infinite for a joint without one
+        most = np.where(np.isfinite(limit), limit, most)
+    q = random.uniform(arm.position_lower, arm.position_upper, size)
+    dq, ddq = (random.uniform(-x, x, size) for x in (speed, most))
+    rms = np.sqrt(np.square(body.torque(q, dq, ddq)).mean(0))
+    return np.maximum(rms, floor * rms.max())
 
 
 class VariedPlant:
@@ -94,17 +93,17 @@ class VariedPlant:
         self.scale = torque_scale(self.body, settings.floor)
         random = np.random.default_rng(seed)
         share = settings.parameters * random.uniform(-1, 1, (arm.joints, 1))
-        own = arm.inertial_parameters * torch.from_numpy(1 + share)
-        own[-1] += torch.from_numpy(_tool(random, settings.tool))
+        own = arm.inertial_parameters * (1 + share)
+        own[-1] += _tool(random, settings.tool)
         self.true = replace(arm, inertial_parameters=own)
-        top = arm.velocity_limit.numpy()
+        top = arm.velocity_limit
         self.law = Law.drawn(settings.friction, self.scale, top, random)
-        limit = np.where(arm.torque_limit.isfinite(), arm.torque_limit, self.scale)
+        limit = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, self.scale)
         self.range = limit if settings.sensor == "link" else self.scale
         behind = replace(settings.friction, coulomb=settings.bearings, load=0.0, ripple=0.0)
         self.bearings = Law.drawn(behind, self.range, top, random)
         self.offset = settings.offset * self.range * random.uniform(-1, 1, arm.joints)
-        largest = Plant(arm, IDEAL).largest_inertia().numpy()
+        largest = Plant(arm, IDEAL).largest_inertia()
         steep = 1 + settings.friction.stribeck + settings.friction.asymmetry
         slope = sum(
             steep / settings.friction.width * x.coulomb + x.viscous for x in (self.law, self.bearings)
@@ -135,11 +134,11 @@ class VariedPlant:
             RobotError: when a link is not physically consistent, or MuJoCo refuses the arm.
             InfeasibleError: when a joint does not follow.
         """
-        if abs(float(motion.time[1] - motion.time[0]) * self.settings.rate - 1) > 1e-3:
+        if abs((motion.time[1] - motion.time[0]) * self.settings.rate - 1) > 1e-3:
             raise ShapeError(f"the motion is not at the plant's {self.settings.rate:g} Hz")
-        ahead = self.body.torque(*motion[1:]).numpy() + self.rotor * motion.acceleration.numpy()
-        q, motor, load = self._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead)
-        late = np.abs(q - motion.position.numpy()).max((0, 1)) if np.isfinite(q).all() else [np.inf]
+        ahead = self.body.torque(*motion[1:]) + self.rotor * motion.acceleration
+        q, motor, load = self._simulate(motion.position, motion.velocity, ahead)
+        late = np.abs(q - motion.position).max((0, 1)) if np.isfinite(q).all() else [np.inf]
         if max(late) > self.settings.tolerance:
             raise InfeasibleError(f"joints of a plant do not follow: they are up to {max(late):.3g} rad off")
         return self._sensed(q, motor, load)
@@ -148,7 +147,7 @@ class VariedPlant:
         """Positions, motor torques and those behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
 
-        (stiffness, damping), limit = self._gains, self.arm.torque_limit.numpy()
+        (stiffness, damping), limit = self._gains, self.arm.torque_limit
         machines = [MjData(self.model) for _ in q]
         for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
             machine.qpos[:], machine.qvel[:] = start, speed

@@ -4,10 +4,10 @@ import math
 from itertools import combinations
 from typing import NamedTuple
 
+import numpy as np
 import scipy  # its parts are imported when they are used
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.gravity import Load, load_of, orthonormal, other_columns
@@ -32,18 +32,18 @@ class Agreement(NamedTuple):
     """Agreement of the measured torque with the arm's description."""
 
     load: Load  # the gravity and the scales that explain the torques
-    order: Tensor  # the joint whose described torque each joint's is, (J,): itself, unless some are exchanged
+    order: Array  # the joint whose described torque each joint's is, (J,): itself, unless some are exchanged
     turned: bool  # whether that is another gravity than the description's
     swapped: tuple[int, int] | None  # two joints whose motions are exchanged
-    moved: Tensor  # range of each joint [rad or m], (J,)
+    moved: Array  # range of each joint [rad or m], (J,)
     # share of the power that friction dissipates, (J,); negative where the torque would drive the arm's
     # friction
-    friction: Tensor
-    usual: Tensor  # largest torque but for a hundredth of the samples [N·m or N], (J,)
-    needed: Tensor  # the same of what the description's links need [N·m or N], (J,)
+    friction: Array
+    usual: Array  # largest torque but for a hundredth of the samples [N·m or N], (J,)
+    needed: Array  # the same of what the description's links need [N·m or N], (J,)
 
     @property
-    def sign(self) -> Tensor:
+    def sign(self) -> Array:
         """Correlation with the description without friction and rotors, −1 to 1, (J,).
 
         Near −1 the torque is counted the other way round; near 0 the motion does not tell.
@@ -53,16 +53,16 @@ class Agreement(NamedTuple):
     @property
     def heavier(self) -> float:
         """Median of measured over needed torque of the joints whose sign is told; 1 where none is."""
-        clear = self.load.scale[self.sign.abs() > _CLEAR].abs()
-        return float(clear.median()) if len(clear) else 1.0
+        clear = np.abs(self.load.scale[np.abs(self.sign) > _CLEAR])
+        return float(np.median(clear)) if len(clear) else 1.0
 
     @property
     def strange(self) -> bool:
         """Whether hardly any torque is as described."""
-        return bool(self.needed.any()) and _STRANGE * int((self.sign > _CLEAR).sum()) <= len(self.sign)
+        return bool(self.needed.any() and _STRANGE * (self.sign > _CLEAR).sum() <= len(self.sign))
 
     @property
-    def rescaled(self) -> Tensor:
+    def rescaled(self) -> Array:
         """Joints whose torque is a multiple of what the description needs, beyond doubt, (J,)."""
         scale = self.load.scale
         return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
@@ -126,7 +126,7 @@ class Agreement(NamedTuple):
 
     def warnings(self, arm: Arm) -> list[str]:
         """All of that, and joints whose sign is not told."""
-        silent = (self.sign.abs() < _CLEAR) | (self.moved < _STILL)
+        silent = (np.abs(self.sign) < _CLEAR) | (self.moved < _STILL)
         said = self.exchanged(arm)
         first = [said] if said else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]
         warnings = [one for one in first if one]
@@ -140,48 +140,47 @@ class Agreement(NamedTuple):
 def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     """Agreement of segments with an arm's description."""
     every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
-    q, v, a, torque = (torch.cat([segment[k][::every] for segment in segments]) for k in range(1, 5))
+    q, v, a, torque = (np.concatenate([segment[k][::every] for segment in segments]) for k in range(1, 5))
     load, model = load_of(body, q, v, a, torque), body.torque(q, v, a)
-    usual, needed = (x.abs().quantile(_MOST, 0) for x in (torque, model))
+    usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     return Agreement(
         load=load,
         order=_order(model, v, a, torque),
         swapped=_swapped(body, q, v, a, torque),
-        turned=not torch.equal(load.gravity, body.arm.gravity),
-        moved=q.amax(0) - q.amin(0),
+        turned=not np.array_equal(load.gravity, body.arm.gravity),
+        moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
         usual=usual,
         needed=needed,
     )
 
 
-def _order(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
+def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """The joint whose described torque (S, J), with its friction and rotor, each measured one is, (J,)."""
-    own = torch.arange(model.shape[1])
-    basis = orthonormal(other_columns(v, a).transpose(0, 1))  # (J, S, 4) of the described
-    described, measured = model.T[..., None], torque.expand(len(own), *torque.shape)  # (J, S, 1 or J)
-    described, measured = (x - basis @ (basis.mT @ x) for x in (described, measured))
-    size = described.norm(dim=1) * measured.norm(dim=1)  # (J, J): described, measured
-    left = 1 - ((described.mT @ measured)[:, 0] / size.clamp_min(_TINY)).square().clamp_max(1 - _TINY)
-    found = torch.from_numpy(scipy.optimize.linear_sum_assignment(left.log().T.numpy())[1])
+    own = np.arange(model.shape[1])
+    basis = orthonormal(other_columns(v, a).swapaxes(0, 1))  # (J, S, 4) of the described
+    described, measured = (x - basis @ (basis.mT @ x) for x in (model.T[..., None], torque))  # (J, S, 1 or J)
+    size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)  # (J, J): described, measured
+    left = 1 - np.minimum(np.square((described.mT @ measured)[:, 0] / np.maximum(size, _TINY)), 1 - _TINY)
+    found = scipy.optimize.linear_sum_assignment(np.log(left).T)[1]
     other = found != own
-    clear = left[found, own] < torch.minimum(_BETTER * left[own, own], torch.tensor(_BETTER))
-    return found if bool(clear[other].all()) else own
+    clear = left[found, own] < _BETTER * left.diagonal()
+    return found if clear[other].all() else own
 
 
-def _swapped(body: RigidBody, *states: Tensor) -> tuple[int, int] | None:
+def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
     """Two joints with whose motions exchanged far more of the torques is explained, of (S, J) each."""
     *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
 
     def left(order: list[int]) -> float:
         """What the description leaves of the torques, the sum over joints of logarithms."""
         q, v, a = (x[:, order] for x in motion)
-        basis = orthonormal(other_columns(v, a).transpose(0, 1))
+        basis = orthonormal(other_columns(v, a).swapaxes(0, 1))
         described, measured = (x.T[..., None] for x in (body.torque(q, v, a), torque))
         described, measured = (x - basis @ (basis.mT @ x) for x in (described, measured))
-        size = (described.norm(dim=1) * measured.norm(dim=1)).clamp_min(_TINY)
+        size = np.maximum(np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1), _TINY)
         cosine = (described * measured).sum(1) / size
-        return float((1 - cosine.square()).clamp_min(_TINY).log().sum())
+        return float(np.log(np.maximum(1 - np.square(cosine), _TINY)).sum())
 
     own = list(range(body.joints))
     found: dict[tuple[int, int], float] = {}
@@ -195,10 +194,10 @@ def _swapped(body: RigidBody, *states: Tensor) -> tuple[int, int] | None:
     return best if found[best] < left(own) + 2 * math.log(_BETTER) else None
 
 
-def _dissipated(model: Tensor, v: Tensor, a: Tensor, torque: Tensor) -> Tensor:
+def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """Share of the power that friction dissipates, (J,), of (S, J) each; see ``Agreement``."""
-    columns = torch.cat([other_columns(v, a), model[..., None]], 2).transpose(0, 1)  # (J, S, 5)
-    weights = torch.linalg.lstsq(columns, torque.T[..., None]).solution
-    friction = (columns[..., :2] @ weights[:, :2])[..., 0].T
-    power = (torque.square().mean(0) * v.square().mean(0)).sqrt().clamp_min(_TINY)
+    columns = np.concatenate([other_columns(v, a), model[..., None]], 2).swapaxes(0, 1)  # (J, S, 5)
+    weights = np.stack([np.linalg.lstsq(*each)[0] for each in zip(columns, torque.T)])
+    friction = (columns[..., :2] @ weights[:, :2, None])[..., 0].T
+    power = np.maximum(np.sqrt(np.square(torque).mean(0) * np.square(v).mean(0)), _TINY)
     return (friction * v).mean(0) / power

@@ -8,8 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
@@ -47,7 +46,7 @@ class CheckedRecording:
     late: str | None  # what is said of a delay that is left in and explains what is wrong
     delay: Delay  # of the torques
     corrected: bool  # whether it was taken off
-    noise: Tensor  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
+    noise: Array  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
     repeated: Repeated | None = None  # trajectories that were sent and found, where they are known
     role: Role = "training"  # what it is for
 
@@ -217,7 +216,7 @@ def check_recording(
         late = warnings[-1] if left.clear or left.lost else None
     # a delay that is left in turns signs and gravity round
     agreement = agreement_of(body, kept(given + left.seconds) if late and left.clear else segments)
-    torques = [(x.time.numpy(), torque_of(x, gains, settings.reverse)) for x in parts]
+    torques = [(x.time, torque_of(x, gains, settings.reverse)) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units)
     return CheckedRecording(
         joint_names=arm.joint_names,

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import scipy  # its parts are imported when they are used
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
@@ -46,7 +45,7 @@ class Repeated:
     counts: dict[str, int]  # by the name of the commands
     # standard deviation of a sample of each joint's torque [N·m or N] or current [A] between repetitions,
     # (J,); None where nothing was repeated
-    noise: Tensor | None
+    noise: Array | None
     bandwidth: float  # of the commands [Hz]
 
     @property
@@ -98,9 +97,9 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     Raises:
         RecordingError: when there is nothing of the commands in it.
     """
-    fresh = np.append(True, np.diff(recording.time.numpy()) > 0)
-    time = recording.time.numpy()[fresh]
-    signals = {name: x.numpy()[fresh] for name, x in recording.signals().items()}
+    fresh = np.append(True, np.diff(recording.time) > 0)
+    time = recording.time[fresh]
+    signals = {name: x[fresh] for name, x in recording.signals().items()}
     starts = _starts(time, signals["position"], sent, gap)
     if not starts:
         raise RecordingError(
@@ -115,14 +114,14 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
-        means: dict[str, Any] = {name: torch.from_numpy(x.mean(0)) for name, x in each.items()}
-        found.append(Recording(recording.name, names, torch.from_numpy(grid + begins[0]), **means))
+        means: dict[str, Any] = {name: x.mean(0) for name, x in each.items()}
+        found.append(Recording(recording.name, names, grid + begins[0], **means))
         if len(begins) > 1:
             # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
             left = np.mean([white(grid + start) ** 2 for start in begins])
             squares += ((each[recording.load] - each[recording.load].mean(0)) ** 2).sum((0, 1)) / left
             free += (len(begins) - 1) * len(grid)
-    noise = torch.from_numpy(np.sqrt(squares / free)) if free else None
+    noise = np.sqrt(squares / free) if free else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}
     bandwidth = max(bandwidth_of(x.name, x.time, x.position, float(np.median(np.diff(x.time)))) for x in sent)
     found.sort(key=lambda one: float(one.time[0]))

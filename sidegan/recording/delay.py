@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, flatten
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import Segment
 
@@ -119,17 +119,17 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
     every = max(1, sum(len(x.time) - 2 * furthest for x in inner) // _SAMPLES)
     states, torques = [], []
     for x in inner:
-        rows = torch.arange(furthest, len(x.time) - furthest, every)
+        rows = np.arange(furthest, len(x.time) - furthest, every)
         states.append(Segment(*(one[rows] for one in x)))
-        torques.append(x.torque[rows[:, None] + torch.arange(-furthest, furthest + 1)])
-    columns = torch.cat([_columns(body, *x[1:4], x.sign) for x in states])
-    torque = torch.cat(torques)  # (S, D, J)
-    weights = 1 / torque[:, furthest].std(0).clamp_min(1e-300)
-    basis = (columns * weights[:, None]).flatten(0, 1)
+        torques.append(x.torque[rows[:, None] + np.arange(-furthest, furthest + 1)])
+    columns = np.concatenate([_columns(body, *x[1:4], x.sign) for x in states])
+    torque = np.concatenate(torques)  # (S, D, J)
+    weights = 1 / np.maximum(torque[:, furthest].std(0), 1e-300)
+    basis = (columns * weights[:, None]).reshape(-1, columns.shape[2])
     inverse, scale = _inverse(basis)
-    right = (torque * weights).transpose(1, 2).flatten(0, 1)
+    right = (torque * weights).swapaxes(1, 2).reshape(len(basis), -1)
     moment = (basis / scale).T @ right
-    left = 1 - (moment * (inverse @ moment)).sum(0) / right.square().sum(0)
+    left = 1 - (moment * (inverse @ moment)).sum(0) / np.square(right).sum(0)
     best = int(left.argmin())
     late = (best - furthest) * step
     return late if abs(late) > _NEAR and left[best] < _BETTER * left[furthest] else 0.0
@@ -142,54 +142,53 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
     so that the description's inertias do not matter; each joint counts by its residual, where it is faster
     than a share of its usual speed.
     """
-    whole = [torch.cat(x) for x in zip(*map(_rates, segments))]
+    whole = [np.concatenate(x) for x in zip(*map(_rates, segments))]
     every = max(1, len(whole[0]) // _SAMPLES)
     q, dq, ddq, torque, sign, rate, bend = (x[::every] for x in whole)
     known = _columns(body, q, dq, ddq, sign)
     if above:
-        fast = (dq.abs() >= above * dq.square().mean(0).sqrt()).double()
+        fast = np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))
         known, torque, rate, bend = known * fast[..., None], torque * fast, rate * fast, bend * fast
-    late, deviation = 0.0, float("inf")
+    late, deviation = 0.0, math.inf
     for _ in range(_ROUNDS):
         # where the torque would be if it came earlier by what was found so far
         now = torque + late * rate + late**2 / 2 * bend
-        step, deviation = _step(torch.cat([known, -(rate + late * bend)[..., None]], 2), now)
+        step, deviation = _step(np.concatenate([known, -(rate + late * bend)[..., None]], 2), now)
         late = max(-_STEP, min(_STEP, late + step))
         if abs(step) < _SETTLED:
             break
     return Delay(late, deviation)
 
 
-def _columns(body: RigidBody, q: Tensor, dq: Tensor, ddq: Tensor, sign: Tensor) -> Tensor:
+def _columns(body: RigidBody, q: Array, dq: Array, ddq: Array, sign: Array) -> Array:
     """Columns of rigid bodies, friction, offsets and rotors, (S, J, P), at states (S, J)."""
-    each = torch.eye(body.joints, dtype=torch.float64)
-    others = torch.stack([dq, sign, torch.ones_like(dq), ddq], -1)
-    terms = torch.einsum("sjk,ji->sjik", others, each).flatten(2)
-    return torch.cat([body.base_regressor(q, dq, ddq), terms], 2)
+    others = np.stack([dq, sign, np.ones_like(dq), ddq], -1)
+    terms = flatten(others[:, :, None] * np.eye(body.joints)[..., None], 2)
+    return np.concatenate([body.base_regressor(q, dq, ddq), terms], 2)
 
 
-def _step(columns: Tensor, torque: Tensor) -> tuple[float, float]:
+def _step(columns: Array, torque: Array) -> tuple[float, float]:
     """The last parameter of weighted least squares on columns (S, J, P), and its deviation."""
-    weights = 1 / torque.std(0).clamp_min(1e-300)
+    weights = 1 / np.maximum(torque.std(0), 1e-300)
     for _ in range(2):
-        rows = (columns * weights[:, None]).flatten(0, 1)
+        rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
         inverse, scale = _inverse(rows)
-        found = inverse @ ((rows / scale).T @ (torque * weights).flatten()) / scale
-        weights = 1 / (torque - columns @ found).square().mean(0).sqrt().clamp_min(1e-12 / weights)
-    return float(found[-1]), float((_CORRELATED * inverse[-1, -1]).sqrt() / scale[-1])
+        found = inverse @ ((rows / scale).T @ (torque * weights).ravel()) / scale
+        weights = 1 / np.maximum(np.sqrt(np.square(torque - columns @ found).mean(0)), 1e-12 / weights)
+    return float(found[-1]), float(np.sqrt(_CORRELATED * inverse[-1, -1]) / scale[-1])
 
 
-def _inverse(rows: Tensor) -> tuple[Tensor, Tensor]:
+def _inverse(rows: Array) -> tuple[Array, Array]:
     """Inverse information (P, P) of rows (N, P) over the lengths of their columns, and these, (P,)."""
-    scale = rows.norm(dim=0).clamp_min(1e-300)
-    values, vectors = torch.linalg.eigh((rows / scale).T @ (rows / scale))
+    scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    values, vectors = np.linalg.eigh((rows / scale).T @ (rows / scale))
     kept = values > _ROUNDING * values[-1]
     return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T, scale
 
 
-def _rates(segment: Segment) -> list[Tensor]:
+def _rates(segment: Segment) -> list[Array]:
     """A segment's states, torque and sign, with the torque's first and second derivative."""
     step = float(segment.time[1] - segment.time[0])
-    rate = torch.gradient(segment.torque, spacing=step, dim=0)[0]
-    bend = torch.gradient(rate, spacing=step, dim=0)[0]
+    rate = np.gradient(segment.torque, step, axis=0)
+    bend = np.gradient(rate, step, axis=0)
     return [x[2:-2] for x in (*segment[1:], rate, bend)]

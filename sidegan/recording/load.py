@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from sidegan.base.names import counted, listed
@@ -61,8 +60,8 @@ def load_recording(
     else:
         wanted = [(k, path) for k, path in files.signals(settings.effort).items() if getattr(settings, k)]
         signals, corrupt, remarks = merged([_read(Path(path), settings, joints, k) for k, path in wanted])
-    tensors: dict[str, Any] = {k: torch.from_numpy(np.require(x, None, "W")) for k, x in signals.items()}
-    made = Recording(name, tuple(joint_names), corrupt=tuple(corrupt), remarks=tuple(remarks), **tensors)
+    every: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
+    made = Recording(name, tuple(joint_names), **every)
     return driven(unwrapped(made, joints.slides))
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import torch
 
 from sidegan.base.names import counted, listed
 from sidegan.recording.recording import Recording
@@ -24,16 +23,16 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
     Steps between neighbouring samples are that which are nearly a turn, in a joint none of whose other steps
     is beyond doubt.
     """
-    near, position = np.diff(recording.time.numpy()) < SLOWEST, recording.position
+    near, position = np.diff(recording.time) < SLOWEST, recording.position
     found: list[str] = []
     for j, name in enumerate(recording.joint_names):
-        steps = np.where(near, np.diff(position[:, j].numpy()), 0.0)
+        steps = np.where(near, np.diff(position[:, j]), 0.0)
         turns = np.round(steps / _TURN)
         odd = np.abs(steps - _TURN * turns) > _AROUND
         turns[odd] = 0.0
         if not slides[j] and turns.any() and odd.mean() < _GLITCHES:
-            position = position if found else position.clone()
-            position[1:, j] -= torch.from_numpy(_TURN * np.cumsum(turns))
+            position = position if found else position.copy()
+            position[1:, j] -= _TURN * np.cumsum(turns)
             found.append(name)
     if not found:
         return recording
@@ -45,8 +44,8 @@ def driven(recording: Recording) -> Recording:
     """A recording without rows at rest in which no torque or current of any joint changes: brakes hold it."""
     if recording.torque is recording.current is None:
         return recording
-    load, time = recording.signals()[recording.load].numpy(), recording.time.numpy()
-    position, kept, lost = recording.position.numpy(), np.ones(len(time), dtype=bool), 0.0
+    load, time = recording.signals()[recording.load], recording.time
+    position, kept, lost = recording.position, np.ones(len(time), dtype=bool), 0.0
     begins = np.append(True, np.zeros(len(time) - 1, dtype=bool))
     for column in load.T:
         begins[1:] |= np.diff(column) != 0
@@ -60,7 +59,7 @@ def driven(recording: Recording) -> Recording:
         return recording
     rows = np.flatnonzero(kept)
     whole = len(rows) == rows[-1] - rows[0] + 1  # a part of the memory will do
-    part = slice(rows[0], rows[-1] + 1) if whole else torch.from_numpy(rows)
+    part = slice(rows[0], rows[-1] + 1) if whole else rows
     signals: dict[str, Any] = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
     said = (

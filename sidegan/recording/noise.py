@@ -5,9 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.recording.grid import runs
 from sidegan.recording.segments import Grid
 from sidegan.recording.tables import Numbers
@@ -18,7 +17,7 @@ _MOST = 200_000  # samples of a part that are looked at
 _BLOCK = 16  # periods of the cut-off in a block of the spectrum
 
 
-def noise_of(torques: Sequence[tuple[Numbers, Numbers]], grid: Grid) -> Tensor:
+def noise_of(torques: Sequence[tuple[Numbers, Numbers]], grid: Grid) -> Array:
     """Density of each joint's torque noise [(N·m)²/Hz], (J,), of times (S,) [s] and torques (S, J) in parts.
 
     It is that between 1.5 and 3 times the cut-off, the median over blocks, so that a jump is no noise. NaN
@@ -40,5 +39,5 @@ def noise_of(torques: Sequence[tuple[Numbers, Numbers]], grid: Grid) -> Tensor:
         found.append(density[(low <= frequency) & (frequency <= high)].mean(0))
         weights.append(len(x))
     if not found:
-        return torch.full((torques[0][1].shape[1],), math.nan, dtype=torch.float64)
-    return torch.from_numpy(np.average(found, 0, weights))
+        return np.full(torques[0][1].shape[1], math.nan)
+    return np.average(found, 0, weights)

@@ -35,8 +35,8 @@ class Digests(NamedTuple):
 
 def digests_of(recording: Recording) -> Digests:
     """Digests of a recording's rows, by their numbers in single precision, in which some files keep them."""
-    signals = {name: _digested(x.numpy()) for name, x in recording.signals().items()}
-    return Digests(recording.time.numpy(), signals, recording.load)
+    signals = {name: _digested(x) for name, x in recording.signals().items()}
+    return Digests(recording.time, signals, recording.load)
 
 
 def _digested(x: Numbers) -> Hashes:

@@ -1,5 +1,7 @@
 """Doubts about a raw recording: clock, ranges, saturation, signals that do not change."""
 
+import numpy as np
+
 from sidegan.base.names import counted
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
@@ -35,7 +37,7 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     signals, position = statistics.signals, statistics.signals["position"]
     lower, upper, span = arm.position_lower, arm.position_upper, position.upper - position.lower
     outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
-    little = span / (upper - lower).clamp_min(_NOTHING) < _LITTLE
+    little = span / np.maximum(upper - lower, _NOTHING) < _LITTLE
     name, load = statistics.load, signals[statistics.load]
     coarse = load.quantum > _COARSE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"

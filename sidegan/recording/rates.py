@@ -2,9 +2,9 @@
 
 import math
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
 from sidegan.recording.refused import DEGREES
@@ -27,13 +27,13 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     Raises:
         RecordingError: when it is that of another unit of angles.
     """
-    derived, recorded = (torch.cat(x) for x in zip(*(_both(segment, rate) for segment in segments)))
-    moving = torch.maximum(*(x.square().mean(0).sqrt() for x in (derived, recorded))) > _MOVING
-    products, own, other = (x.sum(0) for x in (derived * recorded, derived.square(), recorded.square()))
-    slope, inverse = products / own.clamp_min(_TINY), products / other.clamp_min(_TINY)
-    alike = products / (own * other).sqrt().clamp_min(_TINY)
-    for j in moving.nonzero()[:, 0].tolist():
-        ratio = abs(float(slope[j]))
+    derived, recorded = (np.concatenate(x) for x in zip(*(_both(segment, rate) for segment in segments)))
+    moving = np.maximum(*(np.sqrt(np.square(x).mean(0)) for x in (derived, recorded))) > _MOVING
+    products, own, other = (x.sum(0) for x in (derived * recorded, np.square(derived), np.square(recorded)))
+    slope, inverse = products / np.maximum(own, _TINY), products / np.maximum(other, _TINY)
+    alike = products / np.maximum(np.sqrt(own * other), _TINY)
+    for j in np.flatnonzero(moving).tolist():
+        ratio = abs(slope[j])
         if abs(abs(math.log(max(ratio, _TINY))) - math.log(DEGREES)) < _NEAR and abs(alike[j]) > _ALIKE:
             raise RecordingError(
                 f"{file}: the {rate} of {arm.joint_names[j]} is {ratio:.3g} times the derivative of its "
@@ -42,7 +42,7 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
     if not wrong.any():
         return None
-    which = wrong.nonzero()[:, 0].tolist()
+    which = np.flatnonzero(wrong).tolist()
     each = [f"{slope[j]:.2f} ({arm.joint_names[j]}{_other(arm, derived, recorded, j)})" for j in which]
     return (
         f"the {rate} is {', '.join(each)} times the derivative of the {RATES[rate]}, and is not used but "
@@ -50,15 +50,16 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     )
 
 
-def _other(arm: Arm, derived: Tensor, recorded: Tensor, j: int) -> str:
+def _other(arm: Arm, derived: Array, recorded: Array, j: int) -> str:
     """The joint whose derivative a joint's recorded rate is, in words, if it is another one's."""
     one = recorded[:, j]
-    alike = (derived * one[:, None]).sum(0) / (derived.norm(dim=0) * one.norm()).clamp_min(_TINY)
+    sizes = np.linalg.norm(derived, axis=0) * np.linalg.norm(one)
+    alike = one @ derived / np.maximum(sizes, _TINY)
     k = int(alike.argmax())
     return f": it is that of {arm.joint_names[k]}" if k != j and alike[k] > _SAME else ""
 
 
-def _both(segment: Segment, rate: str) -> tuple[Tensor, Tensor]:
+def _both(segment: Segment, rate: str) -> tuple[Array, Array]:
     """Central difference of what a segment's rate is one of, and that rate there."""
     step, of = float(segment.time[1] - segment.time[0]), getattr(segment, RATES[rate])
     return (of[2:] - of[:-2]) / (2 * step), getattr(segment, rate)[1:-1]

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 from sidegan.recording.settings import SIGNALS
 
@@ -17,12 +16,12 @@ class Recording:
 
     name: str  # for people, the file's name
     joint_names: tuple[str, ...]  # of the arm, in its order
-    time: Tensor  # stamps [s], (S,), in the order of the file: jitter, duplicates and gaps are still in
-    position: Tensor  # [rad or m], (S, J)
-    velocity: Tensor | None = None  # [rad/s or m/s], (S, J), where recorded
-    acceleration: Tensor | None = None  # [rad/s² or m/s²], (S, J), where recorded
-    torque: Tensor | None = None  # [N·m or N], (S, J), where recorded
-    current: Tensor | None = None  # of the motors [A], (S, J), where recorded
+    time: Array  # stamps [s], (S,), in the order of the file: jitter, duplicates and gaps are still in
+    position: Array  # [rad or m], (S, J)
+    velocity: Array | None = None  # [rad/s or m/s], (S, J), where recorded
+    acceleration: Array | None = None  # [rad/s² or m/s²], (S, J), where recorded
+    torque: Array | None = None  # [N·m or N], (S, J), where recorded
+    current: Array | None = None  # of the motors [A], (S, J), where recorded
     # row (the header is row 1 of a text file, otherwise counted from 1) and reason of what was left out
     corrupt: tuple[tuple[int, str], ...] = ()
     remarks: tuple[str, ...] = ()  # for people, on which columns it was read from
@@ -30,7 +29,7 @@ class Recording:
     def __len__(self) -> int:
         return len(self.time)
 
-    def signals(self) -> dict[str, Tensor]:
+    def signals(self) -> dict[str, Array]:
         """The signals that were recorded, by name, (S, J) each."""
         signals = {name: getattr(self, name) for name in SIGNALS}
         return {name: x for name, x in signals.items() if x is not None}
@@ -53,9 +52,9 @@ class Segment(NamedTuple):
     ``sign`` is the smooth sign of the velocity after the low-pass that the torque went through.
     """
 
-    time: Tensor
-    position: Tensor
-    velocity: Tensor
-    acceleration: Tensor
-    torque: Tensor
-    sign: Tensor
+    time: Array
+    position: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    sign: Array

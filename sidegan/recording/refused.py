@@ -2,9 +2,9 @@
 
 import math
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 from sidegan.recording.agreement import Agreement
 from sidegan.recording.statistics import SLOWEST, Signal, Statistics
@@ -74,10 +74,10 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     if units.position is not None:
         return None
     far = position.largest > _COUNTED * _limit(arm)
-    if 2 * int(far.sum()) <= arm.joints:
+    if 2 * far.sum() <= arm.joints:
         return None
     lower, upper = (x / units.factor("position") for x in (position.lower, position.upper))
-    per_turn = 2 ** math.ceil(math.log2(float(upper.max().clamp_min(2))))
+    per_turn = 2 ** math.ceil(math.log2(max(float(upper.max()), 2)))
     zero = per_turn // 2 if (lower >= 0).all() else 0
     return (
         f"{_reaches(position, arm, far)}, which no unit explains: are these counts of encoders? With their "
@@ -86,16 +86,16 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     )
 
 
-def _limit(arm: Arm) -> Tensor:
+def _limit(arm: Arm) -> Array:
     """How far joints may be from zero [rad or m], (J,)."""
-    return torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
+    return np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
 
 
-def _reaches(position: Signal, arm: Arm, far: Tensor) -> str:
+def _reaches(position: Signal, arm: Arm, far: Array) -> str:
     """How far the first of some joints reaches, and might."""
-    j = int(far.nonzero()[0])
+    j = int(far.argmax())
     unit = "m" if arm.prismatic[j] else "rad"
-    reach, limit = float(position.largest[j]), float(_limit(arm)[j])
+    reach, limit = position.largest[j], _limit(arm)[j]
     return f"{arm.joint_names[j]} reaches {reach:.4g} {unit}, its limit is {limit:.4g} {unit}"
 
 
@@ -145,15 +145,15 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     Raises:
         RecordingError: naming the joint, its torque, and the setting that is likely to be wrong.
     """
-    limited = bool(arm.torque_limit.isfinite().any() and (agreement.needed <= arm.torque_limit).all())
+    limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
     most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description's links need")
-    heavier = torch.full_like(agreement.usual, agreement.heavier)
+    heavier = np.full_like(agreement.usual, agreement.heavier)
     share = agreement.usual / arm.torque_limit if limited else heavier
     if not (share > most).any():
         return
     j, measured = int(share.argmax()), statistics.load
     smaller, unit = _THOUSANDTH[measured], "N" if arm.prismatic[j] else "N·m"
-    if _HEAVY < float(share[j]) <= 1e3 * most and getattr(units, measured) != smaller:
+    if _HEAVY < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
         suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
     elif measured == "current":
         suspicion = "are the gains (robot.gains) and the order of the joints those of this arm?"

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, shift
 
@@ -100,13 +99,13 @@ def preprocess(
     signals, factor = _signals(recording, gains, settings.reverse)
     options = {"sign_width": sign_width, "still": settings.still, "delay": delay}
     segments: list[Segment] = []
-    for run in runs(recording.time.numpy(), grid.step, grid.gap):
+    for run in runs(recording.time, grid.step, grid.gap):
         kept, *states, moving = _joined(
             _thinned(run, signals, factor, grid, span, **options) for span in _spans(run.points, grid, delay)
         )
         states = [run.time[0] + kept * grid.step, *states]
         segments += [
-            Segment(*(torch.from_numpy(np.ascontiguousarray(x[part])) for x in states))
+            Segment(*(np.ascontiguousarray(x[part]) for x in states))
             for part in _stretches(moving & _inside(kept, run.points, grid, delay))
         ]
     if not segments:
@@ -169,7 +168,7 @@ def _signals(
 ) -> tuple[dict[str, Numbers], Numbers]:
     """Signals (S, J) that count, and factors (J,) to what is the torque among them, or the current."""
     names = recording.joint_names
-    signals = {name: x.numpy() for name, x in recording.signals().items()}
+    signals = recording.signals()
     factor = np.array([-1.0 if name in reverse else 1.0 for name in names])
     if recording.load == "current":
         if gains is None:

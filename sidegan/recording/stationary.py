@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import replace
 
-import torch
+import numpy as np
 
 from sidegan.errors import RecordingError
 from sidegan.recording.load import load_recording
@@ -46,11 +46,11 @@ def stationary_positions(
         )
     places = [arm.joint_names.index(name) for name in settings.without]
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
-    lower, upper = torch.full((2, len(places)), torch.inf, dtype=torch.float64) * torch.tensor([[1], [-1]])
+    lower, upper = np.full((2, len(places)), np.inf) * [[1], [-1]]
     for files in recordings:
         recording = load_for(arm, files, only)
         position = recording.position[:, places]
-        lower, upper = torch.minimum(lower, position.amin(0)), torch.maximum(upper, position.amax(0))
+        lower, upper = np.minimum(lower, position.min(0)), np.maximum(upper, position.max(0))
         for name, low, high in zip(settings.without, lower.tolist(), upper.tolist()):
             if high - low > HARDLY:
                 raise RecordingError(

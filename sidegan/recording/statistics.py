@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.overlap import Digests, digests_of
@@ -32,18 +31,18 @@ _LEAST_STUCK = 20  # samples of that; a few that are alike are a coarse quantum
 class Signal(NamedTuple):
     """Statistics of one signal of all joints as it was recorded, (J,) each, SI units."""
 
-    lower: Tensor  # smallest value
-    upper: Tensor  # largest value
-    quantum: Tensor  # smallest step between neighbouring samples
-    clipped: Tensor  # longest stay at an extreme, in samples
+    lower: Array  # smallest value
+    upper: Array  # largest value
+    quantum: Array  # smallest step between neighbouring samples
+    clipped: Array  # longest stay at an extreme, in samples
 
     @property
-    def largest(self) -> Tensor:
+    def largest(self) -> Array:
         """Largest absolute value, (J,)."""
-        return torch.maximum(self.lower.abs(), self.upper.abs())
+        return np.maximum(np.abs(self.lower), np.abs(self.upper))
 
     @property
-    def constant(self) -> Tensor:
+    def constant(self) -> Array:
         """Whether all samples have the same value, (J,)."""
         return self.lower == self.upper
 
@@ -84,12 +83,12 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     Raises:
         RecordingError: when there are too few samples, or time runs backwards.
     """
-    name, samples, time = recording.name, len(recording), recording.time.numpy()
+    name, samples, time = recording.name, len(recording), recording.time
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
     clock = clock_of(name, time, settings.gap)
     slow = clock.step > SLOWEST
-    bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position.numpy(), clock.step)
+    bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position, clock.step)
     if settings.gap is None and bandwidth:
         limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
         long = tuple(one for one in clock.gaps if one[1] > limit)
@@ -102,7 +101,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
         bandwidth=bandwidth,
         load=recording.load,
         frozen=_frozen(recording),
-        signals={key: _signal(x.numpy()) for key, x in recording.signals().items()},
+        signals={key: _signal(x) for key, x in recording.signals().items()},
         rows=digests_of(recording),
     )
 
@@ -169,7 +168,7 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
 
 def _signal(x: Numbers) -> Signal:
     """Statistics of a signal (S, J)."""
-    return Signal(*torch.tensor([_of_joint(column) for column in x.T], dtype=torch.float64).T)
+    return Signal(*np.array([_of_joint(column) for column in x.T]).T)
 
 
 def _of_joint(x: Numbers) -> tuple[float, float, float, float]:
@@ -188,8 +187,8 @@ def _longest_run(marked: Any) -> float:
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
-    found, time, load = [], recording.time.numpy(), recording.signals()[recording.load].numpy()
-    for j, (q, x) in enumerate(zip(recording.position.numpy().T, load.T)):
+    found, time, load = [], recording.time, recording.signals()[recording.load]
+    for j, (q, x) in enumerate(zip(recording.position.T, load.T)):
         begins = np.append(0, np.flatnonzero(np.diff(x)) + 1)
         ends = np.append(begins[1:], len(x)) - 1
         travel = np.maximum.reduceat(q, begins) - np.minimum.reduceat(q, begins)

@@ -7,14 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.tables import Numbers
@@ -35,7 +34,7 @@ class Bundle(NamedTuple):
 
     title: str  # for people
     family: Trajectory
-    coefficients: Tensor  # [rad/s], (B, J, H, 2)
+    coefficients: Array  # [rad/s], (B, J, H, 2)
     colour: str | None = None  # of the paths; None is one that tells the time
 
 
@@ -60,7 +59,7 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
     return figure
 
 
-def poses(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Figure:
+def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figure:
     """The arm at ``count`` times along one trajectory (J, H, 2), a panel each, with its end effector's path.
 
     Raises:
@@ -68,11 +67,11 @@ def poses(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Fig
     """
     (path,) = tip_paths(arm, family, coefficients[None])
     every = np.linspace(0, len(path) - 1, count, endpoint=False).round().astype(int)
-    motion = family.roll_out(coefficients[None].to("cpu", torch.float64), family.times(_RATE))
+    motion = family.roll_out(coefficients[None], family.times(_RATE))
     q = motion.position[0, every].T
-    origins = torch.cat([torch.zeros(arm.joints, 3, dtype=torch.float64), arm.tip[None]])
-    links = torch.cat([torch.arange(arm.joints), torch.tensor([arm.joints - 1])])
-    joints = place_points(arm, q, origins, links).permute(2, 1, 0).numpy()  # (count, J + 1, 3)
+    origins = np.concatenate([np.zeros((arm.joints, 3)), arm.tip[None]])
+    links = np.append(np.arange(arm.joints), arm.joints - 1)
+    joints = place_points(arm, q, origins, links).transpose(2, 1, 0)  # (count, J + 1, 3)
     joints = np.concatenate([np.zeros((count, 1, 3)), joints], 1)  # from the arm's foot
     figure = Figure()
     titles = [f"{float(motion.time[k]):.3g} s" for k in every]
@@ -84,16 +83,17 @@ def poses(arm: Arm, family: Trajectory, coefficients: Tensor, count: int) -> Fig
     return figure
 
 
-def tip_paths(arm: Arm, family: Trajectory, coefficients: Tensor) -> Numbers:
+def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Numbers:
     """End effector's positions [m], (B, T, 3), over one period.
 
     Raises:
         ShapeError: when one does not fit the family or is not finite.
     """
-    motion = family.roll_out(coefficients.to("cpu", torch.float64), family.times(_RATE))
-    q = motion.position.flatten(0, 1).T
-    tips = place_points(arm, q, arm.tip[None], torch.tensor([arm.joints - 1]))[:, 0]
-    return tips.T.unflatten(0, motion.position.shape[:2]).numpy()
+    motion = family.roll_out(coefficients, family.times(_RATE))
+    batch, count, joints = motion.position.shape
+    q = motion.position.reshape(-1, joints).T
+    tips = place_points(arm, q, arm.tip[None], np.array([joints - 1]))[:, 0]
+    return tips.T.reshape(batch, count, 3)
 
 
 def bounds(points: Sequence[Numbers]) -> Numbers:

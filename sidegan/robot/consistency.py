@@ -1,8 +1,8 @@
 """Which links could exist: mass, centre of mass and inertia that some distribution of mass has."""
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot.arm import Arm
@@ -18,7 +18,7 @@ _FEWEST = 3  # links that are alike by no chance
 _NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass
 
 
-def pseudo_inertia(parameters: Tensor) -> Tensor:
+def pseudo_inertia(parameters: Array) -> Array:
     """Pseudo-inertias [kg, kg·m, kg·m²], (…, 4, 4), of link parameters (…, 10) in Pinocchio's order.
 
     [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h. It is positive
@@ -28,27 +28,27 @@ def pseudo_inertia(parameters: Tensor) -> Tensor:
     Source: Wensing, Kim, Slotine 2018, Linear matrix inequalities for physically consistent inertial
     parameter identification, eq. 13.
     """
-    m, x, y, z, xx, xy, yy, xz, yz, zz = parameters.unbind(-1)
+    m, x, y, z, xx, xy, yy, xz, yz, zz = np.moveaxis(parameters, -1, 0)
     half = (xx + yy + zz) / 2
     rows = [half - xx, -xy, -xz, x, -xy, half - yy, -yz, y, -xz, -yz, half - zz, z, x, y, z, m]
-    return torch.stack(rows, -1).reshape(*parameters.shape[:-1], 4, 4)
+    return np.stack(rows, -1).reshape(*parameters.shape[:-1], 4, 4)
 
 
 # The linear map from a flattened pseudo-inertia back to link parameters, (10, 16).
-FROM_PSEUDO_INERTIA = torch.linalg.pinv(pseudo_inertia(torch.eye(10, dtype=torch.float64)).reshape(10, 16).T)
+FROM_PSEUDO_INERTIA = np.linalg.pinv(pseudo_inertia(np.eye(10)).reshape(10, 16).T)
 
 
-def inertia_matrices(parameters: Tensor) -> Tensor:
+def inertia_matrices(parameters: Array) -> Array:
     """Inertia about the joint's frame [kg·m²], (J, 3, 3), of parameters (J, 10)."""
-    xx, xy, yy, xz, yz, zz = parameters[:, 4:].unbind(1)
-    return torch.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], 1).reshape(-1, 3, 3)
+    xx, xy, yy, xz, yz, zz = parameters[:, 4:].T
+    return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], 1).reshape(-1, 3, 3)
 
 
-def about_the_centre(parameters: Tensor) -> tuple[Tensor, Tensor]:
+def about_the_centre(parameters: Array) -> tuple[Array, Array]:
     """Centre of mass [m], (J, 3), and inertia about it [kg·m²], (J, 3, 3); the masses must not be zero."""
     mass, first = parameters[:, :1], parameters[:, 1:4]
     centre = first / mass
-    square = (first * centre).sum(1)[:, None, None] * torch.eye(3, dtype=parameters.dtype)
+    square = (first * centre).sum(1)[:, None, None] * np.eye(3)
     return centre, inertia_matrices(parameters) - square + first[:, :, None] * centre[:, None, :]
 
 
@@ -72,15 +72,15 @@ def describe_doubtful_links(arm: Arm) -> str:
     return f"links of {arm.name} that are physically impossible as described: {said}" if said else ""
 
 
-def possible_links(arm: Arm) -> Tensor:
+def possible_links(arm: Arm) -> Array:
     """Link parameters that can be, (J, 10), nearest to the description's: its own where those can be.
 
     Second moments of a link become the nearest possible about its centre of mass. A link whose mass is not
     known, or not where, becomes a plain one half-way to the next joint, as heavy as the others usually are.
     """
-    links, known, length = arm.inertial_parameters.clone(), _known(arm), _length(arm)
-    usual = links[known, 0].median() if known.any() else _DENSITY * length**3
-    plain = (_PLAIN * length) ** 2 * torch.eye(3, dtype=torch.float64)
+    links, known, length = arm.inertial_parameters.copy(), _known(arm), _length(arm)
+    usual = np.median(links[known, 0]) if known.any() else _DENSITY * length**3
+    plain = (_PLAIN * length) ** 2 * np.eye(3)
     for i, ahead in enumerate([*arm.translation[1:], arm.tip]):
         links[i] = _thickened(links[i], length) if known[i] else usual * _unit_link(ahead / 2, plain)
     return links
@@ -88,13 +88,14 @@ def possible_links(arm: Arm) -> Tensor:
 
 def _length(arm: Arm) -> float:
     """Mean distance between joints [m]; 1 where there is none."""
-    return float(torch.cat([arm.translation[1:], arm.tip[None]]).norm(dim=1).mean()) or 1.0
+    return float(np.linalg.norm(np.concatenate([arm.translation[1:], arm.tip[None]]), axis=1).mean()) or 1.0
 
 
-def _masses(arm: Arm) -> tuple[Tensor, Tensor]:
+def _masses(arm: Arm) -> tuple[Array, Array]:
     """Masses of the links [kg], and how far from their joints these are [m], (J,) each."""
     mass = arm.inertial_parameters[:, 0]
-    return mass, arm.inertial_parameters[:, 1:4].norm(dim=1) / mass
+    with np.errstate(divide="ignore", invalid="ignore"):  # a link may weigh nothing
+        return mass, np.linalg.norm(arm.inertial_parameters[:, 1:4], axis=1) / mass
 
 
 def placeholder_links(arm: Arm) -> list[str]:
@@ -109,49 +110,49 @@ def describe_placeholder_links(arm: Arm) -> str:
     return f"masses of {listed(links)} are placeholders ({alike})" if links else ""
 
 
-def _placeholders(arm: Arm) -> Tensor:
+def _placeholders(arm: Arm) -> Array:
     """Which links are placeholders, (J,) bool."""
     links = arm.inertial_parameters
     heavy = links[:, 0] > 0
-    centred = heavy & (links[:, 1:4].norm(dim=1) <= _CENTRED * _length(arm) * links[:, 0])
-    alike = torch.isclose(links[:, None], links[None], rtol=_ALIKE, atol=0.0)[..., [0, 4, 6, 9]].all(2)
+    centred = heavy & (np.linalg.norm(links[:, 1:4], axis=1) <= _CENTRED * _length(arm) * links[:, 0])
+    alike = np.isclose(links[:, None], links[None], rtol=_ALIKE, atol=0.0)[..., [0, 4, 6, 9]].all(2)
     alike = alike & centred & centred[:, None]
     most = alike[alike.sum(1).argmax()]
     enough = int(most.sum()) >= max(_FEWEST, int(heavy.sum()) // 2 + 1)
-    return most if enough else torch.zeros_like(heavy)
+    return most if enough else np.zeros_like(heavy)
 
 
-def _known(arm: Arm) -> Tensor:
+def _known(arm: Arm) -> Array:
     """Whether a link's mass is known, and where it is, (J,) bool."""
     return _located(arm) & ~_placeholders(arm)
 
 
-def _located(arm: Arm) -> Tensor:
+def _located(arm: Arm) -> Array:
     """Whether a link's mass can be, and is where it can be, (J,) bool."""
     mass, place = _masses(arm)
     heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
-    return heavy & (place < _FARTHEST * _length(arm)) & arm.inertial_parameters.isfinite().all(1)
+    return heavy & (place < _FARTHEST * _length(arm)) & np.isfinite(arm.inertial_parameters).all(1)
 
 
-def _thickened(link: Tensor, length: float) -> Tensor:
+def _thickened(link: Array, length: float) -> Array:
     """A link (10,); with the nearest second moments about its centre where it is too thin."""
     (centre,), (inertia,) = about_the_centre(link[None])
-    spread = (inertia.trace() / 2 * torch.eye(3, dtype=link.dtype) - inertia) / link[0]
-    values, axes = torch.linalg.eigh(spread)
+    spread = (inertia.trace() / 2 * np.eye(3) - inertia) / link[0]
+    values, axes = np.linalg.eigh(spread)
     if values[0] > (_TOO_THIN * length) ** 2:
         return link
-    return link[0] * _unit_link(centre, axes @ values.clamp_min((_THIN * length) ** 2).diag() @ axes.T)
+    return link[0] * _unit_link(centre, (axes * np.maximum(values, (_THIN * length) ** 2)) @ axes.T)
 
 
-def _unit_link(centre: Tensor, spread: Tensor) -> Tensor:
+def _unit_link(centre: Array, spread: Array) -> Array:
     """Parameters of 1 kg, (10,), about a centre [m], (3,), with second moments (3, 3) there [m²]."""
-    place = torch.cat([centre, centre.new_ones(1)])
-    whole = torch.outer(place, place)
+    place = np.append(centre, 1.0)
+    whole = np.outer(place, place)
     whole[:3, :3] += spread
-    return FROM_PSEUDO_INERTIA @ whole.flatten()
+    return FROM_PSEUDO_INERTIA @ whole.ravel()
 
 
-def inconsistent_links(arm: Arm, parameters: Tensor | None = None) -> list[tuple[str, str]]:
+def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[str, str]]:
     """Links that cannot exist, each with the reason; an empty list when all are physically consistent.
 
     A link is what one joint moves, with everything that is fixed to it. Parameters to judge instead of the
@@ -163,11 +164,11 @@ def inconsistent_links(arm: Arm, parameters: Tensor | None = None) -> list[tuple
     links = arm.inertial_parameters if parameters is None else parameters
     if links.shape != (arm.joints, 10):
         raise ShapeError(f"inertial parameters are {tuple(links.shape)}, expected ({arm.joints}, 10)")
-    reasons = [_reason(link[None]) for link in links.detach().double().cpu()]
+    reasons = [_reason(link[None]) for link in links]
     return [(name, reason) for name, reason in zip(arm.link_names, reasons) if reason]
 
 
-def require_consistent(arm: Arm, parameters: Tensor | None = None) -> None:
+def require_consistent(arm: Arm, parameters: Array | None = None) -> None:
     """Raise unless every link is physically consistent; arguments as of ``inconsistent_links``.
 
     Raises:
@@ -180,18 +181,18 @@ def require_consistent(arm: Arm, parameters: Tensor | None = None) -> None:
         raise RobotError(f"{arm.name} is not physically consistent: {links}")
 
 
-def _reason(parameters: Tensor) -> str:
+def _reason(parameters: Array) -> str:
     """Why a link (1, 10) cannot exist; empty when it can."""
-    if not parameters.isfinite().all():
+    if not np.isfinite(parameters).all():
         return "a parameter is not finite"
     mass = float(parameters[0, 0])
     if not mass > 0:
         return f"its mass is {mass:.4g} kg, expected more than 0"
     centre, inertia = (x[0] for x in about_the_centre(parameters))
-    low, middle, high = torch.linalg.eigvalsh(inertia).tolist()
+    low, middle, high = np.linalg.eigvalsh(inertia).tolist()
     moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m² about the centre of mass"
     if not low > 0:
-        about_joint = torch.linalg.eigvalsh(inertia_matrices(parameters)[0])
+        about_joint = np.linalg.eigvalsh(inertia_matrices(parameters)[0])
         if about_joint[0] > 0:
             place = ", ".join(f"{x:.4g}" for x in centre.tolist())
             return f"its centre of mass ({place}) m is too far out for its inertia: {moments}"

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.robot import xml
 
@@ -20,27 +20,27 @@ _STATED = "damping", "friction", "armature"  # attributes of <dynamics>; the las
 class Drives:
     """Friction and rotors of the joints; float64."""
 
-    viscous: Tensor  # [N·m·s/rad or N·s/m], (J,)
-    coulomb: Tensor  # [N·m or N], (J,)
-    rotor_inertia: Tensor  # behind the gears [kg·m² or kg], (J,)
+    viscous: Array  # [N·m·s/rad or N·s/m], (J,)
+    coulomb: Array  # [N·m or N], (J,)
+    rotor_inertia: Array  # behind the gears [kg·m² or kg], (J,)
 
     def __post_init__(self) -> None:
         shapes = {tuple(x.shape) for x in vars(self).values()}
         if len(shapes) != 1 or self.viscous.ndim != 1:
             raise ShapeError(f"friction and rotors are {sorted(shapes)}, expected one number per joint each")
 
-    def smooth(self, dq: Tensor, ddq: Tensor) -> Tensor:
+    def smooth(self, dq: Array, ddq: Array) -> Array:
         """What rotors and viscous friction take [N·m or N], at velocities and accelerations, (…, J) each."""
         return self.viscous * dq + self.rotor_inertia * ddq
 
-    def torque(self, dq: Tensor, ddq: Tensor) -> Tensor:
+    def torque(self, dq: Array, ddq: Array) -> Array:
         """What rotors and all friction take [N·m or N], at velocities and accelerations, (…, J) each."""
-        return self.smooth(dq, ddq) + self.coulomb * dq.sign()
+        return self.smooth(dq, ddq) + self.coulomb * np.sign(dq)
 
     @classmethod
     def none(cls, joints: int) -> "Drives":
         """No friction and no rotors."""
-        return cls(*(torch.zeros(joints, dtype=torch.float64) for _ in range(3)))
+        return cls(*(np.zeros(joints) for _ in range(3)))
 
 
 def described_drives(moving: Sequence["Joint"], where: str) -> Drives | None:
@@ -53,5 +53,5 @@ def described_drives(moving: Sequence["Joint"], where: str) -> Drives | None:
             for key in _STATED
         ]
         rows.append([max(value, 0.0) for value in values])
-    columns = torch.tensor(rows, dtype=torch.float64).T
+    columns = np.array(rows, dtype=float).T
     return Drives(*columns) if columns.any() else None

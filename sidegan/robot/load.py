@@ -6,9 +6,9 @@ from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
@@ -102,12 +102,12 @@ def load_robot(
     )
 
 
-def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Tensor]:
+def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array]:
     """Limits of all joints, (J,), named as in `Arm`; those of acceleration and jerk where there are any."""
     limits = {}
     for kind, name in _LIMITS.items():
-        column = torch.tensor([getattr(description.limits[one], kind) for one in names], dtype=torch.float64)
-        if kind not in ("acceleration", "jerk") or column.isfinite().any():
+        column = np.array([getattr(description.limits[one], kind) for one in names], dtype=float)
+        if kind not in ("acceleration", "jerk") or np.isfinite(column).any():
             limits[name] = column
     return limits
 

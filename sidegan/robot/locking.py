@@ -4,7 +4,7 @@ import math
 import xml.etree.ElementTree as ET
 
 import numpy as np
-import scipy  # its parts are imported when they are used
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from sidegan.errors import RobotError
@@ -58,12 +58,12 @@ def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
 
 def rotation(axis: Matrix, angle: float) -> Matrix:
     """Rotation (3, 3) by an angle [rad] about a unit vector (3,)."""
-    return scipy.spatial.transform.Rotation.from_rotvec(angle * axis).as_matrix()
+    return pin.exp3(angle * axis)
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Matrix:
     """Rotation (3, 3) of roll, pitch and yaw [rad]."""
-    return scipy.spatial.transform.Rotation.from_euler("xyz", rpy).as_matrix()
+    return pin.rpy.rpyToMatrix(*rpy)
 
 
 def to_rpy(turn: Matrix) -> tuple[float, float, float]:

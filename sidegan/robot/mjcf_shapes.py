@@ -4,7 +4,7 @@ import xml.etree.ElementTree as ET
 
 import mujoco
 import numpy as np
-import scipy  # its parts are imported when they are used
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from sidegan.robot.locking import write_placement
@@ -67,4 +67,4 @@ def _write(element: ET.Element, kind: str, model: mujoco.MjModel, geom: int) -> 
 
 def turn_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) of a quaternion, scalar first."""
-    return scipy.spatial.transform.Rotation.from_quat(np.roll(quaternion, -1)).as_matrix()
+    return pin.Quaternion(*quaternion).normalized().matrix()

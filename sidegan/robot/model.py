@@ -9,9 +9,8 @@ from typing import BinaryIO
 
 import numpy as np
 import pinocchio as pin
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
@@ -36,19 +35,19 @@ def build(description: Description) -> pin.Model:
     return model
 
 
-def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Tensor]:
+def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Array]:
     """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`."""
     joints = range(1, model.njoints)
     subspaces = np.array([_motion_subspace(model, i) for i in joints])
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
     return {
-        "prismatic": torch.from_numpy(prismatic),
-        "rotation": _tensor([model.jointPlacements[i].rotation for i in joints]),
-        "translation": _tensor([model.jointPlacements[i].translation for i in joints]),
-        "axis": _tensor(np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:])),
-        "inertial_parameters": _tensor([model.inertias[i].toDynamicParameters() for i in joints]),
-        "gravity": _tensor(model.gravity.linear),
-        "tip": _tensor(_tip(model, tip)),
+        "prismatic": prismatic,
+        "rotation": _array([model.jointPlacements[i].rotation for i in joints]),
+        "translation": _array([model.jointPlacements[i].translation for i in joints]),
+        "axis": _array(np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:])),
+        "inertial_parameters": _array([model.inertias[i].toDynamicParameters() for i in joints]),
+        "gravity": _array(model.gravity.linear),
+        "tip": _array(_tip(model, tip)),
     }
 
 
@@ -119,8 +118,8 @@ def _tip(model: pin.Model, link: str | None) -> Points:
     return max((f.placement.translation for f in carried), key=lambda point: float(np.linalg.norm(point)))
 
 
-def _tensor(values: object) -> Tensor:
-    return torch.from_numpy(np.array(values, dtype=np.float64))
+def _array(values: object) -> Array:
+    return np.array(values, dtype=np.float64)
 
 
 @contextmanager

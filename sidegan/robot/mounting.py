@@ -5,9 +5,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.robot.arm import Arm, FilePlane
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.setup import Mount
@@ -55,22 +54,22 @@ def stands(arm: Arm) -> bool:
     return float(from_rpy(arm.mount)[2, 2]) >= _STANDING
 
 
-def in_base(arm: Arm, vector: Tensor) -> Tensor:
+def in_base(arm: Arm, vector: Array) -> Array:
     """A vector in an arm's world, (3,), in the frame of its base."""
-    return torch.from_numpy(from_rpy(arm.mount)).T @ vector
+    return from_rpy(arm.mount).T @ vector
 
 
-def straightened(vector: Tensor) -> Tensor:
+def straightened(vector: Array) -> Array:
     """A vector, (3,), along an axis of its frame where it is nearly that."""
-    k = int(vector.abs().argmax())
-    along = torch.zeros_like(vector)
-    along[k] = vector[k].sign() * vector.norm()
-    return along if float(vector.abs()[k]) > math.cos(_STRAIGHT) * float(vector.norm()) else vector
+    k = int(np.abs(vector).argmax())
+    along = np.zeros_like(vector)
+    along[k] = np.sign(vector[k]) * np.linalg.norm(vector)
+    return along if float(np.abs(vector)[k]) > math.cos(_STRAIGHT) * float(np.linalg.norm(vector)) else vector
 
 
-def direction(vector: Tensor) -> str:
+def direction(vector: Array) -> str:
     """Direction of a vector, (3,), for people: an axis, or a unit vector."""
     if int((vector != 0).sum()) == 1:
-        k = int(vector.abs().argmax())
+        k = int(np.abs(vector).argmax())
         return f"{'+' if vector[k] > 0 else '−'}{'xyz'[k]}"
-    return f"({', '.join(f'{round(x, 2) + 0.0:.2f}' for x in (vector / vector.norm()).tolist())})"
+    return f"({', '.join(f'{round(x, 2) + 0.0:.2f}' for x in (vector / np.linalg.norm(vector)).tolist())})"

@@ -2,23 +2,24 @@
 
 from collections.abc import Mapping
 
-import torch
-from torch import Tensor
+import numpy as np
+
+from sidegan.base.arrays import Array
 
 _LARGE, _LARGE_BASE, _AT_LEAST = 5.0, 50.0, 3.0  # arm's lengths, and [m], from which on shapes are too large
 _SMALL = 0.002  # of an arm's length, below which a mesh is too small
 
 
-def length_of(arm: Mapping[str, Tensor]) -> float:
+def length_of(arm: Mapping[str, Array]) -> float:
     """How far an arm reaches at most from its first joint, about [m], by its numbers as in `Arm`.
 
     Centres of mass count where nothing else does: one that is far out is a mistake of another kind.
     """
-    mass = arm["inertial_parameters"][:, 0].clamp_min(1e-9)
-    centres = arm["inertial_parameters"][:, 1:4].norm(dim=1) / mass
-    slides = torch.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
-    offsets = arm["translation"][1:].norm(dim=1).sum() + slides.sum()
-    return float(offsets + torch.maximum(arm["tip"].norm(), centres.median()))
+    mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
+    centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
+    slides = np.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
+    offsets = np.linalg.norm(arm["translation"][1:], axis=1).sum() + slides.sum()
+    return float(offsets + max(np.linalg.norm(arm["tip"]), np.median(centres)))
 
 
 def of_another_order(size: float, length: float, moves: bool, mesh: bool) -> str:

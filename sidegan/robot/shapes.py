@@ -10,7 +10,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 import scipy  # its parts are imported when they are used
-import torch
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
@@ -60,13 +59,13 @@ def shapes_of(
 
 
 def capsules_of(shapes: Sequence[Shape]) -> Capsules:
-    """All shapes side by side, as tensors."""
+    """All shapes side by side, as arrays."""
     ends = np.array([shape.part.capsule[0] for shape in shapes], dtype=np.float64).reshape(-1, 2, 3)
     return Capsules(
-        link=torch.tensor([shape.link for shape in shapes], dtype=torch.long),
-        a=torch.from_numpy(ends[:, 0].copy()),
-        b=torch.from_numpy(ends[:, 1].copy()),
-        radius=torch.tensor([shape.part.capsule[1] for shape in shapes], dtype=torch.float64),
+        link=np.array([shape.link for shape in shapes], dtype=int),
+        a=ends[:, 0].copy(),
+        b=ends[:, 1].copy(),
+        radius=np.array([shape.part.capsule[1] for shape in shapes]),
         names=tuple(shape.name for shape in shapes),
         owners=tuple(shape.owner for shape in shapes),
         pieces=None if all(shape.exact for shape in shapes) else _pieces(shapes),
@@ -76,12 +75,12 @@ def capsules_of(shapes: Sequence[Shape]) -> Capsules:
 def _pieces(shapes: Sequence[Shape]) -> Pieces:
     corners = [shape.part.corners for shape in shapes]
     return Pieces(
-        corners=torch.from_numpy(np.concatenate(corners)),
-        start=torch.from_numpy(np.cumsum([0, *map(len, corners)])),
-        radius=torch.tensor([shape.part.rounding for shape in shapes], dtype=torch.float64),
-        exact=torch.tensor([shape.exact for shape in shapes]),
-        fitted=torch.tensor([bool(shape.digest) for shape in shapes]),
-        core=torch.tensor([_core(shape) for shape in shapes], dtype=torch.float64),
+        corners=np.concatenate(corners),
+        start=np.cumsum([0, *map(len, corners)]),
+        radius=np.array([shape.part.rounding for shape in shapes]),
+        exact=np.array([shape.exact for shape in shapes]),
+        fitted=np.array([bool(shape.digest) for shape in shapes]),
+        core=np.array([_core(shape) for shape in shapes]),
     )
 
 

@@ -6,9 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing
 from sidegan.errors import RobotError
 from sidegan.robot import xml
@@ -24,7 +23,7 @@ from sidegan.robot.xml import words
 _TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
 
 
-def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None = None) -> None:
+def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = None) -> None:
     """Write the arm's URDF with these inertial parameters in place of its own, and nothing else changed.
 
     Limits that readers of a URDF ask for, and the source does not have, are the arm's; capsules of an MJCF,
@@ -46,7 +45,6 @@ def write_urdf(arm: Arm, parameters: Tensor, path: Path, drives: Drives | None =
         ShapeError: when the parameters are not (J, 10).
         StorageError: when the file cannot be written.
     """
-    parameters = parameters.detach().double().cpu()
     require_consistent(arm, parameters)
     carriers = _carriers(arm)
     inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
@@ -130,7 +128,7 @@ def _round(root: ET.Element) -> None:
             capsule.tag = "cylinder"
 
 
-def _inertial(parameters: Tensor) -> ET.Element:
+def _inertial(parameters: Array) -> ET.Element:
     """An `<inertial>` element of parameters (10,), about the centre of mass."""
     centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
@@ -142,7 +140,7 @@ def _inertial(parameters: Tensor) -> ET.Element:
     return element
 
 
-def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
+def _check(arm: Arm, parameters: Array, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
     from sidegan.robot import model as pin_model
 
@@ -152,9 +150,9 @@ def _check(arm: Arm, parameters: Tensor, file: Path) -> None:
     del chain["gravity"]  # no URDF states it
     same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():
-        scale = float(same[name].double().abs().max())
-        if value.shape != same[name].shape or not torch.allclose(
-            value.double(), same[name].double(), rtol=0, atol=_TOLERANCE * max(scale, 1.0)
+        scale = float(np.abs(same[name]).max())
+        if value.shape != same[name].shape or not np.allclose(
+            value, same[name], rtol=0, atol=_TOLERANCE * max(scale, 1.0)
         ):
             what = name.replace("_", " ")
             raise RobotError(f"{arm.urdf} with new inertias does not read as {arm.name}: another {what}")

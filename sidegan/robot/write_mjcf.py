@@ -6,10 +6,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy  # its parts are imported when they are used
-import torch
-from torch import Tensor
+import pinocchio as pin
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import write_bytes
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm
@@ -24,7 +23,7 @@ _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves fr
 _WORLD = "world"  # MuJoCo's own name for what does not move
 
 
-def write_mjcf(arm: Arm, parameters: Tensor, path: Path, drives: Drives) -> None:
+def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     """Write an arm with these inertial parameters, friction and rotors as MJCF, for MuJoCo and Pinocchio.
 
     Shapes are the convex pieces that stand for the links, which collide, but for pairs that may touch;
@@ -40,7 +39,6 @@ def write_mjcf(arm: Arm, parameters: Tensor, path: Path, drives: Drives) -> None
         RobotError: when a link would not be physically consistent, or MuJoCo does not load the file.
         StorageError: when the file cannot be written.
     """
-    parameters = parameters.detach().double().cpu()
     require_consistent(arm, parameters)
     links = [f"{name} link" if name == _WORLD else name for name in arm.link_names]
     root = chain(arm, parameters, drives, _STEP, (links, arm.joint_names))
@@ -55,7 +53,7 @@ def write_mjcf(arm: Arm, parameters: Tensor, path: Path, drives: Drives) -> None
 
 def chain(
     arm: Arm,
-    parameters: Tensor,
+    parameters: Array,
     drives: Drives,
     step: float,
     names: tuple[Sequence[str], Sequence[str]],
@@ -87,13 +85,13 @@ def chain(
     return root
 
 
-def _inertials(parameters: Tensor) -> Iterable[dict[str, str]]:
+def _inertials(parameters: Array) -> Iterable[dict[str, str]]:
     """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
     for row in parameters:
         centre, inertia = (x[0] for x in about_the_centre(row[None]))
-        moments, axes = torch.linalg.eigh(inertia)
-        moments[2] = moments[2].clamp_max(moments[:2].sum())  # but for rounding, which MuJoCo refuses
-        axes = axes * torch.linalg.det(axes).sign()  # right-handed: minus one is no rotation
+        moments, axes = np.linalg.eigh(inertia)
+        moments[2] = min(moments[2], moments[:2].sum())  # but for rounding, which MuJoCo refuses
+        axes = axes * np.sign(np.linalg.det(axes))  # right-handed: minus one is no rotation
         yield {
             "mass": words(row[:1]),
             "pos": words(centre),
@@ -106,7 +104,7 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
     """Attributes of each joint's range and torque."""
     for lower, upper, effort in zip(arm.position_lower, arm.position_upper, arm.torque_limit):
         limits = {"range": words([lower, upper])}
-        yield limits | ({"actuatorfrcrange": words([-effort, effort])} if effort.isfinite() else {})
+        yield limits | ({"actuatorfrcrange": words([-effort, effort])} if np.isfinite(effort) else {})
 
 
 def _draw(arm: Arm, root: ET.Element, names: Mapping[str, str]) -> None:
@@ -138,13 +136,13 @@ def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
     capsules, pieces = arm.capsules, arm.capsules.pieces
     a, b, radius = capsules.a[k], capsules.b[k], capsules.radius[k]
     if pieces is not None and not pieces.exact[k]:
-        hull, r = pieces.corners[pieces.start[k] : pieces.start[k + 1]].numpy(), float(pieces.radius[k])
+        hull, r = pieces.corners[pieces.start[k] : pieces.start[k + 1]], float(pieces.radius[k])
         cube = np.array(np.meshgrid([-r, r], [-r, r], [-r, r])).reshape(3, 8).T
         points = (hull[:, None] + cube).reshape(-1, 3)  # what is rounded is within
         if hull_of(points) is not None:
             ET.SubElement(assets, "mesh", name=f"piece {k}", vertex=words(corners(points).ravel()))
             return {"type": "mesh", "mesh": f"piece {k}"}
-    if torch.equal(a, b):
+    if np.array_equal(a, b):
         return {"type": "sphere", "size": words([radius]), "pos": words(a)}
     return {"type": "capsule", "size": words([radius]), "fromto": words([*a, *b])}
 
@@ -160,6 +158,5 @@ def _check(arm: Arm, text: str) -> None:
         raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
 
 
-def _quaternion(rotation: Tensor) -> str:
-    turn = scipy.spatial.transform.Rotation.from_matrix(rotation.numpy())
-    return words(turn.as_quat()[[3, 0, 1, 2]])  # scalar first
+def _quaternion(rotation: Array) -> str:
+    return words(pin.Quaternion(rotation).coeffs()[[3, 0, 1, 2]])  # scalar first

@@ -3,9 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.design.problem import Problem
 from sidegan.seeding.result import Optimiser
 
@@ -23,11 +22,11 @@ class Gradient(Optimiser):
     # easier a generator trained on them stays valid, and the worse they are conditioned
     reserve: float
 
-    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
         """Candidates [rad/s], (count, J, H, 2), by as many descents."""
         from sidegan.design.goal import Goal
         from sidegan.design.search import Descent  # compiled: imported when it is used
 
         descent = Descent(problem, Goal("diagonal" if problem.diagonal else "condition"), self.reserve)
-        random = torch.Generator().manual_seed(int(source.generate_state(1, np.uint64)[0] >> 1))
-        return torch.stack([descent.run(descent.start(random, reach), self.steps) for _ in range(count)])
+        random = np.random.default_rng(source)
+        return np.stack([descent.run(descent.start(random, reach), self.steps) for _ in range(count)])

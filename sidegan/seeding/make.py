@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from sidegan.base.parallel import Job, Report, run_jobs
-from sidegan.base.storage import read_torch, write_task
+from sidegan.base.storage import read_arrays, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
 from sidegan.seeding.result import Optimiser, SeedBatch
@@ -45,7 +45,7 @@ def make_seeds(
         jobs: list[Job] = []
         for index, size in enumerate(sizes, number):
             seed = np.random.SeedSequence(random.entropy, spawn_key=(*random.spawn_key, index))
-            jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{index:05d}.pt"))
+            jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{index:05d}.npz"))
         batches += run_jobs("seeds", jobs, tasks.workers, missing)
     whole = SeedBatch.join(batches)
     if len(whole) < tasks.count:
@@ -57,10 +57,10 @@ def _task(
     problem: Problem, method: Optimiser, count: int, seed: np.random.SeedSequence, path: Path, report: Report
 ) -> SeedBatch:
     try:
-        batch = SeedBatch(**read_torch(path))
-    except (ArtifactError, TypeError):
+        batch = SeedBatch.of(read_arrays(path))
+    except ArtifactError:
         batch = method.optimise(problem, count, seed)
-        write_task(path, vars(batch))
+        write_task(path, batch.arrays())
     report(1, 1)
     return batch
 

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
 from sidegan.design.problem import Problem
 from sidegan.seeding.result import Optimiser
@@ -41,18 +40,18 @@ class ConditionProblem:
     def __deepcopy__(self, memory: dict[int, Any]) -> "ConditionProblem":
         return self  # pygmo copies its problems; this one never changes, and its room to work is large
 
-    def fitness(self, x: np.ndarray) -> np.ndarray:
+    def fitness(self, x: Array) -> Array:
         """Log fitness and violations, (1 + G,)."""
         return self.batch_fitness(x)
 
-    def batch_fitness(self, x: np.ndarray) -> np.ndarray:
+    def batch_fitness(self, x: Array) -> Array:
         """Fitness and constraints of B decision vectors laid end to end, (B · (1 + G),)."""
-        return self.evaluate(self.coefficients(x).numpy()).ravel()
+        return self.evaluate(self.coefficients(x)).ravel()
 
-    def coefficients(self, x: np.ndarray) -> Tensor:
+    def coefficients(self, x: Array) -> Array:
         """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end."""
         joints, harmonics, pair = self.shape
-        return torch.from_numpy(self.box * x.reshape(-1, pair, joints, harmonics)).movedim(1, -1).contiguous()
+        return np.ascontiguousarray(np.moveaxis(self.box * x.reshape(-1, pair, joints, harmonics), 1, -1))
 
     def get_bounds(self) -> tuple[list[float], list[float]]:
         """Lower and upper bounds of the decision vector."""
@@ -76,12 +75,12 @@ class Paper(Optimiser):
 
     smallest = 1.0  # seeds are valid as they are found, or given up
 
-    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
         """Candidates [rad/s], (count, J, H, 2), by as many searches from the whole box."""
         udp = ConditionProblem(problem, self.box)
-        return torch.cat([self._search(udp, child) for child in source.spawn(count)])
+        return np.concatenate([self._search(udp, child) for child in source.spawn(count)])
 
-    def _search(self, udp: ConditionProblem, source: np.random.SeedSequence) -> Tensor:
+    def _search(self, udp: ConditionProblem, source: np.random.SeedSequence) -> Array:
         with extra("paper"):
             import pygmo as pg
 
@@ -95,10 +94,11 @@ class Paper(Optimiser):
         refined.push_back(best)
         compass = pg.compass_search(self.evaluations, _COMPASS_STEP, _COMPASS_STOP)
         refined = pg.algorithm(compass).evolve(refined)
-        return udp.coefficients(_best(refined)).float().double()  # as a file of seeds keeps them
+        # Single precision, as a file of seeds keeps them.
+        return udp.coefficients(_best(refined)).astype(np.float32).astype(float)
 
 
-def _best(population: "pygmo.population") -> np.ndarray:
+def _best(population: "pygmo.population") -> Array:
     """The feasible decision vector with the least fitness, or the least violating one."""
     values, vectors = population.get_f(), population.get_x()
     violation = np.clip(values[:, 1:], 0, None).sum(1)

@@ -15,9 +15,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
@@ -42,15 +41,15 @@ class Layout:
         """Shape of an image, (2, H + 1, J)."""
         return 2, self.harmonics + 1, self.joints
 
-    def image(self, c: Tensor) -> Tensor:
+    def image(self, c: Array) -> Array:
         """Images (B, 2, H + 1, J) float32 of coefficients [rad/s], (B, J, H, 2)."""
-        rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
-        return torch.cat([rows, rows[:, :, :1]], 2).float()
+        rows = SCALE * c.transpose(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
+        return np.concatenate([rows, rows[:, :, :1]], 2).astype(np.float32)
 
-    def coefficients(self, image: Tensor) -> Tensor:
+    def coefficients(self, image: Array) -> Array:
         """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), whose last row is ignored."""
         rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
-        return rows.permute(0, 2, 3, 1) / SCALE
+        return rows.transpose(0, 2, 3, 1) / SCALE
 
 
 @dataclass(frozen=True)
@@ -87,22 +86,22 @@ class PublishedSeeds:
         """SHA-256 of the files' contents."""
         return hashlib.sha256(b"".join(path.read_bytes() for path in self.files)).hexdigest()
 
-    def read(self, trajectory: Trajectory) -> Tensor:
-        """Coefficients [rad/s], (N, J, H, 2) float64, in the order of the files.
+    def read(self, trajectory: Trajectory) -> Array:
+        """Coefficients [rad/s], (N, J, H, 2), in the order of the files.
 
         Raises:
             ConfigError: when a file is not of the layout, or its seeds are not of these trajectories.
         """
         layout = Layout(trajectory.joints, trajectory.harmonics)
-        return torch.cat([_read(path, layout, 2 * math.pi / trajectory.period) for path in self.files])
+        return np.concatenate([_read(path, layout, 2 * math.pi / trajectory.period) for path in self.files])
 
-    def features(self) -> Tensor | None:
+    def features(self) -> Array | None:
         """The authors' 35 features of every seed of the array, diag YᵀY of theirs, (N, 35); None without."""
         found = self._found(_FEATURES)
-        return torch.from_numpy(np.load(found[0])).double() if found else None
+        return np.load(found[0]).astype(float) if found else None
 
-    def weights(self, name: str) -> dict[str, Tensor]:
-        """The authors' weights of ``predictor`` or ``converter``, by the names of their layers.
+    def weights(self, name: str) -> Path:
+        """File of the authors' weights of ``predictor`` or ``converter``.
 
         Raises:
             ConfigError: when they are not there.
@@ -113,10 +112,10 @@ class PublishedSeeds:
                 f"seeds.folder={self.folder}: no {WEIGHTS[name]} there, the published {name}; "
                 "surrogates.shipped=false trains one"
             )
-        return {key: x.float() for key, x in torch.load(found[0], "cpu", weights_only=True).items()}
+        return found[0]
 
 
-def _read(path: Path, layout: Layout, pulsation: float) -> Tensor:
+def _read(path: Path, layout: Layout, pulsation: float) -> Array:
     if path.suffix == ".json":
         with reading(path, "coefficient_a and coefficient_b", ConfigError):
             return _from_json(path, layout, pulsation)
@@ -128,15 +127,15 @@ def _read(path: Path, layout: Layout, pulsation: float) -> Tensor:
             f"{path} has images of shape {images.shape[1:]}, expected {layout.shape} for trajectories of "
             f"{layout.joints} joints and {layout.harmonics} harmonics"
         )
-    x = torch.from_numpy(images.astype(np.float64))
-    if not torch.equal(x[:, :, 0], x[:, :, -1]):
+    x = images.astype(float)
+    if not np.array_equal(x[:, :, 0], x[:, :, -1]):
         raise ConfigError(
             f"{path} is not of the published layout: the last row of an image repeats its first"
         )
     return layout.coefficients(x)
 
 
-def _from_json(path: Path, layout: Layout, pulsation: float) -> Tensor:
+def _from_json(path: Path, layout: Layout, pulsation: float) -> Array:
     content = json.loads(path.read_text())
     frequency = float(content.get("frequency", pulsation))
     if abs(frequency - pulsation) > _SAME:
@@ -144,5 +143,5 @@ def _from_json(path: Path, layout: Layout, pulsation: float) -> Tensor:
             f"{path} has the base pulsation {frequency:g} rad/s, these trajectories {pulsation:g}: "
             f"set trajectory.period={2 * math.pi / frequency:.6g}"
         )
-    channels = [torch.tensor(content[f"coefficient_{name}"], dtype=torch.float64) for name in "ab"]
-    return torch.stack(channels, -1).reshape(1, layout.joints, layout.harmonics, 2)
+    channels = [np.array(content[f"coefficient_{name}"], float) for name in "ab"]
+    return np.stack(channels, -1).reshape(1, layout.joints, layout.harmonics, 2)

@@ -1,17 +1,17 @@
 """Result of an optimiser: seeds that provably hold every constraint, and why the others failed."""
 
+import json
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.design.problem import HOPELESS, Problem
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.validity import summarise_faults
 from sidegan.validity.home import REMEDIES
 
@@ -25,8 +25,8 @@ _SLOWER = "more time, trajectory.period=…"
 class SeedBatch:
     """Seeds and how they came about."""
 
-    coefficients: Tensor  # of valid seeds [rad/s], (n, J, H, 2)
-    fitness: Tensor  # their condition number of YᵀY, or the diagonal fitness, (n,)
+    coefficients: Array  # of valid seeds [rad/s], (n, J, H, 2)
+    fitness: Array  # their condition number of YᵀY, or the diagonal fitness, (n,)
     attempts: int = 0  # starts that were optimised
     failed: int = 0  # starts that did not become valid seeds
     faults: dict[str, int] = field(default_factory=dict)  # how many of the failed starts violated what
@@ -40,17 +40,31 @@ class SeedBatch:
         """One batch of at least one, in order."""
         parts = list(batches)
         return cls(
-            torch.cat([part.coefficients for part in parts]),
-            torch.cat([part.fitness for part in parts]),
+            np.concatenate([part.coefficients for part in parts]),
+            np.concatenate([part.fitness for part in parts]),
             sum(part.attempts for part in parts),
             sum(part.failed for part in parts),
             dict(sum((Counter(part.faults) for part in parts), Counter[str]())),
             sum(part.cpu_seconds for part in parts),
         )
 
+    @classmethod
+    def of(cls, arrays: Mapping[str, Array]) -> "SeedBatch":
+        """The batch that a file keeps; an ArtifactError where it is no batch."""
+        try:
+            return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
+        except (KeyError, TypeError, ValueError) as error:
+            raise ArtifactError(f"the file holds no seeds: {error}") from error
+
+    def arrays(self) -> dict[str, Array]:
+        """What a file keeps, numbers and text."""
+        origin = {name: x for name, x in vars(self).items() if name not in ("coefficients", "fitness")}
+        text = np.array(json.dumps(origin))
+        return {"coefficients": self.coefficients, "fitness": self.fitness, "origin": text}
+
     def best(self, count: int) -> "SeedBatch":
         """At most ``count`` seeds, those with the least fitness, in their order."""
-        kept = torch.argsort(self.fitness)[:count].sort().values
+        kept = np.sort(np.argsort(self.fitness)[:count])
         return replace(self, coefficients=self.coefficients[kept], fitness=self.fitness[kept])
 
     def shortfall(self, count: int) -> InfeasibleError:
@@ -71,7 +85,7 @@ class Optimiser(ABC):
     smallest = 0.5  # share of its size to which a candidate may shrink to become valid
 
     @abstractmethod
-    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Tensor:
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
         """Candidates [rad/s], (count, J, H, 2), from starts that use a share ``reach`` of the limits."""
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
@@ -95,7 +109,7 @@ class Optimiser(ABC):
         return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)
 
 
-def settle(problem: Problem, c: Tensor, smallest: float) -> SeedBatch:
+def settle(problem: Problem, c: Array, smallest: float) -> SeedBatch:
     """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps.
 
     They shrink to no less than a share of their size.

@@ -4,8 +4,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Count, Positive, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -69,13 +70,13 @@ class Seeds:
         """The published seeds."""
         return PublishedSeeds(Path(self.folder or ""))
 
-    def refuse_beyond(self, c: Tensor) -> None:
+    def refuse_beyond(self, c: Array) -> None:
         """Refuse coefficients [rad/s] beyond the box.
 
         Raises:
             ConfigError: says how far they reach.
         """
-        if self.box is not None and (most := float(c.abs().max())) > (1 + _ROUNDING) * self.box:
+        if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
             raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is without")
 
     @property

@@ -56,7 +56,7 @@ def excite(
     searched = settings_of(SearchSettings, search)
     c = design_set(cell.problem, aim, aimed.count, searched, number(seed, "excite"))
     made = TrajectorySet(cell, measured(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim)
-    return replace(made, library=made.library.take(made.energy().argsort(kind="stable").tolist()))
+    return replace(made, library=made.library.take(made.energy().argsort(kind="stable")))
 
 
 def aim_of(

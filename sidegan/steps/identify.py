@@ -8,9 +8,9 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pandas as pd
-import torch
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell
 from sidegan.errors import ConfigError, ShapeError
@@ -45,7 +45,7 @@ class IdentifiedModel:
     """A model that was identified from recordings of an arm with J joints, and what is known about it.
 
     Attributes:
-        arm: estimates of every method, their errors, and the recordings, as tensors.
+        arm: estimates of every method, their errors, and the recordings.
         origin: command and settings that make the same model.
     """
 
@@ -77,7 +77,7 @@ class IdentifiedModel:
         """A row per joint: nMSE and RMSE [N·m or N] of the model to use, in training and in validation."""
         return error_table(self.arm)
 
-    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> NDArray[Any]:
+    def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque [N·m or N], (…, J), at positions [rad or m], velocities and accelerations, (…, J) each.
 
         It is that of the model to use, with friction and offsets.
@@ -85,13 +85,13 @@ class IdentifiedModel:
         Raises:
             ShapeError: when the states are not three times (…, J).
         """
-        states = [np.asarray(x, dtype=float) for x in (q, dq, ddq)]
+        states = [np.asarray(x, float) for x in (q, dq, ddq)]
         joints, shape = self.arm.model.joints, states[0].shape
         if any(x.shape != shape or x.shape[-1:] != (joints,) for x in states):
             shapes = ", ".join(str(x.shape) for x in states)
             raise ShapeError(f"states are {shapes}, expected three times (…, {joints})")
-        rows = [torch.from_numpy(x.reshape(-1, joints)) for x in states]
-        return self.arm.model.torque(self.arm.used.parameters, *rows).numpy().reshape(shape)
+        rows = [x.reshape(-1, joints) for x in states]
+        return self.arm.model.torque(self.arm.used.parameters, *rows).reshape(shape)
 
     def save(self, folder: str | Path) -> None:
         """Write model, URDF, MJCF, a Python class that stands on its own, tables, verdict and report.

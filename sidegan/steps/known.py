@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import read_json
 from sidegan.errors import ConfigError, SideganError
 from sidegan.identification.model import Terms, TorqueModel
@@ -24,8 +23,8 @@ class Known:
     """An identified model, read back."""
 
     model: TorqueModel  # what torque is explained with
-    covariance: Tensor  # of their errors, (P, P)
-    certainty: Tensor  # one over the deviation of an independent sample's torque, (J,)
+    covariance: Array  # of their errors, (P, P)
+    certainty: Array  # one over the deviation of an independent sample's torque, (J,)
     rate: float  # of the samples [Hz]
 
 
@@ -42,9 +41,7 @@ def known_model(folder: Path, arm: Arm) -> Known:
         model = TorqueModel(RigidBody(arm), Terms(**kinds, sign_width=numbers["sign_width"]))
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"])):
             raise ConfigError(f"{path} is of another arm than {arm.name}: its links are placed otherwise")
-        covariance, certainty = (
-            torch.tensor(numbers[name], dtype=torch.float64) for name in ("covariance", "certainty")
-        )
+        covariance, certainty = (np.array(numbers[name], float) for name in ("covariance", "certainty"))
         return Known(model, covariance, certainty, float(numbers["rate"]))
     except ConfigError:
         raise

@@ -6,19 +6,22 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from numpy.typing import ArrayLike
-from torch import Tensor
 
+from sidegan.base.arrays import Array
+from sidegan.base.extras import extra
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.random import number
 from sidegan.base.typed import build
 from sidegan.cell import Cell
-from sidegan.gan import TrajectoryGenerator
-from sidegan.gan.labels import Labelled
-from sidegan.gan.pretraining import SHARES, Pretraining, negatives_count
 from sidegan.gan.settings import SurrogateSettings
-from sidegan.gan.training import Run
 from sidegan.steps.trained import trained
-from sidegan.steps.trajectories import TrajectorySet, tensor_of
+from sidegan.steps.trajectories import TrajectorySet, coefficients_of
+
+with extra("paper"):
+    from sidegan.gan.generator import TrajectoryGenerator
+    from sidegan.gan.labels import Labelled
+    from sidegan.gan.pretraining import SHARES, Pretraining, negatives_count
+    from sidegan.gan.training import Run
 
 
 def surrogates(
@@ -50,7 +53,7 @@ def surrogates(
         ShapeError: when the seeds do not fit the cell.
         SideganError: when the training diverges.
     """
-    settings, c = build(SurrogateSettings, changes), tensor_of(seeds)
+    settings, c = build(SurrogateSettings, changes), coefficients_of(seeds)
     ((name, variant),) = settings.negatives.items()
     with TemporaryDirectory() as work:
         run = Run(name, number(seed, f"gan {name}"), Path(work))
@@ -61,7 +64,7 @@ def surrogates(
 
 def pretrain(
     cell: Cell,
-    seeds: Tensor,
+    seeds: Array,
     vanilla: TrajectoryGenerator,
     settings: SurrogateSettings,
     folder: Path,

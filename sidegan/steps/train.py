@@ -6,18 +6,22 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from sidegan.base.arrays import Array
+from sidegan.base.extras import extra
 from sidegan.base.random import number
 from sidegan.base.typed import build
 from sidegan.cell import Cell
 from sidegan.errors import ConfigError
-from sidegan.gan import TrajectoryGenerator, Variant
-from sidegan.gan.settings import RECIPES
-from sidegan.gan.training import Run
+from sidegan.gan.settings import RECIPES, Variant
 from sidegan.steps.surrogates import surrogates as train_surrogates
 from sidegan.steps.trained import trained
-from sidegan.steps.trajectories import TrajectorySet, tensor_of
+from sidegan.steps.trajectories import TrajectorySet, coefficients_of
+
+with extra("paper"):
+    from sidegan.gan.generator import TrajectoryGenerator
+    from sidegan.gan.training import Run
 
 
 class Generator:
@@ -33,13 +37,13 @@ class Generator:
         self.network = network
         self.history = pd.DataFrame() if history is None else history
 
-    def sample(self, count: int, seed: int = 0) -> NDArray[Any]:
+    def sample(self, count: int, seed: int = 0) -> Array:
         """New coefficients [rad/s], (count, J, H, 2); the same for the same seed.
 
         Raises:
             ShapeError: when count is not positive.
         """
-        return self.network.sample(count, seed).numpy()
+        return self.network.sample(count, seed)
 
     def save(self, path: str | Path) -> None:
         """Write one file of tensors and plain values.
@@ -94,7 +98,7 @@ def train(
     name, settings = _settings(variant, changes)
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, which are not given: seeds=sidegan.seeds(cell)")
-    c = None if seeds is None or not settings.seeded else tensor_of(seeds)
+    c = None if seeds is None or not settings.seeded else coefficients_of(seeds)
     with TemporaryDirectory() as work:
         folder = None if surrogates is None else Path(surrogates)
         if settings.features and folder is None and c is not None:

@@ -3,19 +3,21 @@
 from dataclasses import replace
 from pathlib import Path
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
+from sidegan.base.extras import extra
 from sidegan.cell import Cell
-from sidegan.gan import Variant
-from sidegan.gan.pretraining import load_surrogates
-from sidegan.gan.side_gan import Data
-from sidegan.gan.training import Run, Trained, random_trajectories, train
+from sidegan.gan.settings import Variant
+
+with extra("paper"):
+    from sidegan.gan.pretraining import load_surrogates
+    from sidegan.gan.side_gan import Data
+    from sidegan.gan.training import Run, Trained, random_trajectories, train
 
 
 def trained(
     cell: Cell,
     variant: Variant,
-    seeds: Tensor | None,
+    seeds: Array | None,
     run: Run,
     *,
     surrogates: Path | None = None,

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
-import torch
-from numpy.typing import ArrayLike, NDArray
-from torch import Tensor
+from numpy.typing import ArrayLike
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import plain
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
@@ -24,7 +23,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
-from sidegan.motion.trajectory import Trajectory
+from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.recording.commanded import FOLDER
 from sidegan.robot import placeholder_links
 from sidegan.steps.worth import describe_weak_set
@@ -32,17 +31,8 @@ from sidegan.validity import check
 
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 _RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # derivatives, by order
-_UNLIMITED = torch.tensor(torch.inf)
+_UNLIMITED = np.array(np.inf)
 _SIGNALS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
-
-
-class Motion(NamedTuple):
-    """Joint motion: time (T,) [s]; position, velocity, acceleration (N, T, J) [rad or m, s]."""
-
-    time: NDArray[Any]
-    position: NDArray[Any]
-    velocity: NDArray[Any]
-    acceleration: NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +41,7 @@ class TrajectorySet:
 
     Attributes:
         cell: the arm in its cell.
-        library: coefficients, margins of every constraint, and excitation of each trajectory, as tensors.
+        library: coefficients, margins of every constraint, and excitation of each trajectory, as arrays.
         family: the trajectories' harmonics, period and home.
         aim: what the set was designed for; None where it was not.
     """
@@ -62,13 +52,13 @@ class TrajectorySet:
     aim: Uncertain | ConditionGoal | None = None
 
     @classmethod
-    def of(cls, cell: Cell, coefficients: ArrayLike | Tensor, source: str = "given") -> "TrajectorySet":
+    def of(cls, cell: Cell, coefficients: ArrayLike, source: str = "given") -> "TrajectorySet":
         """Trajectories with these coefficients [rad/s], (N, J, H, 2), of the cell's family.
 
         Raises:
             ShapeError: when they are of another family.
         """
-        c = torch.as_tensor(coefficients, dtype=torch.float64)
+        c = np.asarray(coefficients, float)
         cell.trajectory.check(c)
         return cls(cell, measured(cell.constraints, cell.trajectory, c, source), cell.trajectory)
 
@@ -85,34 +75,34 @@ class TrajectorySet:
         return len(self.library)
 
     @property
-    def coefficients(self) -> NDArray[Any]:
+    def coefficients(self) -> Array:
         """Coefficients [rad/s], (N, J, H, 2): of joint, harmonic, and sine or cosine."""
-        return self.library.coefficients.numpy()
+        return self.library.coefficients
 
     @property
-    def valid(self) -> NDArray[Any]:
+    def valid(self) -> Array:
         """Whether every constraint holds over the whole period, (N,)."""
-        return self.library.valid.numpy()
+        return self.library.valid
 
     @property
-    def conditions(self) -> NDArray[Any]:
+    def conditions(self) -> Array:
         """Condition number of YᵀY of each trajectory, (N,); infinite where a direction is not excited."""
-        return self.library.fitness.numpy()
+        return self.library.fitness
 
     @cached_property
     def condition(self) -> float:
         """Condition number of YᵀY of all trajectories together; infinite where a direction is not excited."""
-        return condition_of(information_of(self.cell.body, self.family, self.library.coefficients).sum(0))
+        return condition_of(information_of(self.cell.body, self.family, self.coefficients).sum(0))
 
     @property
     def warnings(self) -> list[str]:
         """Why the set excites the arm little, and what helps; empty for a good one."""
-        found = describe_weak_set(self.cell, self.aim, self.library.coefficients, self.condition)
+        found = describe_weak_set(self.cell, self.aim, self.coefficients, self.condition)
         return [found] if found else []
 
     def motion(self, rate: float = 100.0) -> Motion:
         """Joint motion over one period with both ends, at a rate [Hz]."""
-        return Motion(*(x.numpy() for x in self._rolled_out(rate)))
+        return self.family.roll_out(self.coefficients, self.family.times(rate))
 
     def to_frame(self, rate: float = 100.0) -> pd.DataFrame:
         """A row per trajectory and moment: ``trajectory``, ``time`` [s], ``q_<joint>``, ``dq_…``, ``ddq_…``.
@@ -137,10 +127,10 @@ class TrajectorySet:
         """
         if speed == 1:
             return self
-        family, c = slower(self.family, self.library.coefficients, speed)
+        family, c = slower(self.family, self.coefficients, speed)
         found = check(self.cell.constraints, family, c)
         if not found.valid.all():
-            first = int((~found.valid).nonzero()[0])
+            first = int(found.valid.argmin())
             raise InfeasibleError(
                 f"trajectory {first + 1} cannot be run at {speed:.0%} of the speed: "
                 f"{found.failures(first)[0]}; plan a slower one: robot.effort or trajectory.period"
@@ -148,18 +138,18 @@ class TrajectorySet:
         source = self.library.source[0]
         return TrajectorySet(self.cell, measured(self.cell.constraints, family, c, source), family, self.aim)
 
-    def energy(self, rate: float = 100.0) -> NDArray[Any]:
+    def energy(self, rate: float = 100.0) -> Array:
         """Mechanical work of the joints, whether they drive or brake [J], (N,), summed at a rate [Hz]."""
-        motion = self._rolled_out(rate)
-        power = (self.cell.body.drive_torque(*motion[1:]) * motion.velocity).abs().sum(2)
-        return torch.trapezoid(power, motion.time, dim=1).numpy()
+        motion = self.motion(rate)
+        power = np.abs(self.cell.body.drive_torque(*motion[1:]) * motion.velocity).sum(2)
+        return np.trapezoid(power, motion.time, axis=1)
 
     def demands(self, rate: float = 100.0) -> pd.DataFrame:
         """What each trajectory asks of the arm, in words: peaks at a rate [Hz], clearance and energy."""
-        arm, cell, c = self.cell.whole_arm, self.cell, self.library.coefficients
+        arm, cell, c = self.cell.whole_arm, self.cell, self.coefficients
         times = self.family.times(rate)
         q = self.family.derivative(c, self.family.times(_LOOKED_AT), 0)
-        nearest = cell.constraints.nearest(q.flatten(0, 1))[0].view(len(q), -1).amin(1)
+        nearest = cell.constraints.nearest(q.reshape(-1, arm.joints))[0].reshape(len(q), -1).min(1)
         known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
         slides = arm.prismatic.tolist()
         limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
@@ -169,7 +159,7 @@ class TrajectorySet:
             x = self.family.derivative(c, times, order)
             columns[f"peak {name}"] = peaks(x, limits.get(name, _UNLIMITED), units)
         efforts = ["N" if one else "N·m" for one in slides]
-        torque = cell.body.drive_torque(*self._rolled_out(rate)[1:])
+        torque = cell.body.drive_torque(*self.motion(rate)[1:])
         columns["peak torque"] = peaks(torque, arm.torque_limit, efforts) if known else "—"
         columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()]
         columns["energy [J]"] = [plain(x) for x in self.energy(rate).tolist()] if known else "—"
@@ -196,7 +186,7 @@ class TrajectorySet:
         settings = settings_of(ExportSettings, controllers)
         run = self.at_speed(settings.speed)
         self.library.save(Path(folder) / LIBRARY)
-        c, files = run.library.coefficients, Path(folder) / FOLDER
+        c, files = run.coefficients, Path(folder) / FOLDER
         return export_set(self.cell.constraints, run.family, c, settings, files)
 
     def view(self, path: str | Path, rate: float = 100.0, steps: Sequence[tuple[str, str]] = ()) -> None:
@@ -214,25 +204,22 @@ class TrajectorySet:
         from sidegan.report.viewer import view_of, write_view
 
         titles = [f"{k} · cond {plain(x)}" for k, x in enumerate(self.conditions.tolist(), 1)]
-        c = self.library.coefficients
+        c = self.coefficients
         view = view_of(self.cell.constraints, self.family, c, titles, self.cell.whole_arm)
         write_view(view, Path(path), self.demands(rate), steps)
 
-    def _rolled_out(self, rate: float) -> Any:
-        return self.family.roll_out(self.library.coefficients, self.family.times(rate))
 
-
-def peaks(x: Tensor, limit: Tensor, units: list[str]) -> list[str]:
+def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:
     """Largest value of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
-    most = x.abs().amax(1)
-    limited = bool(limit.isfinite().any())
-    share, joint = (most / limit if limited else most).max(1)
-    values = [f"{plain(float(row[j]))} {units[j]}" for row, j in zip(most, joint.tolist())]
-    return [f"{one:.0%}, {value}" for one, value in zip(share.tolist(), values)] if limited else values
+    most = np.abs(x).max(1)
+    limited = np.isfinite(limit).any()
+    share = most / limit if limited else most
+    values = [f"{plain(row[j])} {units[j]}" for row, j in zip(most, share.argmax(1))]
+    return [f"{one:.0%}, {value}" for one, value in zip(share.max(1), values)] if limited else values
 
 
-def tensor_of(given: TrajectorySet | ArrayLike | Tensor) -> Tensor:
+def coefficients_of(given: TrajectorySet | ArrayLike) -> Array:
     """Coefficients [rad/s], (N, J, H, 2), of a set or as they are given."""
     if isinstance(given, TrajectorySet):
-        return given.library.coefficients
-    return torch.as_tensor(given, dtype=torch.float64)
+        return given.coefficients
+    return np.asarray(given, float)

@@ -6,9 +6,9 @@ those, by triangle inequalities alone (``sidegan.kernels.formulas``), bounds on 
 
 from typing import NamedTuple
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array, split
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -24,74 +24,74 @@ def coarse_cells(trajectory: Trajectory) -> int:
     return int(-(-trajectory.period // COARSE))
 
 
-def jerk_bound(trajectory: Trajectory, c: Tensor, cells: int) -> Tensor:
+def jerk_bound(trajectory: Trajectory, c: Array, cells: int) -> Array:
     """Upper bound of the absolute jerk [rad/s³] over the whole period, (B, J)."""
     times = trajectory.grid(cells)
     snap = derivative_bound(trajectory, c, 4)
-    parts = c.split(max(1, _SAMPLES_AT_ONCE // cells))
-    sampled = torch.cat([trajectory.derivative(part, times, 3).abs().amax(1) for part in parts])
+    parts = split(c, max(1, _SAMPLES_AT_ONCE // cells))
+    sampled = np.concatenate([np.abs(trajectory.derivative(part, times, 3)).max(1) for part in parts])
     return sampled + snap * (trajectory.period / cells / 2)
 
 
-def derivative_bound(trajectory: Trajectory, c: Tensor, order: int) -> Tensor:
+def derivative_bound(trajectory: Trajectory, c: Array, order: int) -> Array:
     """Upper bound of the absolute derivative ``order``, 4 or more, over the whole period, (B, J)."""
-    return torch.einsum("bjhx,hx->bj", c.abs(), trajectory.derivative_bound(order).to(c))
+    return np.einsum("bjhx,hx->bj", np.abs(c), trajectory.derivative_bound(order))
 
 
 class Reaches(NamedTuple):
     """How far the motion of each joint can change distances [m per rad or m]."""
 
-    pairs: Tensor  # of capsules, (P, J)
-    pieces: Tensor  # of what is inside of them, (P, J)
-    regions: Tensor  # of guarded capsules to their regions, (K, J)
+    pairs: Array  # of capsules, (P, J)
+    pieces: Array  # of what is inside of them, (P, J)
+    regions: Array  # of guarded capsules to their regions, (K, J)
 
     @property
-    def largest(self) -> Tensor:
+    def largest(self) -> Array:
         """The largest of each joint to any capsule or region, (1, J); zero where there is none."""
-        none = torch.zeros(1, self.regions.shape[1]).double()
-        return torch.cat([self.pairs, self.regions, none]).amax(0, keepdim=True)
+        none = np.zeros((1, self.regions.shape[1]))
+        return np.concatenate([self.pairs, self.regions, none]).max(0, keepdims=True)
 
     @classmethod
-    def of(cls, arm: Arm, pairs: Tensor, guarded: Tensor) -> "Reaches":
+    def of(cls, arm: Arm, pairs: Array, guarded: Array) -> "Reaches":
         """Reaches of pairs of capsules, (P, 2), and of regions and capsules, (K, 2).
 
         Between two capsules only the joints between their links count, and they carry the outer one.
         """
         link, reach = arm.capsules.link, capsule_reach(arm)
-        first, second = link[pairs].unbind(1)
-        outer = torch.where(first > second, pairs[:, 0], pairs[:, 1])
-        joints, far = torch.arange(arm.joints), torch.maximum(first, second)[:, None]
-        between = (joints[None] > torch.minimum(first, second)[:, None]) & (joints[None] <= far)
+        first, second = link[pairs].T
+        outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
+        joints, far = np.arange(arm.joints), np.maximum(first, second)[:, None]
+        between = (joints[None] > np.minimum(first, second)[:, None]) & (joints[None] <= far)
         return cls(reach[outer] * between, piece_reach(arm)[outer] * between, reach[guarded[:, 1]])
 
 
-def travel(arm: Arm) -> Tensor:
+def travel(arm: Arm) -> Array:
     """Upper bound of the distance [m] between a joint's frame and its parent's, (J,)."""
-    slide = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
-    return arm.translation.norm(dim=1) + torch.where(arm.prismatic, slide, torch.zeros_like(slide))
+    slide = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
+    return np.linalg.norm(arm.translation, axis=1) + np.where(arm.prismatic, slide, 0.0)
 
 
-def capsule_reach(arm: Arm) -> Tensor:
+def capsule_reach(arm: Arm) -> Array:
     """Largest speed [m per rad or m] that unit speed of a joint gives a point of a capsule's axis, (C, J).
 
     The distance of a point to a joint's axis is at most that of the next joint's origin (which turning
     about the axis does not change) plus the lengths from there outwards.
     """
-    return _reach(arm, [*torch.stack([arm.capsules.a, arm.capsules.b], 1)])
+    return _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
 
 
-def piece_reach(arm: Arm) -> Tensor:
+def piece_reach(arm: Arm) -> Array:
     """Reach of a point of the hull inside of each capsule, (C, J)."""
     pieces = arm.capsules.pieces
     if pieces is None:
         return capsule_reach(arm)
-    return _reach(arm, [*pieces.corners.split(pieces.start.diff().tolist())])
+    return _reach(arm, np.split(pieces.corners, pieces.start[1:-1]))
 
 
-def _reach(arm: Arm, bodies: list[Tensor]) -> Tensor:
+def _reach(arm: Arm, bodies: list[Array]) -> Array:
     """Largest speed [m per rad or m] that a joint gives the corners (V, 3) of each capsule's body, (C, J)."""
     travels = travel(arm)
-    reach = torch.zeros(len(bodies), arm.joints, dtype=torch.float64)
+    reach = np.zeros((len(bodies), arm.joints))
     for k, (link, corners) in enumerate(zip(arm.capsules.link.tolist(), bodies)):
         for j in range(link + 1):
             if arm.prismatic[j]:
@@ -100,10 +100,10 @@ def _reach(arm: Arm, bodies: list[Tensor]) -> Tensor:
                 reach[k, j] = _from_axis(arm, j, corners).max()
             else:
                 step = travels[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
-                reach[k, j] = step + travels[j + 2 : link + 1].sum() + corners.norm(dim=1).max()
+                reach[k, j] = step + travels[j + 2 : link + 1].sum() + np.linalg.norm(corners, axis=1).max()
     return reach
 
 
-def _from_axis(arm: Arm, joint: int, points: Tensor) -> Tensor:
+def _from_axis(arm: Arm, joint: int, points: Array) -> Array:
     """Distance [m] of points (…, 3) from a joint's axis, (…)."""
-    return torch.linalg.cross(arm.axis[joint].expand_as(points), points).norm(dim=-1)
+    return np.linalg.norm(np.linalg.cross(arm.axis[joint], points), axis=-1)

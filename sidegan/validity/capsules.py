@@ -4,46 +4,43 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.kernels.chain import Chain, Shapes
 from sidegan.motion.arrays import array, chain_of, shapes_of
 from sidegan.robot import Arm
 from sidegan.validity.regions import tables
 
 
-def capsule_axes(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
+def capsule_axes(arm: Arm, q: Array) -> tuple[Array, Array]:
     """World end points [m] of each capsule's axis, two of (3, C, N), at joint positions (J, N)."""
     capsules = arm.capsules
-    placed = place_points(arm, q, torch.cat([capsules.a, capsules.b]), capsules.link.repeat(2))
+    placed = place_points(arm, q, np.concatenate([capsules.a, capsules.b]), np.tile(capsules.link, 2))
     count = len(capsules.radius)
     return placed[:, :count], placed[:, count:]
 
 
-def place_points(arm: Arm, q: Tensor, points: Tensor, links: Tensor) -> Tensor:
+def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
     """World positions [m], (3, K, N), of points (K, 3) fixed to links (K,), -1 for the base."""
-    placed, (turns, places) = q.new_empty(3, len(points), q.shape[1]), frames_of(arm, q)
-    for link in torch.unique(links).tolist():
+    placed, (turns, places) = np.empty((3, len(points), q.shape[1])), frames_of(arm, q)
+    for link in np.unique(links).tolist():
         mine = links == link
-        placed[:, mine] = (
-            torch.einsum("ijn,kj->ikn", turns[link + 1], points[mine]) + places[link + 1][:, None]
-        )
+        placed[:, mine] = np.einsum("ijn,kj->ikn", turns[link + 1], points[mine]) + places[link + 1][:, None]
     return placed
 
 
-def frames_of(arm: Arm, q: Tensor) -> tuple[Tensor, Tensor]:
+def frames_of(arm: Arm, q: Array) -> tuple[Array, Array]:
     """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of the base and the joints, at (J, N)."""
-    fixed, sine, cosine, origin, slide = (torch.from_numpy(x)[..., None] for x in chain_of(arm)[1:6])
-    turns, places = [torch.eye(3).to(q)[..., None].expand(3, 3, q.shape[1])], [q.new_zeros(3, q.shape[1])]
+    fixed, sine, cosine, origin, slide = (x[..., None] for x in chain_of(arm)[1:6])
+    turns, places = [np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))], [np.zeros((3, q.shape[1]))]
     for i, x in enumerate(q):
-        own = (fixed[i] + sine[i] * torch.sin(x) + cosine[i] * torch.cos(x)).unflatten(0, (3, 3))
+        own = (fixed[i] + sine[i] * np.sin(x) + cosine[i] * np.cos(x)).reshape(3, 3, -1)
         places.append(places[-1] + (turns[-1] * (origin[i] + slide[i] * x)).sum(1))
         turns.append((turns[-1][:, :, None] * own).sum(1))
-    return torch.stack(turns), torch.stack(places)
+    return np.stack(turns), np.stack(places)
 
 
-def clearances(chain: Chain, shapes: Shapes, q: Tensor) -> tuple[Tensor, Tensor]:
+def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
     """Signed distances [m] of pairs of capsules, (N, P), and of guarded ones from regions, (N, K), at (N, J).
 
     Those of two segments that nearly coincide are good to 1e-7 of a length in the worst case.
@@ -53,17 +50,17 @@ def clearances(chain: Chain, shapes: Shapes, q: Tensor) -> tuple[Tensor, Tensor]
 
     found = tuple(np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
     kernel.clearances(chain, shapes, array(q), *found, bodies.place_for(shapes, q.shape[1]))
-    return torch.from_numpy(found[0]), torch.from_numpy(found[1])
+    return found[0], found[1]
 
 
-def capsule_distances(arm: Arm, q: Tensor, pairs: Tensor) -> Tensor:
+def capsule_distances(arm: Arm, q: Array, pairs: Array) -> Array:
     """Signed distances [m], (N, P), of pairs of capsules (P, 2) at positions (N, J)."""
     return clearances(chain_of(arm), shapes_alone(arm, pairs), q)[0]
 
 
-def shapes_alone(arm: Arm, pairs: Tensor) -> Shapes:
+def shapes_alone(arm: Arm, pairs: Array) -> Shapes:
     """The capsules and pairs of them, (P, 2), without regions, as compiled kernels take them."""
-    return shapes_of(arm.capsules, pairs, torch.zeros(0, 2, dtype=torch.long), tables(()))
+    return shapes_of(arm.capsules, pairs, np.zeros((0, 2), dtype=int), tables(()))
 
 
 @lru_cache(maxsize=16)

@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array, split
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import coarse_cells
@@ -33,17 +32,17 @@ class Failure:
 class Validity:
     """Outcome of a check of B trajectories."""
 
-    valid: Tensor  # whether every constraint provably holds over the whole period, (B,)
+    valid: Array  # whether every constraint provably holds over the whole period, (B,)
     # smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; where a cell could not be decided at the
     # finest step, the guaranteed margin, which is negative
-    margins: dict[str, Tensor]
-    elements: dict[str, Tensor]  # which joint, pair or region each smallest margin belongs to, (B,)
-    times: dict[str, Tensor]  # when each smallest margin occurs [s], (B,)
+    margins: dict[str, Array]
+    elements: dict[str, Array]  # which joint, pair or region each smallest margin belongs to, (B,)
+    times: dict[str, Array]  # when each smallest margin occurs [s], (B,)
     labels: dict[str, tuple[str, ...]]  # the elements' names
 
     def faults(self) -> Counter[str]:
         """How many trajectories violate what, for people."""
-        invalid = torch.nonzero(~self.valid)[:, 0].tolist()
+        invalid = np.flatnonzero(~self.valid).tolist()
         return Counter(f"{one.constraint} of {one.where}" for k in invalid for one in self.failures(k))
 
     def failures(self, index: int) -> list[Failure]:
@@ -65,15 +64,13 @@ def summarise_faults(faults: Mapping[str, int]) -> str:
     return "; ".join(f"{count} violate {fault}" for fault, count in Counter(faults).most_common(3))
 
 
-@torch.no_grad()
-def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validity:
+def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validity:
     """Whether trajectories with coefficients [rad/s], (B, J, H, 2), are valid, and their margins.
 
     Samples the centres of cells of at most 0.1 s. A cell is settled when every margin at its centre
     is at least the largest possible change within it (``bounds``) or when one is negative; otherwise
-    it is cut into three, down to 0.14 ms. What is undecided then counts as invalid. Works in float64 on
-    the processor, with torch's number of threads, whatever the coefficients' type and device: single
-    precision leaves errors larger than the margins.
+    it is cut into three, down to 0.14 ms. What is undecided then counts as invalid. Works in float64:
+    single precision leaves errors larger than the margins.
 
     Raises:
         ShapeError: when the coefficients have the wrong shape or are not finite, or the trajectory has
@@ -85,14 +82,13 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Validi
     if trajectory.joints != joints:
         raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {joints}")
     trajectory.check(c)
-    c = c.to("cpu", torch.float64)
     found = []
-    for part in c.split(max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
+    for part in split(c, max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):
         search = Search(constraints, trajectory, part)
         search.run()
         found.append(search.smallest)
-    whole = [torch.from_numpy(np.concatenate(tables)) for tables in zip(*found)]
+    whole = [np.concatenate(tables) for tables in zip(*found)]
     margins, elements, times = (
         {name: table[:, NAMES.index(name)] for name in constraints.labels} for table in whole
     )
-    return Validity((whole[0] >= 0).all(1), margins, elements, times, constraints.labels)
+    return Validity(np.all(whole[0] >= 0, 1), margins, elements, times, constraints.labels)

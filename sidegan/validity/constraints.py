@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.kernels.chain import Shapes
@@ -79,14 +79,14 @@ class Constraints:
         rest = clearance - self.apart / 2  # beside what shapes are thicker by
         self.kept_out = [region.grown(rest) if rest else region for region in kept_out]
         heavy = bool(arm.inertial_parameters.any())  # else torques are not known
-        self.torque = torque and heavy and bool(torch.isfinite(arm.torque_limit).any())
+        self.torque = torque and heavy and bool(np.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.of_links = self._pairs()
         self.pairs = self.of_links.checked
         owners = arm.capsules.owners
         self.owners = [links_of(owners[i], owners[j]) for i, j in self.pairs.tolist()]
         gaps = [self.tight.get(links, self.apart) for links in self.owners]
-        self.gaps = torch.tensor(gaps, dtype=torch.float64)
+        self.gaps = np.array(gaps, float)
         self.never_out: tuple[str, ...] = ()
         self.guarded = self._find_guarded()
         self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
@@ -105,17 +105,16 @@ class Constraints:
         return 4 if "jerk" in self.higher else 3
 
     @property
-    def higher_rows(self) -> Tensor:
+    def higher_rows(self) -> Array:
         """Limits of acceleration and jerk as kernels take them, (2, J); (2, 0) where there are none."""
-        none = torch.full_like(self.arm.velocity_limit, torch.inf)
+        none = np.full_like(self.arm.velocity_limit, np.inf)
         rows = [self.higher.get(name, none) for name in DERIVATIVE_ORDER]
-        return torch.stack(rows) if self.higher else none.new_zeros(len(DERIVATIVE_ORDER), 0)
+        return np.stack(rows) if self.higher else np.zeros((len(DERIVATIVE_ORDER), 0))
 
-    def margins(self, q: Tensor, dq: Tensor, ddq: Tensor, jerk: Tensor | None = None) -> dict[str, Tensor]:
+    def margins(self, q: Array, dq: Array, ddq: Array, jerk: Array | None = None) -> dict[str, Array]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
 
-        At least zero is feasible. In float64 on the processor, whatever the states' type and device. The
-        jerk may be left out where it is not limited.
+        At least zero is feasible. The jerk may be left out where it is not limited.
 
         Raises:
             ShapeError: when the states are not (N, J) each, or jerk is limited and not given.
@@ -127,45 +126,44 @@ class Constraints:
             raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
         if len(states) < self.orders:
             raise ShapeError(f"jerk of {arm.name} is limited: margins need it beside the acceleration")
-        q, dq, ddq, *_ = states = [x.to("cpu", torch.float64) for x in states]
+        q, dq, ddq, *_ = states
         margins = {
-            "position": torch.minimum(q - arm.position_lower, arm.position_upper - q),
-            "velocity": arm.velocity_limit - dq.abs(),
+            "position": np.minimum(q - arm.position_lower, arm.position_upper - q),
+            "velocity": arm.velocity_limit - np.abs(dq),
         }
         for name, limit in self.higher.items():
-            margins[name] = limit - states[DERIVATIVE_ORDER[name]].abs()
+            margins[name] = limit - np.abs(states[DERIVATIVE_ORDER[name]])
         if self.torque:
             drives = arm.known_drives  # whose dry friction may have either sign where a joint is slow
             torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
-            margins["torque"] = arm.torque_limit - drives.coulomb - torque.abs()
+            margins["torque"] = arm.torque_limit - drives.coulomb - np.abs(torque)
         return margins | self._distances(q)
 
-    def at_rest(self, q: Tensor) -> dict[str, Tensor]:
+    def at_rest(self, q: Array) -> dict[str, Array]:
         """Margins of positions (N, J) that are held."""
-        still = torch.zeros_like(q)
+        still = np.zeros_like(q)
         return self.margins(q, still, still, still)
 
-    def relative(self, margins: dict[str, Tensor], distance: float) -> dict[str, Tensor]:
+    def relative(self, margins: dict[str, Array], distance: float) -> dict[str, Array]:
         """Margins as shares of half the range, the limit, or ``distance`` [m]; 1 where nothing limits."""
         arm = self.arm
         whole = {
             "position": (arm.position_upper - arm.position_lower) / 2,
             "velocity": arm.velocity_limit,
             **self.higher,
-            "torque": (arm.torque_limit - arm.known_drives.coulomb).clamp_min(
-                torch.finfo(torch.float64).tiny
-            ),
+            "torque": np.maximum(arm.torque_limit - arm.known_drives.coulomb, np.finfo(float).tiny),
         }
-        scales = {name: whole.get(name, x.new_tensor(distance)).to(x) for name, x in margins.items()}
-        return {name: torch.where(x.isfinite(), margins[name] / x, 1.0) for name, x in scales.items()}
+        scales = {name: np.asarray(whole.get(name, distance)) for name in margins}
+        with np.errstate(invalid="ignore"):  # without a limit both are infinite
+            return {name: np.where(np.isfinite(x), margins[name] / x, 1.0) for name, x in scales.items()}
 
-    def _distances(self, q: Tensor) -> dict[str, Tensor]:
+    def _distances(self, q: Array) -> dict[str, Array]:
         """Margins of distances; of what is inside of capsules where these are near each other or touch."""
         collision, keep_out = clearances(self.body.chain, self.shapes, q)
-        near = torch.nonzero((collision < _FAR) & self.pieces.finer)
-        n, p = near.unbind(1)
+        near = np.argwhere((collision < _FAR) & self.pieces.finer)
+        n, p = near.T
         inside = self.pieces.lower(q, near) + (self.apart - self.gaps)[p]
-        collision[n, p] = torch.maximum(collision[n, p], inside)
+        collision[n, p] = np.maximum(collision[n, p], inside)
         found = zip(DISTANCES, (collision, keep_out))
         return {name: margin for name, margin in found if name in self.labels}
 
@@ -179,17 +177,17 @@ class Constraints:
         """Capsules and regions as compiled kernels take them."""
         return self._shapes_of(self.pairs, self.guarded)
 
-    def _shapes_of(self, pairs: Tensor, guarded: Tensor) -> Shapes:
+    def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
         closer = self.apart - self.gaps if len(pairs) else None
         return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer)
 
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
-        torque = int(torch.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
+        torque = int(np.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
         pairs, links, capsules = self.of_links, self.never_out, self.arm.capsules
         shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
         bare, noun = self.arm.joints - len(shaped), "joint origin" if capsules.points else "link"
-        limited = {name: int(limit.isfinite().sum()) for name, limit in self.higher.items()}
+        limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
         higher = "".join(f"{name} of {count}, " for name, count in limited.items())
         never = f"; {len(pairs.never)} never touch" if pairs.never else ""
         parts = [
@@ -217,41 +215,40 @@ class Constraints:
             + _except(less, "less room")
         )
 
-    def nearest(self, q: Tensor) -> tuple[Tensor, Tensor]:
+    def nearest(self, q: Array) -> tuple[Array, Array]:
         """Smallest distance [m], (N,), of links from each other and from regions, and whose, at (N, J).
 
         Distances count from ``DISTANCES`` and their labels, one after the other, and are lower bounds from
         some centimetres on. Infinite where nothing is near. Links that never have the clearance from a plane
         are left out, and so are joint origins, which stand for links without shapes.
         """
-        far = q.new_full((len(q), 1), torch.inf)
+        far = np.full((len(q), 1), np.inf)
         if self.arm.capsules.points:
-            return far[:, 0], torch.zeros(len(q), dtype=torch.long)
-        kept = self.kept | {"keep_out": torch.where(self._whole, self.kept["keep_out"], torch.inf)}
+            return far[:, 0], np.zeros(len(q), int)
+        kept = self.kept | {"keep_out": np.where(self._whole, self.kept["keep_out"], np.inf)}
         near = [margin + kept[name] for name, margin in self.at_rest(q).items() if name in kept]
-        return torch.cat([*near, far], 1).min(1)
+        every = np.concatenate([*near, far], 1)
+        return every.min(1), every.argmin(1)
 
     @property
-    def _whole(self) -> Tensor:
+    def _whole(self) -> Array:
         """Which guarded capsules keep the whole clearance, (K,) bool."""
         return self.guarded[:, 0] < len(self.regions)
 
     @property
-    def kept(self) -> dict[str, Tensor]:
+    def kept(self) -> dict[str, Array]:
         """Distances [m] that pairs, (P,), and guarded capsules, (K,), keep."""
-        return {"collision": self.gaps, "keep_out": self.clearance * self._whole.double()}
+        return {"collision": self.gaps, "keep_out": self.clearance * self._whole}
 
     def keeps_out(self, home: Sequence[float], beside: float) -> bool:
         """Whether at home (J,) [rad or m] a share of each distance from regions is left beside it."""
-        left = self._distances(torch.tensor([list(home)], dtype=torch.float64)).get(
-            "keep_out", torch.zeros(1, 0)
-        )
+        left = self._distances(np.array([home], float)).get("keep_out", np.zeros((1, 0)))
         return bool((left >= beside * self.kept["keep_out"]).all())
 
-    def distances_at(self, q: Tensor) -> dict[Links, float]:
+    def distances_at(self, q: Array) -> dict[Links, float]:
         """Distances [m] of links that are kept apart, at one position (J,)."""
         found: dict[Links, float] = {}
-        left = self._distances(q[None]).get("collision", q.new_zeros(1, 0))[0] + self.gaps
+        left = self._distances(q[None]).get("collision", np.zeros((1, 0)))[0] + self.gaps
         for links, distance in zip(self.owners, left.tolist()):
             found[links] = min(found.get(links, distance), distance)
         return found
@@ -263,42 +260,42 @@ class Constraints:
             ShapeError: when it is not one finite number per joint.
             InfeasibleError: names each violated limit, pair or region, with its margin.
         """
-        q = torch.tensor([list(home)], dtype=torch.float64)
-        if q.shape[1] != self.arm.joints or not torch.isfinite(q).all():
+        q = np.array([home], float)
+        if q.shape[1] != self.arm.joints or not np.isfinite(q).all():
             raise ShapeError(f"home position {list(home)} must be {self.arm.joints} finite joint positions")
         faults: dict[str, float] = {}  # the worst of what has one name: parts of links
         for name, margin in self.at_rest(q).items():
-            for k in torch.nonzero(margin[0] < 0)[:, 0].tolist():
+            for k in np.flatnonzero(margin[0] < 0).tolist():
                 which = f"{name} of {self.labels[name][k]}"
                 faults[which] = min(faults.get(which, 0.0), float(margin[0, k]))
         if faults:
             said = "; ".join(f"{which}: margin {margin:.4g}" for which, margin in faults.items())
             raise InfeasibleError(f"home position {list(home)} is not feasible: {said}")
 
-    def _find_guarded(self) -> Tensor:
+    def _find_guarded(self) -> Array:
         """Capsules that a region is kept free of, in the order of regions; refuses what cannot be kept."""
-        moving = torch.nonzero(self.arm.capsules.link >= 0)[:, 0]
-        every = torch.cartesian_prod(torch.arange(len(self.regions)), moving).reshape(-1, 2)
+        moving = np.flatnonzero(self.arm.capsules.link >= 0)
+        every = np.stack(np.meshgrid(np.arange(len(self.regions)), moving, indexing="ij"), -1).reshape(-1, 2)
         if not len(every):
             return every
         shapes = self._shapes_of(every[:0], every)
-        farthest = clearances(self.body.chain, shapes, sampled(self.arm))[1].amax(0).view(-1, len(moving))
+        farthest = clearances(self.body.chain, shapes, sampled(self.arm))[1].max(0).reshape(-1, len(moving))
         leaves = farthest + self.clearance > 0
-        stuck = torch.nonzero(~leaves.any(1))
+        stuck = np.flatnonzero(~leaves.any(1))
         if len(stuck):
             raise InfeasibleError(
                 f"region {int(stuck[0])} cannot be kept: no link is outside of it in any of {SAMPLES:,} "
                 "random configurations"
             )
-        self.never_out = self._guarded_names(every[~leaves.flatten()])
+        self.never_out = self._guarded_names(every[~leaves.ravel()])
         short, planes = leaves & (farthest <= 0), self._region_of[len(self.regions) :]
-        kept = torch.cat([leaves & ~short, short[planes]])
+        kept = np.concatenate([leaves & ~short, short[planes]])
         short[planes] = False
         if short.any():
-            names = self._guarded_names(every[short.flatten()])
+            names = self._guarded_names(every[short.ravel()])
             raise too_large(self.clearance, names, float(farthest[short].min()))
-        which, capsule = torch.nonzero(kept).unbind(1)
-        return torch.stack([which, moving[capsule]], 1)
+        which, capsule = np.nonzero(kept)
+        return np.stack([which, moving[capsule]], 1)
 
     def _pairs(self) -> Pairs:
         """The pairs that are kept apart, by the clearance."""
@@ -308,9 +305,9 @@ class Constraints:
             pairs_of(self.arm)  # links that touch without any clearance are refused with what helps
             near = usual_gaps(self._thick)
             names = [" – ".join(links) for links in near]
-            raise too_large(self.apart, names, min(near.values(), default=-torch.inf)) from None
+            raise too_large(self.apart, names, min(near.values(), default=-np.inf)) from None
 
-    def _guarded_names(self, guarded: Tensor) -> tuple[str, ...]:
+    def _guarded_names(self, guarded: Array) -> tuple[str, ...]:
         names = self.arm.capsules.owners
         return tuple(f"{names[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
 

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
-import torch
+import numpy as np
 
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.mounting import stands
@@ -46,10 +46,10 @@ def with_points(arm: Arm) -> Arm:
     """An arm that has no shapes with its joint origins and its tip in their place; others as they are."""
     if len(arm.capsules.link):
         return arm
-    places = torch.stack([*arm.translation[1:], arm.tip])
+    places = np.stack([*arm.translation[1:], arm.tip])
     names = (*arm.joint_names[1:], "the tip")
-    radius = torch.zeros(arm.joints, dtype=torch.float64)
-    points = Capsules(torch.arange(arm.joints), places, places, radius, names, names, points=True)
+    radius = np.zeros(arm.joints)
+    points = Capsules(np.arange(arm.joints), places, places, radius, names, names, points=True)
     return replace(arm, capsules=points)
 
 
@@ -63,9 +63,9 @@ def _lowest(arm: Arm) -> tuple[float, bool]:
 def _leaves(arm: Arm, plane: Plane) -> bool:
     """Whether every link that can be is before a plane in some share of random configurations."""
     arm = with_points(arm)
-    normal = torch.tensor(plane.unit, dtype=torch.float64)
-    a, b = (torch.einsum("k,k...->...", normal, x) for x in capsule_axes(arm, sampled(arm).T))
+    normal = np.array(plane.unit)
+    a, b = (np.einsum("k,k...->...", normal, x) for x in capsule_axes(arm, sampled(arm).T))
     moving = arm.capsules.link >= 0
-    clear = torch.minimum(a, b)[moving] - arm.capsules.radius[moving, None] > plane.offset
+    clear = np.minimum(a, b)[moving] - arm.capsules.radius[moving, None] > plane.offset
     clear = clear[clear.any(1)]
-    return len(clear) > 0 and float(clear.all(0).double().mean()) >= _STANDS
+    return len(clear) > 0 and float(clear.all(0).mean()) >= _STANDS

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -39,38 +39,38 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
         InfeasibleError: when none was found.
     """
     arm = constraints.arm
-    zeros = torch.zeros(1, arm.joints, dtype=torch.float64)
+    zeros = np.zeros((1, arm.joints))
     if bool(_roomy(constraints, _rooms(constraints, zeros), beside)[0]):
         return None
     middle = (arm.position_lower + arm.position_upper) / 2
     half = (arm.position_upper - arm.position_lower) / 2
-    random, tried = torch.Generator().manual_seed(0), []
+    random, tried = np.random.default_rng(0), []
     for share in _SHARES:
-        draw = 2 * torch.rand(_DRAWS, arm.joints, generator=random, dtype=torch.float64) - 1
+        draw = 2 * random.random((_DRAWS, arm.joints)) - 1
         q = middle + share * half * draw
         q = (1e3 * q).round() / 1e3  # figures that people can read and repeat
         tried.append(_rooms(constraints, q))
         if bool((good := _roomy(constraints, tried[-1], beside)).any()):
             return tuple(q[(_least(tried[-1]) * good).argmax()].tolist())
-    rooms = {name: torch.cat([one[name] for one in tried]) for name in tried[0]}
+    rooms = {name: np.concatenate([one[name] for one in tried]) for name in tried[0]}
     raise InfeasibleError(_nowhere(constraints, rooms))
 
 
 def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
     """Whether an arm can rest at a position (J,) [rad or m] and move from there to all sides."""
-    rooms = _rooms(constraints, torch.tensor([list(home)], dtype=torch.float64))
+    rooms = _rooms(constraints, np.array([home], float))
     return bool(_least(rooms)[0] > 0)
 
 
-def _nowhere(constraints: Constraints, rooms: dict[str, Tensor]) -> str:
+def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
     """Why none of the positions is a home, of which these are the relative margins, and what may help.
 
     The constraint that most of them violate alone is the one to mend.
     """
-    failed = torch.stack([(room <= 0).any(1) for room in rooms.values()])  # (constraints, N)
+    failed = np.stack([(room <= 0).any(1) for room in rooms.values()])  # (constraints, N)
     alone = (failed & (failed.sum(0) == 1)).sum(1)
     name = [*rooms][int((alone * failed.shape[1] + failed.sum(1)).argmax())]
-    share = (rooms[name] <= 0).double().mean(0)
+    share = (rooms[name] <= 0).mean(0)
     worst = int(share.argmax())
     blamed = f"{name} of {constraints.labels[name][worst]} does not hold in {float(share[worst]):.0%} of them"
     return (
@@ -87,11 +87,11 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     """
     if len(positions) != arm.joints:
         return
-    q, lower, upper = torch.tensor(list(positions)).double(), arm.position_lower, arm.position_upper
-    turned = torch.where(arm.prismatic, q, q.deg2rad())
-    beyond = ~arm.prismatic & (q.abs() > _TURN) & ((q < lower) | (q > upper))
+    q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
+    turned = np.where(arm.prismatic, q, np.deg2rad(q))
+    beyond = ~arm.prismatic & (np.abs(q) > _TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
-        j = int((q.abs() * beyond).argmax())
+        j = int((np.abs(q) * beyond).argmax())
         raise ConfigError(
             f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, which goes from {float(lower[j]):.4g} "
             f"to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
@@ -112,25 +112,25 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
         raise ShapeError(f"home position {list(home)} must be {arm.joints} finite joint positions")
     refuse_degrees(arm, home or (), "trajectory.home")
     rows = [] if home is None else [list(home)]
-    q = torch.cat([torch.tensor(rows, dtype=torch.float64).reshape(-1, arm.joints), sampled(arm, _TRIED)])
-    still = torch.zeros_like(q)
-    held = (RigidBody(arm).torque(q, still, still).abs() <= _CAREFUL * arm.torque_limit).all(1)
+    q = np.concatenate([np.array(rows, float).reshape(-1, arm.joints), sampled(arm, _TRIED)])
+    still = np.zeros_like(q)
+    held = np.all(np.abs(RigidBody(arm).torque(q, still, still)) <= _CAREFUL * arm.torque_limit, 1)
     there, around = held[: len(rows)], held[len(rows) :]
-    return _CAREFUL if bool(there.all()) and float(around.double().mean()) >= _HELD else 1.0
+    return _CAREFUL if bool(there.all()) and float(around.mean()) >= _HELD else 1.0
 
 
-def _rooms(constraints: Constraints, q: Tensor) -> dict[str, Tensor]:
+def _rooms(constraints: Constraints, q: Array) -> dict[str, Array]:
     """Relative margins, (N, K), by constraint, of arms at rest at positions (N, J)."""
     return constraints.relative(constraints.at_rest(q), _ROOM)
 
 
-def _roomy(constraints: Constraints, rooms: dict[str, Tensor], beside: float) -> Tensor:
+def _roomy(constraints: Constraints, rooms: dict[str, Array], beside: float) -> Array:
     """Which positions are feasible with a share of each distance that is kept beside it, (N,) bool."""
     kept = constraints.kept
-    near = [(rooms[name] * _ROOM >= beside * kept[name]).all(1) for name in kept if name in rooms]
-    return torch.stack([_least(rooms) > 0, *near]).all(0)
+    near = [np.all(rooms[name] * _ROOM >= beside * kept[name], 1) for name in kept if name in rooms]
+    return np.all([_least(rooms) > 0, *near], 0)
 
 
-def _least(rooms: dict[str, Tensor]) -> Tensor:
+def _least(rooms: dict[str, Array]) -> Array:
     """Smallest relative margin of each position, (N,)."""
-    return torch.cat([*rooms.values()], 1).amin(1)
+    return np.concatenate([*rooms.values()], 1).min(1)

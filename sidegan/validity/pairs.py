@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
@@ -44,7 +44,7 @@ class Exemption:
 class Pairs:
     """Capsules that are kept apart, and links that are not."""
 
-    checked: Tensor  # (P, 2)
+    checked: Array  # (P, 2)
     links: int  # pairs of links that are kept apart
     exempt: tuple[Links, ...]  # named ones; a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user or the description names
@@ -65,8 +65,7 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     """
     touching = _Touching(arm)
     _refuse(arm, touching, tight)
-    kept = torch.tensor([k for links in touching.open for k in touching.rows[links]], dtype=torch.long)
-    kept = kept.sort().values
+    kept = np.array(sorted(k for links in touching.open for k in touching.rows[links]), int)
     kept = kept[~never_touching(arm, touching.pairs[kept])]
     owners = arm.capsules.owners
     left = {links_of(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
@@ -79,24 +78,23 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     )
 
 
-def sampled(arm: Arm, count: int = SAMPLES) -> Tensor:
+def sampled(arm: Arm, count: int = SAMPLES) -> Array:
     """Random configurations [rad or m], (count, J), the same on every call."""
-    random = torch.Generator().manual_seed(0)
-    draw = torch.rand(arm.joints, SAMPLES, generator=random, dtype=torch.float64)
-    return torch.lerp(arm.position_lower[:, None], arm.position_upper[:, None], draw).T[:count]
+    random = np.random.default_rng(0)
+    return random.uniform(arm.position_lower, arm.position_upper, (SAMPLES, arm.joints))[:count]
 
 
 def describe_displaced_shapes(arm: Arm) -> str:
     """Which neighbours have shapes that never come near each other; empty where all do."""
     link, owners = arm.capsules.link, arm.capsules.owners
     parents, gaps = {links_of(*pair) for pair in arm.parents or ()}, dict[Links, float]()
-    pairs = torch.combinations(torch.arange(len(link)))
-    least = capsule_distances(arm, sampled(arm, _TRIED), pairs).amin(0)
+    pairs = np.argwhere(np.tri(len(link), k=-1).T)
+    least = capsule_distances(arm, sampled(arm, _TRIED), pairs).min(0)
     for (i, j), gap in zip(pairs.tolist(), least.tolist()):
         links = links_of(owners[i], owners[j])
         if links in parents and abs(link[i] - link[j]) <= 1 and max(link[i], link[j]) >= 0:
             gaps[links] = min(gaps.get(links, math.inf), gap)
-    most = _FAR * float(arm.translation[1:].norm(dim=1).sum() + arm.tip.norm())
+    most = _FAR * float(np.linalg.norm(arm.translation[1:], axis=1).sum() + np.linalg.norm(arm.tip))
     far = [f"{' – '.join(links)} ({gap:.2g} m)" for links, gap in gaps.items() if gap > most]
     if not far:
         return ""
@@ -113,7 +111,7 @@ def usual_gaps(arm: Arm) -> dict[Links, float]:
     """
     touching = _Touching(arm)
     return {
-        links: float(touching.nearest(links).median()) for links in touching.open if touching.always(links)
+        links: float(np.median(touching.nearest(links))) for links in touching.open if touching.always(links)
     }
 
 
@@ -132,8 +130,8 @@ def room_between(arm: Arm, need: float) -> RoomBetween:
     for links in touching.open:
         distance = touching.nearest(links, need)
         free = distance[distance > 0]
-        if len(free) and float(free.median()) < need:
-            found.usual[links] = float(free.median())
+        if len(free) and (usual := float(np.median(free))) < need:
+            found.usual[links] = usual
         if (share := 1 - len(free) / len(distance)) > _OFTEN:
             found.touching[links] = share
     return found
@@ -174,8 +172,8 @@ class _Touching:
 
     def __init__(self, arm: Arm) -> None:
         link, owners = arm.capsules.link, arm.capsules.owners
-        pairs = torch.combinations(torch.arange(0 if arm.capsules.points else len(link)))
-        apart = (link[pairs[:, 0]] - link[pairs[:, 1]]).abs()
+        pairs = np.argwhere(np.tri(0 if arm.capsules.points else len(link), k=-1).T)
+        apart = np.abs(link[pairs[:, 0]] - link[pairs[:, 1]])
         self.pairs, apart = pairs[apart > 0], apart[apart > 0]
         self.rows: dict[Links, list[int]] = {}
         for k, (i, j) in enumerate(self.pairs.tolist()):
@@ -190,24 +188,24 @@ class _Touching:
         self.q, self.inside = sampled(arm), PieceDistances(arm, self.pairs)
         self.capsules = capsule_distances(arm, self.q, self.pairs).T
 
-    def nearest(self, links: Links, need: float = math.inf) -> Tensor:
+    def nearest(self, links: Links, need: float = math.inf) -> Array:
         """Distances [m] of two links in the first configurations, (1000,), as precise as the need is.
 
         Below zero where they touch, and minus infinity where hulls overlap.
         """
-        nearest = torch.full((_INSIDE,), torch.inf, dtype=torch.float64)
+        nearest = np.full(_INSIDE, np.inf)
         for k in self.rows[links]:
-            found = self.capsules[k, :_INSIDE].clone()
+            found = self.capsules[k, :_INSIDE].copy()
             if self.inside.finer[k]:
-                rows = torch.nonzero(found < torch.clamp(nearest, max=need))[:, 0]
-                asked = torch.stack([rows, torch.full_like(rows, k)], 1)
-                found[rows] = torch.maximum(found[rows], self.inside.lower(self.q, asked, need))
-            nearest = torch.minimum(nearest, found)
+                rows = np.flatnonzero(found < np.minimum(nearest, need))
+                asked = np.stack([rows, np.full_like(rows, k)], 1)
+                found[rows] = np.maximum(found[rows], self.inside.lower(self.q, asked, need))
+            nearest = np.minimum(nearest, found)
         return nearest
 
     def share(self, links: Links) -> float:
         """Share of the configurations in which two links touch."""
-        return float((self.nearest(links, 0.0) <= 0).double().mean())
+        return float((self.nearest(links, 0.0) <= 0).mean())
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""

@@ -4,9 +4,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.motion.arrays import array, chain_of
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.arm import Pieces
@@ -32,14 +31,14 @@ class PieceDistances:
         finer: whether the pieces of a pair may be farther apart than its capsules, (P,) bool.
     """
 
-    def __init__(self, arm: Arm, pairs: Tensor) -> None:
+    def __init__(self, arm: Arm, pairs: Array) -> None:
         self.arm, self.pairs = arm, pairs
         self.pieces = arm.capsules.pieces
-        self.finer = torch.zeros(len(pairs), dtype=torch.bool)
+        self.finer = np.zeros(len(pairs), bool)
         if self.pieces is not None:
-            self.finer = ~self.pieces.exact[pairs].all(1)
+            self.finer = ~np.all(self.pieces.exact[pairs], 1)
 
-    def lower(self, q: Tensor, asked: Tensor, need: float = float("inf")) -> Tensor:
+    def lower(self, q: Array, asked: Array, need: float = float("inf")) -> Array:
         """Lower bounds of distances [m], (M,), exact but for 1e-8 m; minus infinity where pieces touch.
 
         Args:
@@ -48,17 +47,17 @@ class PieceDistances:
             need: a bound that is enough, as precise as it may be.
         """
         if self.pieces is None or not len(asked):
-            return q.new_full((len(asked),), -torch.inf)
+            return np.full(len(asked), -np.inf)
         from sidegan.kernels import bodies as kernel
 
-        order = torch.argsort(asked[:, 0], stable=True)
+        order = np.argsort(asked[:, 0], stable=True)
         shapes = shapes_alone(self.arm, self.pairs)
         out = np.empty(len(asked))
         room = kernel.place_for(shapes, self.arm.joints)
         bodies = kernel.Bodies(chain_of(self.arm), shapes, self.hulls)
         kernel.distances(bodies, array(q), array(asked[order]), need, out, room)
-        found = torch.empty(len(asked), dtype=torch.float64)
-        found[order] = torch.from_numpy(out)
+        found = np.empty(len(asked))
+        found[order] = out
         return found
 
     @cached_property
@@ -69,28 +68,28 @@ class PieceDistances:
         if self.pieces is None:
             return Hulls.none(len(self.arm.capsules.radius), len(self.pairs))
         pieces, around = self.pieces, _around(self.arm.capsules, self.pieces)
-        tensors = pieces.corners, pieces.start, pieces.radius, around, self.finer
-        return Hulls(*map(array, tensors))
+        arrays = pieces.corners, pieces.start, pieces.radius, around, self.finer
+        return Hulls(*map(array, arrays))
 
 
-def _around(capsules: Capsules, pieces: Pieces) -> Tensor:
+def _around(capsules: Capsules, pieces: Pieces) -> Array:
     """How far the corners of each piece are from its capsule's axis at most [m], (C,)."""
-    counts = pieces.start.diff()
-    a, along = (x.repeat_interleave(counts, 0) for x in (capsules.a, capsules.b - capsules.a))
-    length = along.square().sum(1).clamp_min(torch.finfo(a.dtype).tiny)
-    share = (((pieces.corners - a) * along).sum(1) / length).clamp(0, 1)
-    apart = (a + share[:, None] * along - pieces.corners).norm(dim=1)
-    return torch.stack([part.max() for part in apart.split(counts.tolist())])
+    counts = np.diff(pieces.start)
+    a, along = (x.repeat(counts, 0) for x in (capsules.a, capsules.b - capsules.a))
+    length = np.maximum(np.square(along).sum(1), np.finfo(float).tiny)
+    share = np.clip(((pieces.corners - a) * along).sum(1) / length, 0, 1)
+    apart = np.linalg.norm(a + share[:, None] * along - pieces.corners, axis=1)
+    return np.maximum.reduceat(apart, pieces.start[:-1])
 
 
-def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
+def never_touching(arm: Arm, pairs: Array) -> Array:
     """Which pairs of capsules, of some (P, 2), provably never touch within the joints' limits, (P,) bool.
 
     Branch and bound over boxes of joint positions, with the bounds on motion that the check of trajectories
     uses. Only for arms with something inside of their capsules; a pair for which the proof takes too long
     counts as one that may touch.
     """
-    found = torch.zeros(len(pairs), dtype=torch.bool)
+    found = np.zeros(len(pairs), bool)
     inside = PieceDistances(arm, pairs)
     if not len(pairs) or arm.capsules.pieces is None:
         return found
@@ -100,8 +99,8 @@ def never_touching(arm: Arm, pairs: Tensor) -> Tensor:
     reach, link = array(Reaches.of(arm, pairs, pairs[:0]).pieces), arm.capsules.link[pairs]
     middle, half = arm.position_upper + arm.position_lower, arm.position_upper - arm.position_lower
     work, room = np.empty((2, _DEPTH, arm.joints)), kernel.place_for(bodies.shapes, arm.joints)
-    for p, joints in enumerate((link[:, 0] - link[:, 1]).abs().tolist()):
-        work[0, 0], work[1, 0] = middle.numpy() / 2, half.numpy() / 2
+    for p, joints in enumerate(np.abs(link[:, 0] - link[:, 1]).tolist()):
+        work[0, 0], work[1, 0] = middle / 2, half / 2
         budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
         found[p] = kernel.never_touch(bodies, reach, p, _GAP, work, budget, room)
     return found

@@ -3,9 +3,9 @@
 import math
 from functools import lru_cache
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
@@ -24,10 +24,10 @@ _MOSTLY = 0.95  # share of them, from which on limits hold it
 
 def describe_placeholder_limits(arm: Arm) -> str:
     """Limits of an arm that no arm has, and the words that state others; empty where there are none."""
-    held, enough = _held(arm).amax(0), enough_effort(arm)
+    held, enough = _held(arm).max(0), enough_effort(arm)
     units = [("m", "N") if slides else ("rad", "N·m") for slides in arm.prismatic.tolist()]
-    span = torch.maximum(arm.position_lower.abs(), arm.position_upper.abs())
-    speed = torch.where(arm.prismatic, _FASTEST_SLIDE, _FASTEST)
+    span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
+    speed = np.where(arm.prismatic, _FASTEST_SLIDE, _FASTEST)
     kinds = {
         "position": (span, _far(arm, span), [f"±{{}} {length}" for length, _ in units]),
         "velocity": (arm.velocity_limit, arm.velocity_limit > speed, [f"{{}} {x}/s" for x, _ in units]),
@@ -35,7 +35,7 @@ def describe_placeholder_limits(arm: Arm) -> str:
     }
     said, settings = [], []
     for kind, (values, marked, forms) in kinds.items():
-        which = marked.nonzero()[:, 0].tolist()
+        which = np.flatnonzero(marked).tolist()
         by_value: dict[str, list[str]] = {}
         for j in which:
             by_value.setdefault(forms[j].format(f"{float(values[j]):.4g}"), []).append(arm.joint_names[j])
@@ -51,8 +51,8 @@ def describe_placeholder_limits(arm: Arm) -> str:
 
 def describe_weak_limits(arm: Arm) -> str:
     """Joints whose torque limits hold the arm in a part of its range alone, and words that state others."""
-    share = (_held(arm) <= arm.torque_limit).double().mean(0)
-    weak = (share < _MOSTLY).nonzero()[:, 0].tolist()
+    share = (_held(arm) <= arm.torque_limit).mean(0)
+    weak = np.flatnonzero(share < _MOSTLY).tolist()
     if not weak:
         return ""
     names, enough = arm.joint_names, enough_effort(arm)
@@ -76,34 +76,34 @@ def describe_excessive_friction(arm: Arm) -> str:
     )
 
 
-def enough_effort(arm: Arm) -> Tensor:
+def enough_effort(arm: Arm) -> Array:
     """Torques [N·m or N], (J,), that an arm may have: twice what holding it takes at most, or more."""
-    held = _held(arm).amax(0)
-    return (2 * held).clamp_min(0.4 * float(held.max())).clamp_min(1.0)
+    held = _held(arm).max(0)
+    return np.maximum(np.maximum(2 * held, 0.4 * float(held.max())), 1.0)
 
 
 @lru_cache(maxsize=16)
-def _held(arm: Arm) -> Tensor:
+def _held(arm: Arm) -> Array:
     """What holding the arm takes of each joint [N·m or N], (N, J), in random configurations."""
     q = sampled(arm, _TRIED)
-    still = torch.zeros_like(q)
-    return RigidBody(arm).torque(q, still, still).abs()
+    still = np.zeros_like(q)
+    return np.abs(RigidBody(arm).torque(q, still, still))
 
 
-def _far(arm: Arm, span: Tensor) -> Tensor:
+def _far(arm: Arm, span: Array) -> Array:
     """Joints, (J,) bool, that go nowhere near their limits, which are so far from zero [rad or m], (J,)."""
     alike = (span[:, None] == span[~arm.prismatic]).sum(1) > 1
     return (span > _FARTHEST) | (~arm.prismatic & alike & (span > _TURN))
 
 
-def _strong(arm: Arm, held: Tensor) -> Tensor:
+def _strong(arm: Arm, held: Array) -> Array:
     """Joints, (J,) bool, whose limits could hold the arm many times over, which takes so much, (J,)."""
     limit, turns = arm.torque_limit, ~arm.prismatic
-    none = torch.zeros_like(turns)
-    if turns.any() and limit[turns].isfinite().all():
+    none = np.zeros_like(turns)
+    if turns.any() and np.isfinite(limit[turns]).all():
         most = max(_SPARE * float(held[turns].max()), _WEAK) if held.any() else _UNKNOWN
         none = turns & (limit[turns].min() >= most)
-    return none | (limit.isfinite() & (limit > _STRONGEST))
+    return none | (np.isfinite(limit) & (limit > _STRONGEST))
 
 
 def _example(kind: str, slides: bool, effort: float) -> float | tuple[float, float]:

@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
 from sidegan.kernels.chain import BALL, BOX, CONVEX, PLANE
 from sidegan.validity.obstacles import Convex, Sphere
@@ -59,7 +58,7 @@ class Box:
         return [(low + high) / 2 for low, high in sides] + [(high - low) / 2 for low, high in sides]
 
     @property
-    def planes(self) -> np.ndarray:
+    def planes(self) -> Array:
         """Unit normals and offsets [m] of its faces, (6, 4)."""
         return np.c_[np.vstack([np.eye(3), -np.eye(3)]), [*self.upper, *(-x for x in self.lower)]]
 
@@ -73,18 +72,18 @@ Region = Plane | Box | Sphere | Convex
 _KINDS: dict[type[Region], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex: CONVEX}
 
 
-def tables(regions: Sequence[Region]) -> tuple[Tensor, Tensor, Tensor]:
+def tables(regions: Sequence[Region]) -> tuple[Array, Array, Array]:
     """Regions as compiled kernels take them: numbers (R, 8), kinds (R,), and planes (M, 4) of bodies.
 
     The last two numbers of a box or a convex body say where its planes begin and end.
     """
-    numbers = torch.zeros(len(regions), 8, dtype=torch.float64)
-    planes = [torch.zeros(0, 4, dtype=torch.float64)]
+    numbers = np.zeros((len(regions), 8))
+    planes = [np.zeros((0, 4))]
     for row, region in zip(numbers, regions):
-        row[:6] = torch.tensor(region.numbers, dtype=torch.float64)
+        row[:6] = region.numbers
         if isinstance(region, Box | Convex):
             start = sum(map(len, planes))
-            planes.append(torch.from_numpy(region.planes))
-            row[6:] = torch.tensor([start, start + len(region.planes)])
-    kinds = torch.tensor([_KINDS[type(region)] for region in regions], dtype=torch.long)
-    return numbers, kinds, torch.cat(planes)
+            planes.append(region.planes)
+            row[6:] = start, start + len(region.planes)
+    kinds = np.array([_KINDS[type(region)] for region in regions], int)
+    return numbers, kinds, np.concatenate(planes)

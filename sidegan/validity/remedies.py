@@ -2,9 +2,9 @@
 
 from collections import Counter
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed, override
@@ -17,14 +17,14 @@ _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # times a trajectory's size, until some a
 Where = tuple[str, str]  # a constraint, and its joint, pair or region
 
 
-def binding(constraints: Constraints, trajectory: Trajectory, c: Tensor) -> Where | None:
+def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where | None:
     """What most trajectories with coefficients [rad/s], (B, J, H, 2), violate first where they are larger.
 
     None where nothing holds them back.
     """
     for times in _LARGER:
         found = check(constraints, trajectory, times * c)
-        each = [found.failures(k) for k in torch.nonzero(~found.valid)[:, 0].tolist()]
+        each = [found.failures(k) for k in np.flatnonzero(~found.valid).tolist()]
         faults = Counter((failure.constraint, failure.where) for failures in each for failure in failures)
         if faults:
             return faults.most_common(1)[0][0]

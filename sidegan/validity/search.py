@@ -1,12 +1,11 @@
 """The search for the smallest margins: coarse cells first, finer ones only where a margin is small."""
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array, flatten
+from sidegan.base.threads import threads
 from sidegan.kernels import cells as kernel_cells
 from sidegan.kernels import proof as kernel
 from sidegan.kernels.bodies import Bodies
@@ -33,13 +32,13 @@ _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
 class Search:
     """The state of a check of coefficients (B, J, H, 2): the smallest margins so far."""
 
-    def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Tensor) -> None:
+    def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
         self.trajectory, self.c = trajectory, c
         self.model = model_of(constraints)._replace(home=np.array(trajectory.home))
         self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Bounds of the fourth and the fifth derivative: an acceleration or a jerk drifts by the next one at
         # first, and that by the one after it.
-        self.drifts = torch.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
+        self.drifts = np.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
 
@@ -49,54 +48,54 @@ class Search:
         A part of a cell is asked only what its whole could not decide.
         """
         count = coarse_cells(self.trajectory)
-        cells = torch.cartesian_prod(torch.arange(len(self.c)), torch.arange(count)).reshape(-1, 2)
-        asked = torch.from_numpy(kernel.everything(self.model, len(cells)))
+        cells = np.argwhere(np.ones((len(self.c), count), bool))
+        asked = kernel.everything(self.model, len(cells))
         for level in range(LEVELS):
             undecided = self.visit(cells, asked, count, level == LEVELS - 1)
-            valid = torch.from_numpy((self.smallest.margin >= 0).all(1))  # so far
+            valid = np.all(self.smallest.margin >= 0, 1)  # so far
             open_ = undecided.any(1) & valid[cells[:, 0]]
             cells, asked = cells[open_], undecided[open_]
             if not len(cells):
                 break
-            finer = cells[:, 1:] * SPLIT + torch.arange(SPLIT)
-            cells = torch.stack([cells[:, :1].expand_as(finer), finer], -1).reshape(-1, 2)
-            asked = asked.repeat_interleave(SPLIT, 0)
+            finer = cells[:, 1:] * SPLIT + np.arange(SPLIT)
+            cells = np.stack([np.broadcast_to(cells[:, :1], finer.shape), finer], -1).reshape(-1, 2)
+            asked = asked.repeat(SPLIT, 0)
             count *= SPLIT
 
-    def visit(self, cells: Tensor, asked: Tensor, count: int, last: bool) -> Tensor:
+    def visit(self, cells: Array, asked: Array, count: int, last: bool) -> Array:
         """Update the margins from cells (N, 2) of (trajectory, index), of so many in a period.
 
         Asked is about which constraints, (N, 7) bool; those of them come back that leave a cell undecided. At
         last the margins of these are the guaranteed ones, below zero.
         """
-        which, index = cells.T.contiguous()
+        which, index = cells.T
         if count <= len(cells):
-            used, rows = torch.arange(count), index
+            used, rows = np.arange(count), index
         else:
-            used, rows = torch.unique(index, return_inverse=True)
+            used, rows = np.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2
-        centres = (used.to(self.c) + 0.5) * (2 * half)
-        functions = [self.trajectory.basis(centres, order).flatten(1) for order in range(ORDERS)]
-        tensors = self.c.flatten(2), self.jerk, self.drifts, torch.stack(functions, 1), centres
-        c, jerk, drifts, basis, times = map(array, tensors)
+        centres = (used + 0.5) * (2 * half)
+        functions = [flatten(self.trajectory.basis(centres, order), 1) for order in range(ORDERS)]
+        arrays = flatten(self.c, 2), self.jerk, self.drifts, np.stack(functions, 1), centres
+        c, jerk, drifts, basis, times = map(array, arrays)
         motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
-        wanted, undecided = asked.numpy(), np.empty(asked.shape, dtype=bool)
+        undecided = np.empty(asked.shape, bool)
         cuts = _cuts(which)
 
         def work(k: int) -> None:
             part = slice(cuts[k], cuts[k + 1])
-            mine = kernel.Cells(which.numpy()[part], rows.numpy()[part], last, wanted[part], undecided[part])
+            mine = kernel.Cells(which[part], rows[part], last, asked[part], undecided[part])
             kernel.visit(self.model, kernel_cells.work_space(self.model), motions, mine, self.smallest)
 
         each(work, len(cuts) - 1)
-        return torch.from_numpy(undecided)
+        return undecided
 
 
-def _cuts(which: Tensor) -> list[int]:
-    """Where the work on cells is cut, for each of torch's threads; no trajectory (N,) is in two parts."""
-    threads = max(1, min(torch.get_num_threads(), len(which) // _WORTH_A_THREAD))
-    starts = which[[len(which) * k // threads for k in range(1, threads)]].contiguous()
-    return [0, *torch.searchsorted(which, starts).tolist(), len(which)]
+def _cuts(which: Array) -> list[int]:
+    """Where the work on cells is cut, for each thread; no trajectory (N,) is in two parts."""
+    count = max(1, min(threads(), len(which) // _WORTH_A_THREAD))
+    starts = which[[len(which) * k // count for k in range(1, count)]]
+    return [0, *np.searchsorted(which, starts).tolist(), len(which)]
 
 
 @lru_cache(maxsize=16)
@@ -105,13 +104,13 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
     arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
     drives, parameters = arm.known_drives, arm.inertial_parameters
     limit = arm.torque_limit - drives.coulomb
-    tensors = {
-        "parameters": parameters.flatten(),
-        "home": torch.zeros_like(limit),
+    arrays = {
+        "parameters": parameters.ravel(),
+        "home": np.zeros_like(limit),
         "lower": arm.position_lower,
         "upper": arm.position_upper,
         "speed": arm.velocity_limit,
-        "torque": limit if constraints.torque else torch.full_like(limit, torch.inf),
+        "torque": limit if constraints.torque else np.full_like(limit, np.inf),
         "viscous": drives.viscous,
         "rotor": drives.rotor_inertia,
         "higher": constraints.higher_rows,
@@ -121,10 +120,9 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "reach_most": reaches.largest,
         # What bounds torques: the way to the next frame, mass, and norms of first and second moments of mass.
         "travel": travel(arm),
-        "mass": parameters[:, 0].abs(),
-        "first": parameters[:, 1:4].norm(dim=1),
-        "spin": torch.linalg.matrix_norm(inertia_matrices(parameters), ord=2),
+        "mass": np.abs(parameters[:, 0]),
+        "first": np.linalg.norm(parameters[:, 1:4], axis=1),
+        "spin": np.linalg.matrix_norm(inertia_matrices(parameters), ord=2),
     }
-    arrays: dict[str, Any] = {name: array(x) for name, x in tensors.items()}
     bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls)
-    return kernel_cells.Model(bodies, **arrays)
+    return kernel_cells.Model(bodies, **{name: array(x) for name, x in arrays.items()})

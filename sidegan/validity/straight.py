@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.validity.bounds import Reaches
 from sidegan.validity.constraints import DISTANCES, Constraints
@@ -27,31 +27,31 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
     joints = constraints.arm.joints
     if {len(start), len(end)} != {joints} or not all(map(math.isfinite, (*start, *end))):
         raise ShapeError(f"ends of a way must be {joints} finite joint positions each")
-    ends = torch.tensor([list(start), list(end)], dtype=torch.float64)
+    ends = np.array([start, end], float)
     reaches = Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
-    each = torch.maximum(reaches.pairs, reaches.pieces), reaches.regions
-    change = (ends[1] - ends[0]).abs()
+    each = np.maximum(reaches.pairs, reaches.pieces), reaches.regions
+    change = np.abs(ends[1] - ends[0])
     slack = {name: x @ change for name, x in zip(DISTANCES, each) if name in constraints.labels}
-    share, half = (torch.arange(_CELLS, dtype=torch.float64) + 0.5) / _CELLS, 0.5 / _CELLS
+    share, half = (np.arange(_CELLS) + 0.5) / _CELLS, 0.5 / _CELLS
     # The ends are looked at themselves: no cell's middle is there.
-    _margins(constraints, ends, torch.tensor([0.0, 1.0], dtype=torch.float64))
+    _margins(constraints, ends, np.array([0.0, 1.0]))
     for _ in range(_LEVELS):
         margins = _margins(constraints, ends, share)
-        unsure = torch.zeros_like(share, dtype=torch.bool)
+        unsure = np.zeros(len(share), bool)
         for name, most in slack.items():
             unsure |= (margins[name] < half * most).any(1)
         if not unsure.any():
             return
         half /= 2
-        share = torch.cat([share[unsure] - half, share[unsure] + half])
+        share = np.concatenate([share[unsure] - half, share[unsure] + half])
     raise InfeasibleError(f"the straight way passes too close to be sure, {float(share[0]):.1%} along it")
 
 
-def _margins(constraints: Constraints, ends: Tensor, share: Tensor) -> dict[str, Tensor]:
+def _margins(constraints: Constraints, ends: Array, share: Array) -> dict[str, Array]:
     """Margins between ends (2, J) at these shares of the way, (N,); raises where one is negative."""
-    margins = constraints.at_rest(torch.lerp(ends[0], ends[1], share[:, None]))
+    margins = constraints.at_rest(ends[0] + share[:, None] * (ends[1] - ends[0]))
     for name, margin in margins.items():
-        bad = torch.nonzero(margin < 0)
+        bad = np.argwhere(margin < 0)
         if len(bad):
             row, element = bad[share[bad[:, 0]].argmin()].tolist()
             raise InfeasibleError(

@@ -13,13 +13,12 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
-import torch
 from threadpoolctl import threadpool_info
 
 from sidegan.base import parallel
 from sidegan.base.parallel import cores, cpu_seconds, engine, run_jobs
+from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ConfigError, InfeasibleError, SideganError, StorageError
-from tests.threads import several_threads
 from tests.waiting import wait_until
 
 
@@ -27,11 +26,11 @@ def sums(seed, report):
     """Most threads of the process, its folder, and sums that depend on their order; takes some CPU time."""
     until = time.process_time() + 0.1
     while time.process_time() < until:
-        a = torch.randn(300, 300, generator=torch.Generator().manual_seed(seed))
+        a = np.random.default_rng(seed).standard_normal((300, 300))
     report(1, 2)
-    most = max([torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())])
+    most = max([threads(), *(pool["num_threads"] for pool in threadpool_info())])
     report(2, 2)
-    return most, Path.cwd(), float((a @ a).sum()), float(np.linalg.cond(a.double().numpy()))
+    return most, Path.cwd(), float((a @ a).sum()), float(np.linalg.cond(a))
 
 
 def process(report):
@@ -78,9 +77,9 @@ def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processe
 ):
     monkeypatch.chdir(tmp_path)
     jobs = [partial(sums, seed) for seed in (5, 3, 4)]
-    with several_threads():
+    with on_threads(2):
         here = run_jobs("sums", jobs, 1)
-        assert torch.get_num_threads() == 2
+        assert threads() == 2
     before = cpu_seconds()
     steps.clear()
     assert run_jobs("sums", jobs, workers) == here and {row[:2] for row in here} == {(1, tmp_path)}

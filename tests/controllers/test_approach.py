@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 from hypothesis import given, reject
 from hypothesis import strategies as st
 
@@ -33,34 +33,30 @@ def shares(constraints, course, use):
     """Largest shares of what velocity, acceleration, jerk, and torque beside what holds the arm, may be."""
     arm, body = constraints.arm, constraints.body
     drawn = course.sampled(DENSE / course.duration)
-    still = torch.zeros_like(drawn.position)
+    still = np.zeros_like(drawn.position)
     held = body.torque(drawn.position, still, still)
     moving = body.torque(drawn.position, drawn.velocity, drawn.acceleration) - held
-    jerk = drawn.acceleration.diff(dim=0) * DENSE / course.duration
+    jerk = np.diff(drawn.acceleration, axis=0) * DENSE / course.duration
     limits = arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit
     states = drawn.velocity, drawn.acceleration, jerk
-    found = [(x.abs() / (use * most)).max() for x, most in zip(states, limits) if most is not None]
-    room = torch.minimum(use * arm.torque_limit, arm.torque_limit - held * moving.sign())
-    return torch.stack([*found, (moving.abs() / room).max()])
+    found = [(np.abs(x) / (use * most)).max() for x, most in zip(states, limits) if most is not None]
+    room = np.minimum(use * arm.torque_limit, arm.torque_limit - held * np.sign(moving))
+    return np.stack([*found, (np.abs(moving) / room).max()])
 
 
 @given(seed=st.integers(0, 10**6), use=st.sampled_from([0.1, 1.0]), tight=st.integers(0, 3))
 def test_one_limit_is_used_as_far_as_is_allowed_and_none_beyond(seed, use, tight):
     arm, _ = random_chain(1 + seed % 4, seed)
-    start, home = torch.lerp(
-        arm.position_lower,
-        arm.position_upper,
-        torch.rand(2, arm.joints, generator=torch.Generator().manual_seed(seed), dtype=torch.float64),
-    )
-    path = torch.lerp(start, home, torch.linspace(0, 1, 2000, dtype=torch.float64)[:, None])
-    held = RigidBody(arm).torque(path, 0 * path, 0 * path).abs().amax(0)
+    start, home = np.random.default_rng(seed).uniform(arm.position_lower, arm.position_upper, (2, arm.joints))
+    path = np.linspace(start, home, 2000)
+    held = np.abs(RigidBody(arm).torque(path, 0 * path, 0 * path)).max(0)
     tightened = [1e-3 if k == tight else 1.0 for k in range(4)]  # most often the one that decides
     arm = replace(
         arm,
         velocity_limit=tightened[0] * arm.velocity_limit,
-        acceleration_limit=tightened[1] * torch.full_like(held, 50.0),
-        jerk_limit=tightened[2] * torch.full_like(held, 1e4),
-        torque_limit=held + tightened[3] * (300 - held).clamp_min(50) + 0.002 * held,
+        acceleration_limit=tightened[1] * np.full_like(held, 50.0),
+        jerk_limit=tightened[2] * np.full_like(held, 1e4),
+        torque_limit=held + tightened[3] * np.maximum(300 - held, 50) + 0.002 * held,
     )
     try:
         constraints = Constraints(arm)
@@ -80,10 +76,10 @@ def test_the_way_has_a_row_per_tick_and_the_speed_counts(desk):
     once = way(desk, START, [0.0] * 7)
     assert (once.duration * 100) % 1 == pytest.approx(0) and once.duration > 0.5
     rows = once.sampled(100.0).time
-    torch.testing.assert_close(rows, torch.arange(len(rows)).double() / 100, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(rows, np.arange(len(rows)) / 100, rtol=0, atol=1e-12)
     slow = way(desk, START, [0.0] * 7, speed=0.05)
     assert slow.duration == pytest.approx(20 * once.duration, abs=0.2 + 0.01)
-    assert slow.velocity.abs().max() == pytest.approx(0.05 * float(once.velocity.abs().max()), rel=0.01)
+    assert np.abs(slow.velocity).max() == pytest.approx(0.05 * np.abs(once.velocity).max(), rel=0.01)
     coarse = way(desk, START, [0.0] * 7, rate=8.0)
     assert coarse.duration >= 20 / 8  # of which there are enough to follow it
 
@@ -96,8 +92,8 @@ BULGE = [-1.2, 0.0], [1.9, 0.0]  # ends of a way through the horizontal, where g
 
 def holding(planar, share):
     """The planar arm in free space, held by a share of its limits where gravity pulls most."""
-    out = torch.tensor([[torch.pi / 2, 0.0]], dtype=torch.float64)
-    limit = RigidBody(planar).torque(out, 0 * out, 0 * out)[0].abs() / share
+    out = np.array([[np.pi / 2, 0.0]])
+    limit = np.abs(RigidBody(planar).torque(out, 0 * out, 0 * out)[0]) / share
     return Constraints(replace(planar, torque_limit=limit))
 
 
@@ -118,7 +114,7 @@ def weak(planar):
 
 
 def slow(planar):
-    return Constraints(replace(planar, velocity_limit=torch.tensor([3.0, 0.001]).double()))
+    return Constraints(replace(planar, velocity_limit=np.array([3.0, 0.001])))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-import torch
+import numpy as np
 
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
@@ -26,7 +26,7 @@ def slow(arm, velocity=0.8, torque=1.0):
 def full(arm):
     """An arm with something inside of its capsules, which are much too large."""
     capsules = filled(arm, 3).capsules
-    pieces = replace(capsules.pieces, exact=torch.zeros_like(capsules.pieces.exact))
+    pieces = replace(capsules.pieces, exact=np.zeros_like(capsules.pieces.exact))
     return replace(arm, capsules=replace(capsules, radius=1.4 * capsules.radius, pieces=pieces))
 
 

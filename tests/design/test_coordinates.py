@@ -1,7 +1,7 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
@@ -13,16 +13,16 @@ from tests.validity.critical import limited
 
 def test_length_is_the_mean_square_of_the_shares_of_the_limits(planar_problem, random):
     coordinates = Coordinates.of(planar_problem)
-    x = torch.randn(4, 2, 6, generator=random, dtype=torch.float64)
+    x = random.standard_normal((4, 2, 6))
     c = coordinates.coefficients(x)
-    torch.testing.assert_close(coordinates.points(c), x)
+    np.testing.assert_allclose(coordinates.points(c), x)
     arm, trajectory = planar_problem.constraints.arm, planar_problem.trajectory
     motion = trajectory.roll_out(c, trajectory.grid(4000))
     room = (arm.position_upper - arm.position_lower) / 2
     position = ((motion.position / room) ** 2).mean(1)
     velocity = ((motion.velocity / arm.velocity_limit) ** 2).mean(1)
     size = ((c / arm.velocity_limit[:, None, None]) ** 2).sum((2, 3))
-    torch.testing.assert_close((x**2).sum((1, 2)), (position + velocity + size).sum(1), rtol=1e-3, atol=0)
+    np.testing.assert_allclose((x**2).sum((1, 2)), (position + velocity + size).sum(1), rtol=1e-3, atol=0)
 
 
 @pytest.mark.parametrize("reach", [0.2, 0.6])
@@ -33,13 +33,13 @@ def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach, nam
     problem = replace(planar_problem, constraints=Constraints(arm))
     coordinates = Coordinates.of(problem)
     c = coordinates.coefficients(coordinates.start(problem, 20, random, reach))
-    torch.testing.assert_close(problem.limit_use(c), torch.full((20, 2), reach, dtype=torch.float64))
+    np.testing.assert_allclose(problem.limit_use(c), np.full((20, 2), reach))
     limits = {0: arm.position_upper, 1: arm.velocity_limit}
     limits |= {DERIVATIVE_ORDER[name]: limit for name, limit in arm.higher_limits.items()}
-    grid, expected = trajectory.grid(4000), torch.full((20, 2), reach, dtype=torch.float64)
-    used = [(trajectory.derivative(c, grid, k).abs() / limit).amax(1) for k, limit in limits.items()]
-    torch.testing.assert_close(torch.stack(used).amax(0), expected, rtol=0.1, atol=0)
-    x = torch.randn(4, 2, 6, generator=random, dtype=torch.float64)
+    grid, expected = trajectory.grid(4000), np.full((20, 2), reach)
+    used = [(np.abs(trajectory.derivative(c, grid, k)) / limit).max(1) for k, limit in limits.items()]
+    np.testing.assert_allclose(np.stack(used).max(0), expected, rtol=0.1, atol=0)
+    x = random.standard_normal((4, 2, 6))
     wider = coordinates.points(Coordinates.of(planar_problem).coefficients(x))
     if names:
         assert (wider**2).sum() > (x**2).sum()
@@ -48,8 +48,8 @@ def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach, nam
 def test_a_joint_may_go_as_far_as_its_limits_on_either_side_of_home(planar):
     high = planar.position_upper
     problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0, (0.7 * high).tolist()), 24)
-    c = torch.randn(20, 2, 3, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64) * 1e-3
+    c = np.random.default_rng(0).standard_normal((20, 2, 3, 2)) * 1e-3
     away = problem.trajectory.derivative(c, problem.trajectory.grid(4 * 24), 0) - 0.7 * high
-    expected = torch.maximum(away.amax(1) / (0.3 * high), -away.amin(1) / (1.7 * high))
-    slow = replace(planar, velocity_limit=torch.full_like(high, 1e9))
-    torch.testing.assert_close(replace(problem, constraints=Constraints(slow)).limit_use(c), expected)
+    expected = np.maximum(away.max(1) / (0.3 * high), -away.min(1) / (1.7 * high))
+    slow = replace(planar, velocity_limit=np.full_like(high, 1e9))
+    np.testing.assert_allclose(replace(problem, constraints=Constraints(slow)).limit_use(c), expected)

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -26,18 +25,18 @@ DISTANCE = 1.0
 def candidates(problem, count, seed=0, size=1.0):
     """Coefficients, (count, J, H, 2), of which some hold each constraint and some do not."""
     random = np.random.default_rng(seed)
-    speed = problem.constraints.arm.velocity_limit.numpy()
+    speed = problem.constraints.arm.velocity_limit
     share = random.uniform(0.01, size, (count, 1, 1, 1))
     return share * speed[:, None, None] * random.normal(size=(count, *problem.trajectory.shape))
 
 
-def by_definition(problem, coefficients):
+def by_definition(problem, c):
     """Log fitness and violations, (B, 1 + G), from the problem's own."""
-    c, constraints = torch.from_numpy(coefficients), problem.constraints
-    margins = constraints.margins(*(part.flatten(0, 1) for part in states_of(problem, c)))
+    constraints = problem.constraints
+    margins = constraints.margins(*(part.reshape(-1, part.shape[2]) for part in states_of(problem, c)))
     shares = constraints.relative(margins, DISTANCE).values()
-    violations = [-share.reshape(len(c), -1).amin(1) for share in shares]
-    return torch.stack([problem.fitness(c).log(), *violations], 1).numpy()
+    violations = [-share.reshape(len(c), -1).min(1) for share in shares]
+    return np.stack([np.log(problem.fitness(c)), *violations], 1)
 
 
 def assert_same(problem, c):
@@ -67,13 +66,13 @@ def test_long_trajectories_are_taken_in_blocks_of_samples(planar, samples):
     regions=st.sampled_from(REGIONS),
     samples=st.sampled_from([9, 60, 64, 65, 150]),
     diagonal=st.booleans(),
-    limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+    limit=st.sampled_from([np.inf, 30.0, 300.0]),
     torque=st.booleans(),
     names=st.sets(st.sampled_from(["acceleration", "jerk"])),
     strongest=st.sampled_from([None, 1, 5, 99]),
 )
 def test_both_agree_on_random_arms(joints, seed, regions, samples, diagonal, limit, torque, names, strongest):
-    limits = torch.full((joints,), limit, dtype=torch.float64)
+    limits = np.full(joints, limit)
     limits[::2] = 150.0
     arm = limited(replace(random_chain(joints, seed)[0], torque_limit=limits), sorted(names), share=0.2)
     arm = arm if seed % 2 else driven(arm, seed)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
@@ -24,12 +23,12 @@ TERMS = Terms(rotor_inertia=True, sign_width=0.3)
 
 def point(problem, coordinates, seed, use=1.2):
     """A point (J, K) of which each joint uses a share of its limits."""
-    return coordinates.start(problem, 1, torch.Generator().manual_seed(seed), use)[0].numpy()
+    return coordinates.start(problem, 1, np.random.default_rng(seed), use)[0]
 
 
 def information_on(model, states, certainty=None):
-    rows = torch.ones(model.joints).double() if certainty is None else certainty
-    y = (model.regressor(*states) * rows[:, None]).flatten(0, 1)
+    rows = np.ones(model.joints) if certainty is None else certainty
+    y = (model.regressor(*states) * rows[:, None]).reshape(-1, model.count)
     return y.T @ y / len(states[0])
 
 
@@ -38,24 +37,22 @@ def goals(problem):
     body, joints = problem.body, problem.body.joints
     rigid = TorqueModel(body, RIGID)
     model = TorqueModel(body, TERMS)
-    noisy = {"certainty": torch.linspace(2.0, 0.5, joints).double(), "rate": 100.0}
+    noisy = {"certainty": np.linspace(2.0, 0.5, joints), "rate": 100.0}
     whole = {"prior": information_on(model, states_within(body.arm, 200, seed=4)), "model": model, **noisy}
     prior = information_on(rigid, states_within(body.arm, 200, seed=4))
-    targets = torch.linalg.cholesky(information_on(model, states_within(body.arm, 200, seed=3))).T
+    targets = np.linalg.cholesky(information_on(model, states_within(body.arm, 200, seed=3))).T
     last = [name[-1] == str(joints) for name in model.names]
     tool = model.mapping[:, 10 * (joints - 1) : 10 * joints].T
-    doubt = torch.eye(10).double() / 25
+    doubt = np.eye(10) / 25
     return {
         "condition": Goal(),
         "condition by noise": Goal(**noisy),
         "condition of a set": Goal(prior=16 * prior),
         "diagonal": Goal("diagonal"),
-        "volume": Goal("volume", prior, targets=torch.eye(rigid.count).double(), **noisy),
-        "variance": Goal("variance", prior, targets=torch.eye(rigid.count).double()[:2]),
-        "volume with friction": Goal("volume", targets=torch.eye(model.count).double(), **whole),
-        "volume of a link and its joint": Goal(
-            "volume", targets=torch.eye(model.count).double()[last], **whole
-        ),
+        "volume": Goal("volume", prior, targets=np.eye(rigid.count), **noisy),
+        "variance": Goal("variance", prior, targets=np.eye(rigid.count)[:2]),
+        "volume with friction": Goal("volume", targets=np.eye(model.count), **whole),
+        "volume of a link and its joint": Goal("volume", targets=np.eye(model.count)[last], **whole),
         "variance on tasks": Goal("variance", targets=targets, **whole),
         "tool": Goal("tool", targets=tool, doubt=doubt, **whole),
         "tool and without it": Goal("tool", targets=tool, doubt=doubt, runs=2, **whole),
@@ -64,8 +61,12 @@ def goals(problem):
 
 def motion_of(problem, coordinates, x, count, orders):
     """Derivatives from none on at so many time points, (count, J) each."""
-    family, c = problem.trajectory, coordinates.coefficients(torch.from_numpy(x)[None])
+    family, c = problem.trajectory, coordinates.coefficients(x[None])
     return [family.derivative(c, family.grid(count), order)[0] for order in range(orders)]
+
+
+def log_det(x):
+    return np.linalg.slogdet(x).logabsdet
 
 
 def goal_of(problem, goal, states):
@@ -74,20 +75,20 @@ def goal_of(problem, goal, states):
     model = goal.model or TorqueModel(body, RIGID)
     told = information_on(model, states, goal.certainty)
     if goal.kind == "diagonal":
-        return float(log_condition(told.diagonal().sort().values[None]))
+        return log_condition(np.sort(told.diagonal())[None]).item()
     whole = goal.rate * period * told
-    prior = torch.zeros_like(whole) if goal.prior is None else goal.prior
+    prior = np.zeros_like(whole) if goal.prior is None else goal.prior
     if goal.kind == "condition":
         inner = body.base.subspace.T @ (prior + whole) @ body.base.subspace
-        return float(log_condition(torch.linalg.eigvalsh(inner)[None]))
+        return log_condition(np.linalg.eigvalsh(inner)[None]).item()
     if goal.kind != "tool":
-        covariance = goal.targets @ torch.linalg.solve(prior + whole, goal.targets.T)
-        return float(covariance.trace().log() if goal.kind == "variance" else torch.logdet(covariance))
-    beside = torch.cat([torch.eye(model.count).double(), goal.targets])  # arm and tool in one run with it
+        covariance = goal.targets @ np.linalg.solve(prior + whole, goal.targets.T)
+        return np.log(covariance.trace()) if goal.kind == "variance" else log_det(covariance)
+    beside = np.concatenate([np.eye(model.count), goal.targets])  # arm and tool in one run with it
     both = beside @ whole @ beside.T
     both[: model.count, : model.count] += prior + (goal.runs - 1) * whole
     both[model.count :, model.count :] += goal.doubt
-    return float(torch.logdet(torch.linalg.inv(both)[model.count :, model.count :]))
+    return log_det(np.linalg.inv(both)[model.count :, model.count :])
 
 
 def cost_of(problem, coordinates, x):
@@ -96,18 +97,16 @@ def cost_of(problem, coordinates, x):
     arm, limits = constraints.arm, [problem.constraints.arm.velocity_limit, *constraints.higher_rows]
     orders = 4 if constraints.higher else 2
     q, *rest = motion_of(problem, coordinates, x, problem.samples * REFINE, orders)
-    middle, room = (
-        (arm.position_upper + arm.position_lower) / 2,
-        (arm.position_upper - arm.position_lower) / 2,
-    )
-    uses = [(q - middle).abs() / room, *(x.abs() / limit for x, limit in zip(rest, limits))]
-    parts = [p.weight * (use + p.limits - 1).clamp_min(0).square() for use in uses]
+    lower, upper = arm.position_lower, arm.position_upper
+    middle, room = (upper + lower) / 2, (upper - lower) / 2
+    uses = [np.abs(q - middle) / room, *(np.abs(x) / limit for x, limit in zip(rest, limits))]
+    parts = [p.weight * np.square(np.maximum(use + p.limits - 1, 0)) for use in uses]
     if constraints.torque:
-        torque = problem.body.torque(*motion_of(problem, coordinates, x, problem.samples, 3)).abs()
-        parts.append(p.weight * (torque / arm.torque_limit + p.torque - 1).clamp_min(0).square())
+        torque = np.abs(problem.body.torque(*motion_of(problem, coordinates, x, problem.samples, 3)))
+        parts.append(p.weight * np.square(np.maximum(torque / arm.torque_limit + p.torque - 1, 0)))
     margins = constraints.at_rest(q)
     distances = [margins[name] for name in ("collision", "keep_out") if name in margins]
-    parts.append(p.close * (p.reach - torch.cat(distances, 1)).clamp_min(0).square())
+    parts.append(p.close * np.square(np.maximum(p.reach - np.concatenate(distances, 1), 0)))
     return sum(float(part.sum(1).mean()) for part in parts)
 
 

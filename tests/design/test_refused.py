@@ -4,8 +4,8 @@ import math
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.design.criteria import condition_of
 from sidegan.design.excitation import effective_rank, excite, mean_distance, nearest_distance
@@ -21,11 +21,11 @@ from .conftest import semidefinite, trajectories
 
 NAN, INF = math.nan, math.inf
 SIX = semidefinite(0, 6)
-FLAT = torch.diag_embed(torch.tensor([[1.0, 2.0, 0.0, 1.0]] * 6, dtype=torch.float64))
+FLAT = np.stack([np.diag([1.0, 2.0, 0.0, 1.0])] * 6)
 
 
 def spoilt(shape, where, value):
-    x = torch.ones(shape)
+    x = np.ones(shape)
     x[where] = value
     return x
 
@@ -37,17 +37,17 @@ def each(work, words, *values):
 
 DIVERSITY = (mean_distance, nearest_distance, effective_rank)
 NUMBERS = [
-    *each(condition_of, r"expected \(q, q\)", torch.ones(3), torch.ones(2, 3), torch.ones(0, 0)),
-    *each(condition_of, "not finite", torch.full((2, 2), NAN)),
+    *each(condition_of, r"expected \(q, q\)", np.ones(3), np.ones((2, 3)), np.ones((0, 0))),
+    *each(condition_of, "not finite", np.full((2, 2), NAN)),
     *each(partial(d_optimal, SIX), " of 6", 0, -1, 7),
     *each(partial(a_optimal, count=1), r"expected \(N, q, q\)", SIX[:0], SIX[0]),
     *each(partial(d_optimal, count=2), "no trajectory excites some direction", FLAT),
     *each(partial(d_optimal, count=2), "not finite", spoilt((5, 4, 4), 2, NAN), spoilt((5, 4, 4), 2, INF)),
-    *each(partial(greedy, torch.ones(3, 2)), " of 3", 0, -1, 4),
-    *each(partial(greedy, count=1), r"\(N, p\)", *map(torch.ones, [(3,), (3, 2, 2), (3, 0)])),
+    *each(partial(greedy, np.ones((3, 2))), " of 3", 0, -1, 4),
+    *each(partial(greedy, count=1), r"\(N, p\)", *map(np.ones, [(3,), (3, 2, 2), (3, 0)])),
     *each(partial(greedy, count=2), "trajectory 2", *(spoilt((4, 2), (2, 1), x) for x in (NAN, INF, -1e-3))),
-    *each(partial(greedy, count=1), "of 0", torch.ones(0, 2)),
-    *((partial(x, torch.zeros(1, 7)), "at least 2 rows") for x in DIVERSITY),
+    *each(partial(greedy, count=1), "of 0", np.ones((0, 2))),
+    *((partial(x, np.zeros((1, 7))), "at least 2 rows") for x in DIVERSITY),
 ]
 
 

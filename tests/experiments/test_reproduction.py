@@ -6,17 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.artifacts import Artifacts, comparison
+from experiments.artifacts import Artifacts
 from experiments.claims import claims
 from experiments.reference import PAPER
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED
 from sidegan.errors import ConfigError
-from sidegan.pipeline.compose import composed
-from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.store import Store
-from tests.experiments.conftest import OWN
-from tests.tiny import SMALL, TINY, tiny
+from tests.tiny import tiny
 
 
 def judged(run, **changed):
@@ -83,14 +79,3 @@ def test_a_density_estimate_of_too_few_seeds_is_refused(page, outputs, tmp_path)
     few = tiny(f"outputs={outputs}", "stages=[density]", "subset=10", experiment="reproduction")
     with pytest.raises(ConfigError, match="more seeds than coefficients: 10 and 12"):
         run_stages(few, tmp_path, "few")
-
-
-def test_a_condition_beside_is_on_the_page_once_all_of_it_is_made(page, outputs, tmp_path, caplog):
-    words = "+experiment=reproduction", *TINY, *SMALL["reproduction"], *OWN
-    (tmp_path / "begun" / "gan").mkdir(parents=True)
-    beside = f"beside={{ours: {outputs}, ours_on_published: {tmp_path}/begun, published: {tmp_path}/none}}"
-    config = composed(*words, "condition=gradient", beside)
-    shown = comparison(RunContext(config, Store(tmp_path), words))
-    assert list(shown) == ["gradient", "ours"]
-    assert len(shown["ours"].errors) and shown["ours"].run.store.root == outputs
-    assert all(f"condition {x} is not on" in caplog.text for x in ("ours_on_published", "published"))

@@ -2,17 +2,19 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from sidegan.design.problem import Problem
-from sidegan.gan import TrajectoryGenerator
+from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.labels import Labelled
 from sidegan.gan.networks import Generator
 from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
+from sidegan.gan.tensors import tensor
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
@@ -38,6 +40,7 @@ def normal(family, seed=0, scale=1.0, count=8):
 def untrained(arm, family, start, limited=False, box=None, corrections=0):
     """A generator that starts as the Gaussian of some trajectories."""
     torch.manual_seed(0)
+    start = tensor(start)
     network, scaling = Generator(*family.shape[:2], 10, 16, True), Scaling.fit(start)
     network.start_from(scaling.image(start))
     return TrajectoryGenerator(
@@ -58,14 +61,14 @@ def constraints(planar):
 @pytest.fixture(scope="session")
 def seeds(constraints, family):
     """Valid random trajectories that use most of their limits."""
-    c = Problem(constraints, family).start(240, random(), 0.9)
+    c = Problem(constraints, family).start(240, np.random.default_rng(0), 0.9)
     return c[check(constraints, family, c).valid]
 
 
 @pytest.fixture(scope="session")
 def wild(constraints, family):
     """Random trajectories of which most violate something."""
-    return Problem(constraints, family).start(740, random(1), 1.3)
+    return Problem(constraints, family).start(740, np.random.default_rng(1), 1.3)
 
 
 @pytest.fixture(scope="session")
@@ -75,7 +78,7 @@ def pretrained(constraints, family, seeds, wild, tmp_path_factory):
     settings, folder, told = replace(tiny().surrogates, **sizes), tmp_path_factory.mktemp("surrogates"), []
     made = Pretraining(constraints, family, settings, seeds, wild)
     labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
-    assert 0.15 < float(labelled.valid.double().mean()) < 0.85  # or there would be nothing to learn
+    assert 0.15 < labelled.valid.mean() < 0.85  # or there would be nothing to learn
     report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))
     for name in ("spectrum", "diagonal", "energies"):
         report |= made.train_features(name, labelled, folder, 0, lambda *_: None)

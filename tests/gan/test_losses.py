@@ -7,6 +7,7 @@ import torch
 
 from sidegan.gan.losses import Batch, common_offset, missing_distance, missing_rank
 from sidegan.gan.side_gan import SideGAN
+from sidegan.gan.tensors import tensor
 from sidegan.gan.training import random_trajectories
 from sidegan.gan.variants import Exact
 from tests.gan.conftest import FULL, NONE, random
@@ -67,16 +68,16 @@ def loss_of(value):
 
 
 def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
-    loss = loss_of(missing_distance(seeds))
-    assert loss(seeds.float()) < 1e-6 and loss(2 * seeds.float()) == 0
-    assert float(loss(0.3 * seeds.float())) == pytest.approx(0.7, rel=1e-4)
+    loss, c = loss_of(missing_distance(seeds)), tensor(seeds).float()
+    assert loss(c) < 1e-6 and loss(2 * c) == 0
+    assert float(loss(0.3 * c)) == pytest.approx(0.7, rel=1e-4)
 
 
 def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
-    c = random_trajectories(constraints, family, 0).float()
+    c = random_trajectories(constraints, family, 0)
     loss = loss_of(missing_rank(c, 100))
-    assert loss(c[:100]) < 0.1
-    vectors = torch.randn(2, c[0].numel(), generator=random())
+    assert loss(tensor(c[:100])) < 0.1
+    vectors = torch.randn(2, c[0].size, generator=random())
     flat = (torch.randn(100, 2, generator=random()) @ vectors).view(100, *c.shape[1:]).requires_grad_(True)
     value = loss(flat)
     (slope,) = torch.autograd.grad(value, flat)
@@ -85,7 +86,7 @@ def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
 
 
 def test_what_all_have_in_common_costs_where_distances_cannot_see_it(seeds):
-    c = seeds[:100].float()
+    c = tensor(seeds[:100]).float()
     offset, rank, distance = common_offset(seeds), missing_rank(seeds, 100), missing_distance(seeds)
     shifted = c + 3 * c.std(0)
     assert loss_of(offset)(c) < 0.01 and loss_of(rank)(c) < 0.05
@@ -99,7 +100,7 @@ def test_what_all_have_in_common_costs_where_distances_cannot_see_it(seeds):
 
 def test_a_collapsed_batch_gives_a_finite_slope(seeds):
     noise = torch.randn(20, *seeds.shape[1:], generator=random())
-    c = (seeds[:1].float() + 1e-6 * noise).requires_grad_(True)
+    c = (tensor(seeds[:1]).float() + 1e-6 * noise).requires_grad_(True)
     floors = missing_distance(seeds), missing_rank(seeds, 20), common_offset(seeds)
     value = sum(loss_of(floor)(c) for floor in floors)
     (slope,) = torch.autograd.grad(value, c)

@@ -6,6 +6,7 @@ import torch
 from sidegan.errors import ArtifactError
 from sidegan.gan.pretraining import load_surrogates
 from sidegan.gan.settings import Reward
+from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 
 
@@ -19,7 +20,7 @@ def test_surrogates_learn_validity_and_features(pretrained):
 @pytest.mark.parametrize("kind", ["Eigen", "Diagonal", "Predicting"])
 def test_trained_surrogates_are_loaded_as_they_were(pretrained, planar, family, seeds, full, kind):
     reward = Reward(proportional=1.0, constant=1.0) if kind == "Predicting" else None
-    variant, c = replace(full, variant=kind, reward=reward), seeds[:5].float()
+    variant, c = replace(full, variant=kind, reward=reward), tensor(seeds[:5]).float()
     loaded, again = (load_surrogates(pretrained[0], variant, planar, family) for _ in range(2))
     for network, twin in zip(loaded, again):
         assert not any(p.requires_grad for p in network.parameters()) and not network.training

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 
 import torch
 
-from sidegan.gan.labels import label
+from sidegan.gan.labels import Labelled, label
 from sidegan.gan.refresh import Refreshed
+from sidegan.gan.tensors import tensor
 from tests.gan.conftest import REFRESH, STEPS
 
 
@@ -18,7 +19,8 @@ def test_they_come_to_know_what_the_generator_makes(made, full, taught):
     predictor, converter = model.success_predictor, model.converter
     data, c = taught, model.generator.sample(400, 5)
     truth = label(data.constraints, data.trajectory, c, STEPS, lambda *_: None)
-    assert truth.valid.double().mean() < 0.9
+    assert truth.valid.mean() < 0.9
+    truth = Labelled(*map(tensor, truth))
 
     def known():
         wrong = predictor.training_step([truth.c, truth.margins, truth.valid], 0)

@@ -2,12 +2,13 @@
 
 from dataclasses import asdict, replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.base.typed import build
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError, SideganError
-from sidegan.gan import TrajectoryGenerator, Variant
+from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.settings import Variant
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, REFRESH, untrained
@@ -58,7 +59,7 @@ def test_files_of_another_arm(arm, planar, family, seeds, tmp_path):
     ("error", "words", "change", "spoil"),
     [
         (ShapeError, "coefficients are", {}, lambda seeds: seeds[:, :1]),
-        (ShapeError, "not finite", {}, lambda seeds: seeds * torch.nan),
+        (ShapeError, "not finite", {}, lambda seeds: seeds * np.nan),
         (ShapeError, "scaling needs at least two seeds", {}, lambda seeds: seeds[:1]),
         (SideganError, "small diverged in epoch 0", {"learning_rate": 1e38}, lambda seeds: seeds),
         (ConfigError, "small needs a success predictor", {"variant": "Eigen"}, lambda seeds: seeds),
@@ -70,7 +71,7 @@ def test_trainings(vanilla, data, error, words, change, spoil, tmp_path):
 
 
 def test_an_arm_that_cannot_move(planar, family):
-    weak = Constraints(replace(planar, torque_limit=torch.full((2,), 1e-4, dtype=torch.float64)))
+    weak = Constraints(replace(planar, torque_limit=np.full(2, 1e-4)))
     beside = [Plane((side, 0, 0), -0.0501) for side in (1, -1)]  # a tenth of a millimetre from the links
     for constraints, fault in ((weak, "torque"), (Constraints(planar, beside), "keep_out")):
         with pytest.raises(InfeasibleError, match=f"a little .* violate {fault} of"):

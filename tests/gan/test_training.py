@@ -3,9 +3,11 @@ import signal
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 import torch
 
+from sidegan.design.excitation import mean_distance
 from sidegan.errors import SideganError
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
@@ -23,14 +25,14 @@ def test_every_loss_together_trains(trained, full, taught, constraints, family, 
     assert ends == [(1, 3), (2, 3), (3, 3)] and len(made.history) == 3
     assert all(math.isfinite(row["distance"]) and 0 <= row["success"] <= 1 for row in made.history)
     c = made.generator.sample(100, 3)
-    assert check(constraints, family, c).valid.double().mean() > 0.3
+    assert check(constraints, family, c).valid.mean() > 0.3
 
 
 @pytest.mark.parametrize("settings", [{"steps": None}, {"gaussian_start": False}, {"limited": True}])
 def test_every_option_trains(trained, vanilla, settings, tmp_path):
     made = trained(replace(vanilla, epochs=1, **settings), tmp_path)
     assert len(made.history) == 1
-    assert torch.isfinite(made.generator.sample(5)).all()
+    assert np.isfinite(made.generator.sample(5)).all()
 
 
 @pytest.mark.parametrize("kind", ["vanilla", "full", "predicting", "exact"])
@@ -94,12 +96,12 @@ def test_a_loss_that_is_no_number_ends_the_training_and_keeps_the_last_epoch(
 def test_exact_physics_makes_valid_diverse_trajectories_that_predict_without_seeds(
     trained, exact, constraints, family, tmp_path
 ):
-    made = trained(exact, tmp_path / "trained", evaluation=200)
+    made = trained(replace(exact, epochs=5), tmp_path / "trained", evaluation=600)
     last, start = made.history[-1], random_trajectories(constraints, family, 1)
     brief = trained(replace(exact, epochs=1, steps=1), tmp_path / "brief", evaluation=200)
     assert last["success"] > 0.9
     assert last["error_constant"] < brief.history[0]["error_constant"]
     assert abs(last["cosine"]) < 0.1
-    assert last["distance"] > 0.75 * torch.pdist(start[:500].flatten(1)).mean()
+    assert last["distance"] > 0.75 * mean_distance(start[:500])
     margins = check(constraints, family, brief.generator.sample(300, 5)).margins
     assert (margins["position"] >= 0).all() and (margins["velocity"] >= 0).all()

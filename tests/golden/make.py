@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import build
 from sidegan.design.excitation import excitation_of
 from sidegan.design.greedy import greedy
@@ -25,8 +25,8 @@ from sidegan.design.information import information_of, weighted_gram
 from sidegan.design.objective import value_and_gradient
 from sidegan.design.optimal import a_optimal, d_optimal
 from sidegan.design.penalty import Penalty
-from sidegan.design.physics import energies
 from sidegan.design.problem import Problem
+from sidegan.gan.physics import energies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
 from sidegan.motion.trajectory import Trajectory
@@ -74,33 +74,33 @@ def problem_of(name: str, home: np.ndarray) -> Problem:
     return Problem(constraints_of(name), Trajectory(len(home), 4, 8.0, home.tolist()), 40)
 
 
-def trajectories(seed: int, gain: np.ndarray, count: int, scales: np.ndarray | None = None) -> Tensor:
+def trajectories(seed: int, gain: np.ndarray, count: int, scales: np.ndarray | None = None) -> Array:
     """Coefficients (count, J, 4, 2) of joints with gains [rad/s], of random sizes unless scales are given."""
     u = draw(seed, count, len(gain) * 8 + 1)
     size = 1 + u[:, 0] if scales is None else scales.astype(float)
-    c = u[:, 1:].reshape(count, -1, 4, 2) * gain.astype(float)[:, None, None]
-    return torch.from_numpy(c * size[:, None, None, None])
+    c = u[:, 1:].reshape(count, -1, 4, 2) * gain[:, None, None].astype(float)
+    return c * size[:, None, None, None]
 
 
-def candidates(name: str, own: dict[str, np.ndarray]) -> Tensor:
+def candidates(name: str, own: dict[str, np.ndarray]) -> Array:
     """An arm's trajectories to judge: random ones, then those near the boundary."""
     (count, near), gain = JUDGED[name], own["gain"]
-    return torch.cat([trajectories(10, gain, count), trajectories(11, gain, near, own["scales"])])
+    return np.concatenate([trajectories(10, gain, count), trajectories(11, gain, near, own["scales"])])
 
 
-def numbers(problem: Problem, c: Tensor) -> dict[str, np.ndarray]:
+def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     """Gram, slopes, sums and margins of a few trajectories."""
     body, trajectory = problem.body, problem.trajectory
-    gram, sides = problem.gram(c), torch.from_numpy(draw(1, body.parameters_count + 1, 3))
+    gram, sides = problem.gram(c), draw(1, body.parameters_count + 1, 3)
     found = {"gram": gram @ sides[1:], "spectrum": excitation_of(body, gram).spectrum}
     for kind, penalty in (("plain", None), ("penalised", Penalty.reserving(1e2, 0.05))):
         found[f"{kind}_value"], found[f"{kind}_slopes"] = value_and_gradient(problem, c, penalty)
     found["diagonal_slopes"] = value_and_gradient(replace(problem, diagonal=True), c, None)[1]
-    x = c.clone().requires_grad_(True)
+    x = torch.from_numpy(c).clone().requires_grad_(True)
     goal = _volume(problem, x)
-    found["goal"], found["goal_slopes"] = goal.detach(), torch.autograd.grad(goal, x)[0]
-    states = [part.flatten(0, 1) for part in trajectory.roll_out(c, trajectory.times(20))[1:]]
-    noise = torch.from_numpy(draw(2, *states[0].shape))
+    found["goal"], found["goal_slopes"] = goal.detach().numpy(), torch.autograd.grad(goal, x)[0]
+    states = [part.reshape(-1, part.shape[-1]) for part in trajectory.roll_out(c, trajectory.times(20))[1:]]
+    noise = draw(2, *states[0].shape)
     measured = Measurements(*states, body.torque(*states) + noise)
     found["sums"] = body.sums(*states, measured.torque) @ sides
     for terms in (RIGID, FULL):
@@ -108,19 +108,21 @@ def numbers(problem: Problem, c: Tensor) -> dict[str, np.ndarray]:
         for method, more in (("rls", {"prior": 1e3, "forgetting": 0.999}), ("weighted", {})):
             one = estimate(method, model, measured, **more)
             found |= {f"{method}_{model.count}": one.parameters, f"{method}_{model.count}_sd": one.deviation}
-    found |= {f"states_{key}": x.amin(0) for key, x in problem.constraints.margins(*states).items()}
+    found |= {f"states_{key}": x.min(0) for key, x in problem.constraints.margins(*states).items()}
     found |= {f"least_{key}": x for key, x in check(problem.constraints, trajectory, c).margins.items()}
-    return {key: x.numpy() for key, x in found.items()}
+    return found
 
 
-def _volume(problem: Problem, c: Tensor) -> Tensor:
+def _volume(problem: Problem, c: torch.Tensor) -> torch.Tensor:
     """Minus the mean log eigenvalue of the weighted information of pairs, 0-dimensional."""
-    weights = 1 / torch.arange(1.0, 1 + problem.body.joints, dtype=torch.float64)
+    weights = 1 / np.arange(1.0, 1 + problem.body.joints)
     subspace, logs = problem.body.base.subspace, []
     for pair in c[: len(c) // 2 * 2].split(2):
-        grams = weighted_gram(problem.body, problem.trajectory, pair.detach(), problem.samples, weights)
+        grams = weighted_gram(
+            problem.body, problem.trajectory, pair.detach().numpy(), problem.samples, weights
+        )
         whole = grams.sum(0)
-        directions = subspace @ torch.linalg.eigh(subspace.T @ whole @ subspace)[1]
+        directions = subspace @ np.linalg.eigh(subspace.T @ whole @ subspace)[1]
         logs.append(energies(problem, pair, directions, weights).sum(0).log())
     return -torch.stack(logs).mean()
 
@@ -129,12 +131,12 @@ def picks(problem: Problem, gain: np.ndarray) -> dict[str, np.ndarray]:
     """Sets that are picked from 200 trajectories."""
     c = trajectories(12, gain, 200)
     information = information_of(problem.body, problem.trajectory, c)
-    found = {"greedy": greedy(problem.gram(c).diagonal(dim1=1, dim2=2), 20)}
+    found = {"greedy": greedy(problem.gram(c).diagonal(axis1=1, axis2=2), 20)}
     found |= {"d_optimal": d_optimal(information, 20), "a_optimal": a_optimal(information, 20)}
-    return {key: x.numpy() for key, x in found.items()}
+    return found
 
 
-def record(c: Tensor, home: np.ndarray) -> None:
+def record(c: Array, home: np.ndarray) -> None:
     """Write the recording of the repository: an arm with friction in MuJoCo, at 50 Hz."""
     arm = load_robot(RECORDED["made"][0])
     family = Trajectory(arm.joints, 4, 8.0, home.tolist())
@@ -176,19 +178,19 @@ def _near(problem: Problem, gain: np.ndarray, count: int) -> np.ndarray:
     for _ in range(40):
         middle = (low + high) / 2
         c = trajectories(11, gain, count, middle)
-        valid = check(problem.constraints, problem.trajectory, c).valid.numpy()
+        valid = check(problem.constraints, problem.trajectory, c).valid
         low, high = np.where(valid, middle, low), np.where(valid, high, middle)
     index = np.arange(count)
     return (low * (1 + 10.0 ** -(2 + index // 2 % 5) * (-1) ** index)).astype(np.float32)
 
 
-def _judgement(problem: Problem, c: Tensor) -> dict[str, np.ndarray]:
+def _judgement(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     """Verdicts, and which of them rounding cannot turn: margins and a change of 10⁻⁹ leave them."""
     one = check(problem.constraints, problem.trajectory, c)
-    clear = torch.stack([*one.margins.values()]).amin(0).abs() > 1e-9
+    clear = np.abs(np.stack([*one.margins.values()]).min(0)) > 1e-9
     for factor in (1 - 1e-9, 1 + 1e-9):
         clear &= check(problem.constraints, problem.trajectory, factor * c).valid == one.valid
-    return {"valid": np.packbits(one.valid.numpy()), "clear": np.packbits(clear.numpy())}
+    return {"valid": np.packbits(one.valid), "clear": np.packbits(clear)}
 
 
 def main() -> None:
@@ -199,10 +201,10 @@ def main() -> None:
         home = np.array(default_home(constraints) or [0.0] * constraints.arm.joints)
         problem = problem_of(name, home)
         use = problem.limit_use(trajectories(13, np.ones(len(home)), 200)).mean(0)
-        gain = (0.6 / use).numpy().astype(np.float32)
+        gain = (0.6 / use).astype(np.float32)
         c = trajectories(14, gain, 50)
-        c = c[problem.fitness(c).argsort()[:3]].numpy().round(6)  # the best: condition magnifies rounding
-        own = {"home": home, "gain": gain, "c": c, **numbers(problem, torch.from_numpy(c))}
+        c = c[problem.fitness(c).argsort()[:3]].round(6)  # the best: condition magnifies rounding
+        own = {"home": home, "gain": gain, "c": c, **numbers(problem, c)}
         if name in JUDGED:
             own["scales"] = _near(problem, gain, JUDGED[name][1])
             own |= _judgement(problem, candidates(name, own))
@@ -210,7 +212,7 @@ def main() -> None:
             own |= picks(problem, gain)
         found |= {f"{name}/{key}": x for key, x in own.items()}
         if name == "ur10_like":
-            record(0.35 * torch.from_numpy(c), home)  # within limits
+            record(0.35 * c, home)  # within limits
     np.savez_compressed(NUMBERS, **found)
     IDENTIFIED.write_text(json.dumps({name: identified(name) for name in RECORDED}, indent=1) + "\n")
 

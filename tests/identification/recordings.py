@@ -4,7 +4,6 @@ from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
-import torch
 
 from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estimate
 from sidegan.identification.settings import GoalSettings, StudySettings
@@ -18,19 +17,19 @@ FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 def multisine(joints, samples, seed=0, rate=100.0, sines=4):
     """Position, velocity and acceleration, (S, J) each, of sums of sines that no two joints share."""
     random = np.random.default_rng(seed)
-    time = torch.arange(samples, dtype=torch.float64)[:, None, None] / rate
-    speed = torch.from_numpy(random.uniform(0.5, 4.0, (sines, joints)))
-    size = torch.from_numpy(random.uniform(0.2, 0.6, (sines, joints)))
-    angle = time * speed + torch.from_numpy(random.uniform(0, 2 * np.pi, (sines, joints)))
-    q, dq, ddq = size * angle.sin(), size * speed * angle.cos(), -size * speed**2 * angle.sin()
+    time = np.arange(samples)[:, None, None] / rate
+    speed = random.uniform(0.5, 4.0, (sines, joints))
+    size = random.uniform(0.2, 0.6, (sines, joints))
+    angle = time * speed + random.uniform(0, 2 * np.pi, (sines, joints))
+    q, dq, ddq = size * np.sin(angle), size * speed * np.cos(angle), -size * speed**2 * np.sin(angle)
     return q.sum(1), dq.sum(1), ddq.sum(1)
 
 
 def truth_of(model):
     """Parameters (P,) of the description with friction, another one at every joint."""
-    grow = torch.linspace(1.0, 0.4, model.joints, dtype=torch.float64)
+    grow = np.linspace(1.0, 0.4, model.joints)
     terms = [FRICTION[name] * grow for name in model.kinds]
-    return model.mapping @ torch.cat([model.arm.inertial_parameters.reshape(-1), *terms])
+    return model.mapping @ np.concatenate([model.arm.inertial_parameters.ravel(), *terms])
 
 
 def at_once(samples):
@@ -39,7 +38,7 @@ def at_once(samples):
 
 
 def white(shape, *seed):
-    return torch.from_numpy(np.random.default_rng(seed).normal(size=shape))
+    return np.random.default_rng(seed).normal(size=shape)
 
 
 def measured(model, states, noise=0.0, seed=0):
@@ -55,7 +54,7 @@ def recorded(model, samples=1500, noise=0.0, seed=0):
 def half_still(arm, noise, elbow=1e-2):
     """A model of a planar arm, its estimate from a recording in which the elbow hardly moves, and that."""
     model = model_of(arm)
-    data = measured(model, [x * torch.tensor([1.0, elbow]) for x in multisine(2, 1000)], noise)
+    data = measured(model, [x * np.array([1.0, elbow]) for x in multisine(2, 1000)], noise)
     return model, estimate("weighted", model, data), data
 
 
@@ -67,11 +66,11 @@ class Fixed:
         self.names, self.kinds = [f"p{i + 1}" for i in range(self.count)], ("all",)
 
     def regressor(self, q, dq, ddq, sign=None):
-        return self.y[q[:, 0].long()]
+        return self.y[q[:, 0]]
 
     def measurements(self, torque):
-        rows = torch.arange(len(torque), dtype=torch.float64)[:, None].expand(torque.shape)
-        return Measurements(rows, torch.zeros_like(torque), torch.zeros_like(torque), torque)
+        rows, none = np.broadcast_to(np.arange(len(torque))[:, None], torque.shape), np.zeros_like(torque)
+        return Measurements(rows, none, none, torque)
 
 
 def noisy_rows(samples):
@@ -79,7 +78,7 @@ def noisy_rows(samples):
     random = np.random.default_rng(3)
     y = random.normal(size=(samples, 3, 6)) * [30, 1, 0.1, 3, 0.02, 1]
     tau = y @ random.normal(size=6) + random.normal(size=(samples, 3)) * [1, 0.3, 0.05]
-    return torch.from_numpy(y), torch.from_numpy(tau)
+    return y, tau
 
 
 def model_of(arm, **terms):

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.identification.verdict import BAD, GOOD, USABLE, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
@@ -27,8 +26,8 @@ def arm():
 def recordings(arm, change, truth=None):
     """One recording to identify from and another to test with, with what a change makes of the torques."""
     found, time = [], np.arange(15 * 100) / 100
-    for seed in (0, 1):
-        generator = torch.Generator().manual_seed(seed)
+    for seed in (2, 3):  # motions that excite every joint, so that verdicts are about what is changed
+        generator = np.random.default_rng(seed)
         made = moved(truth or arm, time, VISCOUS[0], COULOMB[0], generator, period=6.0)
         found.append(check_recording(replace(made, torque=change(made)), arm, of_file()))
     return found
@@ -41,11 +40,11 @@ def judged(arm, change=lambda made: made.torque, truth=None):
 
 def pulled(arm, *direction):
     """The arm where gravity acts along another direction of its base."""
-    return replace(arm, gravity=SIZE * torch.tensor(direction, dtype=torch.float64))
+    return replace(arm, gravity=SIZE * np.array(direction))
 
 
 def scaled(*factors):
-    return lambda made: made.torque * torch.tensor(factors)
+    return lambda made: made.torque * factors
 
 
 def without_gravity(arm):
@@ -108,17 +107,17 @@ def test_reversed_torques_are_no_reversed_gravity(arm):
 
 def late(made):
     """Torques of 200 ms before."""
-    return made.torque.roll(20, 0)
+    return np.roll(made.torque, 20, 0)
 
 
 def offset(made):
-    return made.torque + torch.tensor([0, 0, 9.0, 0, 0, 0, 0])
+    return made.torque + np.array([0, 0, 9.0, 0, 0, 0, 0])
 
 
 def heavier(arm):
     """The arm with 2 kg in its hand."""
-    links = arm.inertial_parameters.clone()
-    links[-1, [0, 3]] += torch.tensor([2.0, 0.2], dtype=torch.float64)
+    links = arm.inertial_parameters.copy()
+    links[-1, [0, 3]] += [2.0, 0.2]
     return replace(arm, inertial_parameters=links)
 
 
@@ -144,9 +143,7 @@ def test_a_fault_of_the_recordings_is_the_first_reason_and_silences_advice(arm, 
 
 def test_motions_in_each_others_columns_are_named(arm):
     order = [0, 3, 2, 1, 4, 5, 6]
-    made = moved(
-        arm, np.arange(1500) / 100, VISCOUS[0], COULOMB[0], torch.Generator().manual_seed(0), period=6.0
-    )
+    made = moved(arm, np.arange(1500) / 100, VISCOUS[0], COULOMB[0], np.random.default_rng(0), period=6.0)
     swapped = replace(made, position=made.position[:, order], velocity=made.velocity[:, order])
     checked = check_recording(swapped, arm, of_file())
     assert "the motions of joint_2 and joint_4 look swapped" in checked.warnings[0]
@@ -166,20 +163,17 @@ def test_one_recording_with_another_load_is_named(arm):
 
 def test_torques_of_motors_are_distinguished_from_those_behind_gears(arm):
     """MuJoCo's rotors are in the drives' torques, which the model of joint torques lacks."""
-    rotors = torch.tensor([3.0, 3, 2, 2, 0.5, 0.5, 0.2], dtype=torch.float64)
-    quality = judged(
-        arm, lambda made: made.torque + rotors * torch.gradient(made.velocity, spacing=0.01, dim=0)[0]
-    ).quality
-    assert re.search(
-        "^rotors explain what is left: with model=motor_current the mean nMSE is 0.00", quality.reasons[0]
-    )
+    rotors = np.array([3.0, 3, 2, 2, 0.5, 0.5, 0.2])
+    with_rotors = judged(arm, lambda made: made.torque + rotors * np.gradient(made.velocity, 0.01, axis=0))
+    words = "^rotors explain what is left: with model=motor_current the mean nMSE is (.*?), it is "
+    assert float(re.search(words, with_rotors.quality.reasons[0])[1]) < 0.01
 
 
 @pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.02, False)])
 def test_a_joint_that_hardly_moves_tells_no_sign(arm, size, told):
-    made = moved(arm, np.arange(1500) / 100, 0.0, 0.0, torch.Generator().manual_seed(0), period=6.0)
-    q, v = (x * torch.tensor([1, 1, 1, 1, 1, size, 1]) for x in (made.position, made.velocity))
-    torque = RigidBody(arm).torque(q, v, torch.gradient(v, spacing=0.01, dim=0)[0])
+    made = moved(arm, np.arange(1500) / 100, 0.0, 0.0, np.random.default_rng(0), period=6.0)
+    q, v = (x * [1, 1, 1, 1, 1, size, 1] for x in (made.position, made.velocity))
+    torque = RigidBody(arm).torque(q, v, np.gradient(v, 0.01, axis=0))
     torque[:, 5] *= -1
     checked = check_recording(replace(made, position=q, velocity=v, torque=torque), arm, of_file())
     warnings = "\n".join(checked.warnings)
@@ -194,11 +188,11 @@ def test_an_arm_ten_times_as_heavy_as_described_is_named(found, said):
 
 
 def test_links_that_no_arm_has_are_named(arm):
-    links = arm.inertial_parameters.clone()
+    links = arm.inertial_parameters.copy()
     assert implausible_links(arm, links) == []
     links[3] *= 12
     assert [(finding.level, finding.joint) for finding in implausible_links(arm, links)] == [(USABLE, 3)]
-    links = arm.inertial_parameters.clone()
+    links = arm.inertial_parameters.copy()
     links[2, 1] = 2.0 * links[2, 0]
     (found,) = implausible_links(arm, links)
     assert found.level == BAD and "further than the arm reaches" in found.text

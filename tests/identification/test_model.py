@@ -4,13 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-import torch
+from scipy.linalg import expm
 
 from sidegan.identification.model import states_within
 from sidegan.identification.prior import belief, typical
 from sidegan.robot import load_robot
 from tests.chains import random_chain
-from tests.identification.recordings import model_of, multisine, white
+from tests.identification.recordings import assert_close, model_of, multisine, white
 
 
 @pytest.fixture(scope="module", params=["kuka_lwr4", "planar2", (4, 1), (5, 3), (3, 2)], ids=str)
@@ -25,25 +25,25 @@ class TestRegressor:
     def test_gives_the_torque_of_all_standard_parameters(self, model):
         q, dq, ddq = states_within(model.arm, 40, seed=5)
         full = white(model.mapping.shape[1:], 0)
-        signals = [ddq, dq, torch.tanh(dq / 0.01), torch.ones_like(dq)]
+        signals = [ddq, dq, np.tanh(dq / 0.01), np.ones_like(dq)]
         terms = full[10 * model.joints :].reshape(4, model.joints)
         expected = model.body.regressor(q, dq, ddq) @ full[: 10 * model.joints]
         expected = expected + sum(x * term for x, term in zip(signals, terms))
         found = model.torque(model.mapping @ full, q, dq, ddq)
-        assert (found - expected).abs().max() < 1e-9 * expected.abs().max()
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
 
     def test_columns_are_independent_and_rigid_ones_come_first(self, model):
         states = states_within(model.arm, 60 * model.joints, seed=9)
         y = model.regressor(*states)
-        torch.testing.assert_close(y[..., : model.rigid], model.body.base_regressor(*states))
+        np.testing.assert_allclose(y[..., : model.rigid], model.body.base_regressor(*states))
         rows = y.reshape(-1, model.count)
-        assert torch.linalg.matrix_rank(rows / rows.norm(dim=0), rtol=1e-9) == model.count
+        assert np.linalg.matrix_rank(rows / np.linalg.norm(rows, axis=0), rtol=1e-9) == model.count
         assert tuple(model.names[: model.rigid]) == model.body.base.names
 
     def test_friction_follows_the_sign_where_one_is_given(self, planar):
         model = model_of(planar)
         q, dq, ddq = multisine(2, 30)
-        y = model.regressor(q, dq, ddq, 0.5 * torch.ones_like(q))
+        y = model.regressor(q, dq, ddq, 0.5 * np.ones_like(q))
         assert (y[:, 1, model.names.index("fc2")] == 0.5).all()
 
 
@@ -57,21 +57,21 @@ class TestGroupings:
     @pytest.mark.parametrize("tilt", [4e-6, 1e-3], ids=["four digits", "calibrated"])
     def test_right_angles_that_are_off_split_no_parameter(self, arm, tilt):
         """What they tell apart are thousandths of a torque, which the grouping neglects."""
-        turns = tilt * torch.from_numpy(np.random.default_rng(0).normal(size=(7, 3)))
-        turns = torch.linalg.matrix_exp(torch.linalg.cross(torch.eye(3).double()[None], turns[:, None]))
+        turns = tilt * np.random.default_rng(0).normal(size=(7, 3))
+        turns = expm(np.linalg.cross(np.eye(3)[None], turns[:, None]))
         exact, tilted = model_of(arm), model_of(replace(arm, rotation=arm.rotation @ turns))
         terms, more = (one.names[one.rigid :] for one in (exact, tilted))
         assert terms == more
         assert tilted.formulas[tilted.names.index("Iyy2")].count("Ia") == 1
         assert sum("Ia2" in formula for formula in tilted.formulas) == 1
-        states, full = states_within(arm, 200, seed=3), torch.zeros(len(tilted.standard_names)).double()
+        states, full = states_within(arm, 200, seed=3), np.zeros(len(tilted.standard_names))
         full[tilted.standard_slice("rotor_inertia")] = 1.0
         apart = tilted.torque(tilted.mapping @ full, *states) - states[2]
-        assert apart.abs().max() < 5 * max(tilt, 1e-9) * 5.0
+        assert np.abs(apart).max() < 5 * max(tilt, 1e-9) * 5.0
 
     def test_formulas_add_up_to_the_parameters(self, arm):
         model = model_of(arm)
-        full = torch.from_numpy(np.random.default_rng(1).uniform(1, 2, len(model.standard_names)))
+        full = np.random.default_rng(1).uniform(1, 2, len(model.standard_names))
         values = dict(zip(model.standard_names, full.tolist()))
         for own, text, expected in zip(model.names, model.formulas, (model.mapping @ full).tolist()):
             product = re.sub(r"\b([\d.]+(?:e-\d+)?) ([A-Za-z])", r"\1 * \2", text)
@@ -80,10 +80,10 @@ class TestGroupings:
 
 
 def test_links_are_believed_to_be_of_typical_size_and_terms_a_share_of_their_joints_torque(arm):
-    model, scale = model_of(arm), torch.linspace(5, 20, 7, dtype=torch.float64)
-    covariance = torch.linalg.inv(belief(model, scale, 0.25))
-    links = model.body.base.mapping * (0.25 * typical(arm).reshape(-1))
-    torch.testing.assert_close(covariance[: model.rigid, : model.rigid], links @ links.T)
-    deviations = zip(model.names[model.rigid :], covariance.diagonal()[model.rigid :].sqrt().tolist())
+    model, scale = model_of(arm), np.linspace(5, 20, 7)
+    covariance = np.linalg.inv(belief(model, scale, 0.25))
+    links = model.body.base.mapping * (0.25 * typical(arm).ravel())
+    assert_close(covariance[: model.rigid, : model.rigid], links @ links.T)
+    deviations = zip(model.names[model.rigid :], np.sqrt(covariance.diagonal()[model.rigid :]).tolist())
     assert all(x == pytest.approx(0.25 * float(scale[int(name[-1]) - 1])) for name, x in deviations)
     assert not covariance[: model.rigid, model.rigid :].any()

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from scipy.signal import butter, sosfilt
 
 from sidegan.identification import estimate
@@ -18,15 +17,15 @@ from tests.recording.conftest import moved, of_file
 
 RATE = 200.0
 NOISE = 3.0  # [N·m]: half as much as the elbow's own torque
-VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.zeros(2)
+VISCOUS, COULOMB = np.array([2.0, 0.8]), np.zeros(2)
 
 
 def recorded(arm, seed, extra=None, seconds=30, noise=NOISE):
     """A recording with white noise on the elbow's torque, and more on it."""
     time = np.arange(seconds * RATE) / RATE
-    made = moved(arm, time, VISCOUS, COULOMB, torch.Generator().manual_seed(seed), noise=0.005)
+    made = moved(arm, time, VISCOUS, COULOMB, np.random.default_rng(seed), noise=0.005)
     more = noise * white((len(time),), seed)
-    torque = made.torque.clone()
+    torque = made.torque.copy()
     torque[:, 1] += more if extra is None else more + extra(made)
     return check_recording(replace(made, torque=torque), arm, of_file())
 
@@ -41,16 +40,18 @@ def told(planar, training, other):
 
 def filtered(made):
     """Noise as large below the cut-off and less above it: what a driver's filter leaves, or anything else."""
-    draw = 3 * NOISE * white((len(made.time),), 9).numpy()
-    return torch.from_numpy(sosfilt(butter(2, 2.0, fs=RATE, output="sos"), draw))
+    draw = 3 * NOISE * white((len(made.time),), 9)
+    return sosfilt(butter(2, 2.0, fs=RATE, output="sos"), draw)
 
 
 MISFITS = {
-    "cogging": lambda made: 1.5 * torch.sin(60 * made.position[:, 1]),
-    "cogging that looks white": lambda made: 6 * torch.sin(400 * made.position[:, 1]),
-    "friction that bends": lambda made: 10 * made.velocity[:, 1].abs().sqrt() * made.velocity[:, 1].sign(),
+    "cogging": lambda made: 1.5 * np.sin(60 * made.position[:, 1]),
+    "cogging that looks white": lambda made: 6 * np.sin(400 * made.position[:, 1]),
+    "friction that bends": lambda made: (
+        10 * np.sqrt(np.abs(made.velocity[:, 1])) * np.sign(made.velocity[:, 1])
+    ),
     "filtered noise": filtered,
-    "a spring": lambda made: torch.sin(2 * made.position[:, 1]),
+    "a spring": lambda made: 2 * np.sin(2 * made.position[:, 1]),
 }
 
 
@@ -66,8 +67,8 @@ def test_what_a_model_lacks_is_no_noise(planar, misfit):
 
 
 def test_another_load_is_no_noise(planar):
-    heavier = planar.inertial_parameters.clone()
-    heavier[1, :2] += torch.tensor([1.0, 1.0])  # [kg, kg·m]
+    heavier = planar.inertial_parameters.copy()
+    heavier[1, :2] += 1.0  # [kg, kg·m]
     carrying = recorded(replace(planar, inertial_parameters=heavier), 1)
     assert told(planar, recorded(planar, 0), carrying) == [True, False]
 
@@ -78,7 +79,7 @@ def test_a_short_recording_tells_nothing(planar):
 
 def test_noise_without_a_stretch_above_the_filter_is_not_known(planar):
     one = recorded(planar, 0)
-    assert told(planar, replace(one, noise=torch.full((2,), torch.nan)), one) == [False, True]
+    assert told(planar, replace(one, noise=np.full(2, np.nan)), one) == [False, True]
 
 
 def test_a_joint_that_noise_drowns_is_judged_in_torque_and_the_others_by_themselves(planar):

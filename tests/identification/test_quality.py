@@ -1,8 +1,8 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.identification import estimate, folds, quality, score
 from sidegan.identification.score import Score, score_of_sums
@@ -23,11 +23,11 @@ def good(planar):
 class TestScore:
     def test_is_the_plain_formula_and_the_same_from_sums(self, good):
         model, found, data = good
-        square = (data.torque - model.torque(found.parameters, *data.states)).square().mean(0)
+        square = np.square(data.torque - model.torque(found.parameters, *data.states)).mean(0)
         of_sums = score_of_sums(estimate("weighted", model, data).sums, found.parameters)
         for result in (score(model, found.parameters, [data[:300], data[300:]]), of_sums):
-            torch.testing.assert_close(result.nmse, square / data.torque.var(0, correction=0))
-            torch.testing.assert_close(result.rmse, square.sqrt())
+            np.testing.assert_allclose(result.nmse, square / data.torque.var(0))
+            np.testing.assert_allclose(result.rmse, np.sqrt(square))
 
     def test_folds_leave_one_out(self, good):
         model, _, _ = good
@@ -36,7 +36,7 @@ class TestScore:
         for k in range(3):
             others = [x for i, x in enumerate(recordings) if i != k]
             parameters = estimate("weighted", model, others).parameters
-            torch.testing.assert_close(found.nmse[k], score(model, parameters, recordings[k]).nmse)
+            np.testing.assert_allclose(found.nmse[k], score(model, parameters, recordings[k]).nmse)
 
 
 def folded(model, *recordings):
@@ -48,7 +48,7 @@ def still(data):
 
 
 def scaled(data, *factors):
-    return replace(data, torque=data.torque * torch.tensor(factors))
+    return replace(data, torque=data.torque * factors)
 
 
 HARDLY = r"^joint 2 \(elbow\).*not identifiable.*fv2.*goes further than .* is faster than"
@@ -82,7 +82,7 @@ class TestVerdict:
 
 # Where a verdict changes: numbers just inside and just outside of what counts as good and as usable.
 def score_of(*nmse):
-    return Score(torch.tensor(nmse, dtype=torch.float64), torch.ones(len(nmse), dtype=torch.float64))
+    return Score(np.array(nmse), np.ones(len(nmse)))
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def flawless(good):
     """A good model of the planar arm, in which everything may be replaced."""
     model, found, validation = good
     result = quality(model, found, [validation])
-    small = torch.full((2,), 0.01, dtype=torch.float64)
+    small = np.full(2, 0.01)
     errors = {"train": score_of(0.01, 0.01), "validation": score_of(0.01, 0.01)}
     planted = replace(result, **errors, nominal_score=score_of(1.0, 1.0), torque_deviation=small, weak=())
     assert planted.verdict == GOOD
@@ -102,14 +102,14 @@ def errors(*nmse, train=1.0):
 
 
 def uncertain(*shares):
-    return {"torque_deviation": torch.tensor(shares, dtype=torch.float64)}
+    return {"torque_deviation": np.array(shares)}
 
 
 def at_deviations(name, deviations):
     """A parameter below zero by so many of its deviations."""
 
     def change(estimate):
-        parameters, k = estimate.parameters.clone(), estimate.names.index(name)
+        parameters, k = estimate.parameters.copy(), estimate.names.index(name)
         parameters[k] = -deviations * estimate.deviation[k]
         return replace(estimate, parameters=parameters)
 
@@ -171,14 +171,14 @@ def test_advice_is_about_what_was_small(flawless, moved, fast, words):
     arm, reach = flawless.arm, flawless.estimate.reach
     span = moved * (arm.position_upper - arm.position_lower)
     reach = reach._replace(range=span, fastest=fast * arm.velocity_limit)
-    shaken = torch.tensor([0.2, 0.0], dtype=torch.float64)
+    shaken = np.array([0.2, 0.0])
     found = replace(flawless.estimate, reach=reach)
     (reason,) = replace(flawless, estimate=found, torque_deviation=shaken).reasons
     assert reason.partition("with a motion that ")[2].startswith(words) and " and " not in reason
 
 
 def test_all_about_a_joint_is_one_reason_and_the_gravest_comes_first(flawless):
-    shaken = torch.tensor([0.2, 0.2], dtype=torch.float64)
+    shaken = np.array([0.2, 0.2])
     weak = {"torque_deviation": shaken, "weak": ("fv1", "fc2", "Ia2")}
     result = replace(flawless, **errors(0.04, 0.31), **weak)
     first, second = (reason for reason in result.reasons if reason.startswith("joint "))

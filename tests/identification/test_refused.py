@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import FULL, Measurements, estimate, measure, score
@@ -20,9 +20,9 @@ DATA = LINEAR.measurements(ROWS[1])
 PLANAR = load_robot("planar2")
 MODEL = model_of(PLANAR)
 PLANAR_DATA = recorded(MODEL, 200, noise=0.1)
-STATE = torch.zeros(4, 2).double()
+STATE = np.zeros((4, 2))
 FAMILY = Trajectory(2)
-NOWHERE = torch.zeros(0, *FAMILY.shape).double()
+NOWHERE = np.zeros((0, *FAMILY.shape))
 
 
 def of_rows(method, torque=ROWS[1], **settings):
@@ -30,7 +30,7 @@ def of_rows(method, torque=ROWS[1], **settings):
 
 
 def spoilt(value):
-    torque = ROWS[1].clone()
+    torque = ROWS[1].copy()
     torque[5, 1] = value
     return torque
 
@@ -45,7 +45,7 @@ def measured_by(family, c):
 
 
 def gains():
-    return drive_gains(MODEL, [PLANAR_DATA], [PLANAR_DATA], torch.zeros(10).double())
+    return drive_gains(MODEL, [PLANAR_DATA], [PLANAR_DATA], np.zeros(10))
 
 
 def goal(**changes):
@@ -58,13 +58,13 @@ REFUSED = [
     (ShapeError, "3 joints, the model has 2", lambda: estimate("ols", MODEL, DATA)),
     (ShapeError, "all torques are zero", lambda: of_rows("weighted", 0 * ROWS[1])),
     (ShapeError, "not finite or too large to square", lambda: of_rows("ols", spoilt(1e200))),
-    (ShapeError, "torque of sample 5 is not finite", lambda: of_rows("ols", spoilt(torch.nan))),
-    (ShapeError, r"velocity is \(4, 3\)", lambda: measurements(velocity=torch.zeros(4, 3))),
+    (ShapeError, "torque of sample 5 is not finite", lambda: of_rows("ols", spoilt(np.nan))),
+    (ShapeError, r"velocity is \(4, 3\)", lambda: measurements(velocity=np.zeros((4, 3)))),
     (ShapeError, "sign is", lambda: measurements(sign=STATE[:2])),
     (ShapeError, "nothing to measure", lambda: measured_by(FAMILY, NOWHERE)),
-    (ShapeError, "expected .*2", lambda: measured_by(Trajectory(3), torch.zeros(1, 3, 6, 2).double())),
-    (ShapeError, "no samples to test with", lambda: score(LINEAR, torch.zeros(6), [])),
-    (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, torch.zeros(3), DATA)),
+    (ShapeError, "expected .*2", lambda: measured_by(Trajectory(3), np.zeros((1, 3, 6, 2)))),
+    (ShapeError, "no samples to test with", lambda: score(LINEAR, np.zeros(6), [])),
+    (ShapeError, r"parameters are \(3,\)", lambda: score(LINEAR, np.zeros(3), DATA)),
     (ShapeError, r"of joints \[1, 2\] is constant", lambda: score(MODEL, MODEL.nominal, measurements())),
     (ShapeError, r"expected \(S, 2\)", lambda: MODEL.regressor(STATE[None], STATE[None], STATE[None])),
     (ConfigError, "the load has no effect on shoulder, elbow", gains),

@@ -5,7 +5,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-import torch
 from scipy.signal import lfilter
 
 from sidegan.identification import Measurements, estimate
@@ -30,12 +29,12 @@ def planted(model, states, amounts):
     q, dq, _ = states
     torque = model.torque(truth_of(model), *states)
     rigid = model.regressor(*states)[..., : model.rigid] @ truth_of(model)[: model.rigid]
-    scale = model.torque(truth_of(model), *multisine(model.joints, SAMPLES)).square().mean(0).sqrt()
-    return torque + torch.einsum("sjk,jk->sj", unmodelled(q, dq, rigid, scale), amounts)
+    scale = np.sqrt(np.square(model.torque(truth_of(model), *multisine(model.joints, SAMPLES))).mean(0))
+    return torque + np.einsum("sjk,jk->sj", unmodelled(q, dq, rigid, scale), amounts)
 
 
 def amounts_of(model, kind):
-    amounts = torch.zeros(model.joints, 14, dtype=torch.float64)
+    amounts = np.zeros((model.joints, 14))
     amounts[JOINT, list(KINDS[kind])] = SIZE
     return amounts
 
@@ -44,7 +43,7 @@ def recorded(model, amounts, keep=0.0, moves=1.0):
     states = [moves * x for x in multisine(model.joints, SAMPLES)]
     draw = np.random.default_rng(0).standard_normal(states[0].shape)
     draw[1:] *= (1 - keep**2) ** 0.5
-    noise = NOISE * torch.from_numpy(lfilter([1.0], [1.0, -keep], draw, axis=0))
+    noise = NOISE * lfilter([1.0], [1.0, -keep], draw, axis=0)
     return Measurements(*states, planted(model, states, amounts) + noise)
 
 
@@ -76,17 +75,17 @@ def test_the_error_elsewhere_is_that_of_the_identified_model(model, flawed, kind
     _, fitted, found = flawed(kind)
     states = model.usual_states(seed=5)
     true = planted(model, states, amounts_of(model, kind))
-    actual = (true - model.torque(fitted.parameters, *states)).square().mean(0).sqrt()
-    usual = model.torque(fitted.parameters, *states).square().mean(0).sqrt()
+    actual = np.sqrt(np.square(true - model.torque(fitted.parameters, *states)).mean(0))
+    usual = np.sqrt(np.square(model.torque(fitted.parameters, *states)).mean(0))
     assert float(found.error[JOINT]) == pytest.approx(float((actual / usual)[JOINT]), rel=0.4)
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.9], ids=["white", "coloured"])
 def test_noise_is_no_misfit(model, keep):
-    data = recorded(model, torch.zeros(model.joints, 14).double(), keep)
+    data = recorded(model, np.zeros((model.joints, 14)), keep)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.found == () and (found.error == 0).all()
-    (words,) = found.sentences(NAMES, torch.zeros(model.joints))
+    (words,) = found.sentences(NAMES, np.zeros(model.joints))
     assert words.startswith("no known misfit explains more of it than noise would")
 
 
@@ -101,8 +100,8 @@ def test_bias_and_noise_are_reported_apart_in_words(model, flawed):
 
 
 def test_a_joint_that_does_not_move_lacks_nothing(model):
-    moves = torch.tensor([1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    moves = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
     data = recorded(model, amounts_of(model, SHOWN[0]), moves=moves)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
-    assert found.error.isfinite().all() and 2 not in {one.joint for one in found.found}
+    assert np.isfinite(found.error).all() and 2 not in {one.joint for one in found.found}
     assert next(one.kind for one in found.found if one.joint == JOINT) == SHOWN[0]

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import RecordingError
 from sidegan.identification import EstimationSettings, Terms
@@ -15,12 +14,12 @@ from sidegan.recording.check import check_recording
 from sidegan.report.identification.content import advice
 from tests.recording.conftest import moved, of_file
 
-VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
+VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])
 
 
 def checked(truth, arm, seed):
     """A recording of a quarter of a minute at 200 Hz of a true arm, checked against a description."""
-    time, generator = np.arange(15 * 200) / 200, torch.Generator().manual_seed(seed)
+    time, generator = np.arange(15 * 200) / 200, np.random.default_rng(seed)
     return check_recording(moved(truth, time, VISCOUS, COULOMB, generator), arm, of_file())
 
 
@@ -67,10 +66,10 @@ def test_fewer_equations_than_parameters_are_refused(planar, recordings):
 
 
 def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
-    errors = torch.tensor([0.1, 0.01, 1e-3])
+    errors = np.array([0.1, 0.01, 1e-3])
     assert preferred("weighted", {"weighted": errors, CONSISTENT: 1.09 * errors}) == CONSISTENT
     assert preferred("weighted", {"weighted": errors, CONSISTENT: 1.11 * errors}) == "weighted"
-    one_joint = torch.tensor([1.25, 0.95, 0.95]) * errors  # decides the mean, and nothing else
+    one_joint = np.array([1.25, 0.95, 0.95]) * errors  # decides the mean, and nothing else
     assert preferred("weighted", {"weighted": errors, CONSISTENT: one_joint}) == CONSISTENT
     assert preferred("weighted", {}) == CONSISTENT
 
@@ -78,7 +77,7 @@ def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
 @pytest.mark.parametrize("validated", [True, False])
 def test_the_model_to_use_predicts_better(planar, validated):
     """The true arm's second link has a moment of inertia below zero."""
-    links = planar.inertial_parameters.clone()
+    links = planar.inertial_parameters.copy()
     links[1, 4:] *= -2
     strange = [checked(replace(planar, inertial_parameters=links), planar, seed) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:] if validated else [])
@@ -87,14 +86,14 @@ def test_the_model_to_use_predicts_better(planar, validated):
     assert f"{result.choice.errors[CONSISTENT].mean():.4f}" in advice(result)
     assert result.quality.judged is (result.tests.errors if validated else result.trained)["weighted"]
     used = result.used_standard
-    torch.testing.assert_close(result.model.mapping @ used, result.estimates["weighted"].parameters)
-    assert not torch.allclose(used, result.standard)
+    np.testing.assert_allclose(result.model.mapping @ used, result.estimates["weighted"].parameters)
+    assert not np.allclose(used, result.standard)
 
 
 def test_halves_without_information_decide_nothing(planar, recordings):
     """In the first of two halves the torques do not change: no error of them is defined."""
     segment = type(recordings[0].segments[0])(*(x[:40] for x in recordings[0].segments[0]))
-    torque = segment.torque.clone()
+    torque = segment.torque.copy()
     torque[:20] = torque[0]
     short = replace(recordings[0], segments=[segment._replace(torque=torque)])
     result = identified(planar, [short])

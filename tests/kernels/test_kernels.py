@@ -3,10 +3,10 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sidegan.base.threads import on_threads
 from sidegan.kernels import dynamics
 from sidegan.kernels.dynamics import Limits
 from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
@@ -15,7 +15,6 @@ from sidegan.motion.dynamics import RigidBody, gram, gram_of
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
 from tests.motion.conftest import body_and_states, close, normal
-from tests.threads import several_threads
 
 CHAINS = st.tuples(st.integers(1, 9), st.integers(0, 30))
 COUNTS = st.sampled_from([1, 8, 63, 65, 130])  # around the number of lanes, and more than a span
@@ -27,8 +26,9 @@ SIZES = st.tuples(st.integers(1, 3), COUNTS)
 def test_grams_and_sums_are_those_of_the_regressor(chain, size):
     body, states = body_and_states(chain, *size)
     y, torque = body.base_regressor(*states), normal(*size, body.joints)
-    close(gram_of(body, *states), y.flatten(1, 2).mT @ y.flatten(1, 2) / size[1], 1e-13)
-    rows = torch.cat([y, torque[..., None]], 3)[0].transpose(0, 1)
+    rows = y.reshape(len(y), -1, y.shape[-1])
+    close(gram_of(body, *states), rows.mT @ rows / size[1], 1e-13)
+    rows = np.concatenate([y, torque[..., None]], 3)[0].swapaxes(0, 1)
     close(body.sums(*(x[0] for x in states), torque[0]), rows.mT @ rows, 1e-13)
 
 
@@ -37,15 +37,15 @@ def test_grams_and_sums_are_those_of_the_regressor(chain, size):
 def test_slopes_of_energies_are_pinocchios(chain, count, sets):
     """Of several multiples of the arm's own parameters, with joints that count by weights."""
     (body, states), (_, model) = body_and_states(chain, 1, count), random_chain(*chain)
-    joints, own = body.joints, body.arm.inertial_parameters.flatten()
-    factors, weights = normal(sets).numpy(), normal(sets, seed=1).numpy()
+    joints, own = body.joints, body.arm.inertial_parameters.ravel()
+    factors, weights = normal(sets), normal(sets, seed=1)
     roots = np.linspace(0.5, 2.0, joints)
     ones = np.ones(joints)
-    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own[None, None].numpy(), ones, ones)
+    limits = Limits(0.0, 0.0, 0.0, 0.0, ones, ones, ones, ones, own[None, None], ones, ones)
     extra = no_terms(joints)._replace(roots=roots)
-    q, dq, ddq = (x[0].T.numpy() for x in states)
+    q, dq, ddq = (x[0].T for x in states)
     packed = np.ascontiguousarray(np.stack([np.sin(q), np.cos(q), q, dq, ddq])[:, None])
-    slope, directions = np.zeros((3, 1, joints, count)), (np.outer(factors, own.numpy()), weights)
+    slope, directions = np.zeros((3, 1, joints, count)), (np.outer(factors, own), weights)
     terms = extra, signals_for(extra, count, sets)
     cost = weighted_slopes(body.chain, limits, packed, terms, directions, slope, dynamics.scratch(body.chain))
     assert cost == 0
@@ -55,7 +55,7 @@ def test_slopes_of_energies_are_pinocchios(chain, count, sets):
         torque = pin.rnea(model, data, *state)
         for k, part in enumerate(pin.computeRNEADerivatives(model, data, *state)):
             expected[k, :, n] = scale * (roots**2 * torque) @ part
-    close(torch.from_numpy(slope[:, 0]), torch.from_numpy(expected), 1e-11)
+    close(slope[:, 0], expected, 1e-11)
 
 
 @pytest.mark.parametrize("rows", range(1, 10))
@@ -63,7 +63,7 @@ def test_a_product_in_tiles_of_four_reads_no_row_that_is_not_there(rows):
     """As plain Python, which refuses what compiled code would read behind the last row."""
     from sidegan.kernels.regressor import tile
 
-    y, product, ends = normal(rows, 7).numpy(), np.zeros((rows, rows)), range(0, rows, 4)
+    y, product, ends = normal(rows, 7), np.zeros((rows, rows)), range(0, rows, 4)
     for i in ends:
         for j in ends:
             tile.__wrapped__(y, (i, rows), (j, rows), 1, 6, product)
@@ -75,10 +75,10 @@ def test_results_do_not_depend_on_threads_or_batches(arm):
     c, states = 0.2 * normal(60, *trajectory.shape), random_states(arm, 4001)
     torque = normal(4001, 7)
     one, sums = gram(body, trajectory, c), body.sums(*states, torque)
-    with several_threads():
-        torch.testing.assert_close(gram(body, trajectory, c), one, rtol=1e-13, atol=1e-12)
+    with on_threads(2):
+        np.testing.assert_allclose(gram(body, trajectory, c), one, rtol=1e-13, atol=1e-12)
         close(body.sums(*states, torque), sums, 1e-13)
-    torch.testing.assert_close(gram(body, trajectory, c[7:8]), one[7:8], rtol=1e-13, atol=1e-12)
+    np.testing.assert_allclose(gram(body, trajectory, c[7:8]), one[7:8], rtol=1e-13, atol=1e-12)
 
 
 def test_an_error_in_a_thread_is_raised():
@@ -96,5 +96,5 @@ def test_an_error_in_a_thread_is_raised():
 
 @pytest.mark.parametrize("shape", [(0, 5, 7), (2, 0, 7)])
 def test_no_state_is_no_work(arm, shape):
-    q = torch.zeros(shape, dtype=torch.float64)
+    q = np.zeros(shape)
     assert RigidBody(arm).torque(q, q, q).shape == shape

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.kernels.distances import near_region
 from sidegan.kernels.moving import bend, least_height
@@ -34,7 +33,7 @@ def test_a_stretched_arms_tip_leaves_its_even_motion_by_as_much_as_its_bound(inn
 @pytest.mark.parametrize("name", REGIONS)
 def test_a_capsule_that_moves_evenly_comes_no_nearer_to_a_region_than_its_bound(planar, name):
     """To a plane just as near: there one of the ends is the nearest point, at one of the cell's ends."""
-    region, none = REGIONS[name], torch.zeros(0, 2, dtype=torch.int64)
+    region, none = REGIONS[name], np.zeros((0, 2), dtype=int)
     shapes = shapes_of(planar.capsules, none, none, tables([region]))
     random, half, radius = np.random.default_rng(0), 0.2, shapes.radius[0]
     for _ in range(60):

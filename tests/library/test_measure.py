@@ -1,7 +1,7 @@
 """What is measured about trajectories, beside the functions that measure it."""
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.design.excitation import diversity, excite
 from sidegan.library.measure import RATE, likeness, measured, summary
@@ -14,7 +14,7 @@ from sidegan.validity import Constraints, Plane, check
 def pool():
     """Constraints, a family, and more random trajectories than are measured at once."""
     constraints, family = Constraints(load_robot("planar2"), [Plane((0, 0, 1), 0.1)]), Trajectory(2, 3, 8.0)
-    c = torch.randn(260, *family.shape, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    c = np.random.default_rng(0).standard_normal((260, *family.shape))
     return constraints, family, 0.5 * c
 
 
@@ -25,15 +25,15 @@ def test_a_library_and_its_summary_hold_what_checks_and_excitation_say(pool):
     excitation = excite(constraints.body, family, c, round(RATE * family.period))
     assert library.valid.tolist() == verdict.valid.tolist() and 0 < int(library.valid.sum()) < len(c)
     for name, margin in verdict.margins.items():
-        torch.testing.assert_close(library.margins[name], margin)
-    torch.testing.assert_close(library.fitness, excitation.eigenvalue_fitness)
-    torch.testing.assert_close(library.spectrum, excitation.spectrum)
-    torch.testing.assert_close(library.diagonal, excitation.diagonal)
+        np.testing.assert_allclose(library.margins[name], margin)
+    np.testing.assert_allclose(library.fitness, excitation.eigenvalue_fitness)
+    np.testing.assert_allclose(library.spectrum, excitation.spectrum)
+    np.testing.assert_allclose(library.diagonal, excitation.diagonal)
     assert library.source == ["random"] * len(c) and library.digest == constraints.arm.digest
     assert (library.period, library.home) == (8.0, (0.0, 0.0))
     facts = summary(library)
     assert facts["count"] == len(c) and 0 < facts["valid"] < 1
-    assert facts["condition"] == pytest.approx(float(excitation.eigenvalue_fitness.median()))
+    assert facts["condition"] == pytest.approx(np.median(excitation.eigenvalue_fitness))
     assert {key: facts[key] for key in diversity(c, excitation)} == pytest.approx(diversity(c, excitation))
 
 

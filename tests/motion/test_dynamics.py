@@ -6,18 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
 
+from sidegan.base.threads import on_threads
 from sidegan.motion.base_parameters import BaseParameters
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
 from tests.motion.conftest import CHAINS, close, normal
-from tests.threads import several_threads
 
 
 def agree_with_pinocchio(arm, model, states):
-    body, data, rows = RigidBody(arm), model.createData(), list(zip(*(x.numpy() for x in states)))
+    body, data, rows = RigidBody(arm), model.createData(), list(zip(*states))
     regressor = [pin.computeJointTorqueRegressor(model, data, *row).copy() for row in rows]
     regressor = np.reshape(regressor, (*states[0].shape, -1))
     torque = np.stack([pin.rnea(model, data, *row).copy() for row in rows])
@@ -40,17 +39,17 @@ def test_planar_arm_has_the_textbooks_torque(planar):
     """Spong, Hutchinson and Vidyasagar, planar elbow arm; angles from the vertical, about +y."""
     q, dq, ddq = random_states(planar, 200)
     (m1, m2), (c1, c2), (i1, i2), l1, g = (3.0, 2.0), (0.18, 0.16), (0.045, 0.028), 0.4, 9.81
-    cosine, sine = torch.cos(q[:, 1]), torch.sin(q[:, 1])
+    cosine, sine = np.cos(q[:, 1]), np.sin(q[:, 1])
     d11 = m1 * c1**2 + m2 * (l1**2 + c2**2 + 2 * l1 * c2 * cosine) + i1 + i2
     d12 = m2 * (c2**2 + l1 * c2 * cosine) + i2
     d22 = m2 * c2**2 + i2
     h = m2 * l1 * c2 * sine
-    lean = m2 * c2 * g * torch.sin(q.sum(1))
+    lean = m2 * c2 * g * np.sin(q.sum(1))
     first = d11 * ddq[:, 0] + d12 * ddq[:, 1] - h * (2 * dq[:, 0] + dq[:, 1]) * dq[:, 1]
     second = d12 * ddq[:, 0] + d22 * ddq[:, 1] + h * dq[:, 0] ** 2 - lean
-    first = first - (m1 * c1 + m2 * l1) * g * torch.sin(q[:, 0]) - lean
+    first = first - (m1 * c1 + m2 * l1) * g * np.sin(q[:, 0]) - lean
     torque = RigidBody(planar).torque(q, dq, ddq)
-    torch.testing.assert_close(torque, torch.stack([first, second], 1), atol=1e-12, rtol=0)
+    np.testing.assert_allclose(torque, np.stack([first, second], 1), atol=1e-12, rtol=0)
 
 
 def test_planar_arm_has_the_textbooks_base_parameters(planar, arm):
@@ -59,8 +58,8 @@ def test_planar_arm_has_the_textbooks_base_parameters(planar, arm):
     assert base.names == ("mx1", "mz1", "Iyy1", "mx2", "mz2", "Iyy2")
     m1, m2, l1 = 3.0, 2.0, 0.4
     first, second = 0.045 + m1 * 0.18**2 + m2 * l1**2, 0.028 + m2 * 0.16**2
-    values = torch.tensor([0.0, m1 * 0.18 + m2 * l1, first, 0.0, m2 * 0.16, second], dtype=torch.float64)
-    torch.testing.assert_close(base.values, values, atol=1e-10, rtol=0)
+    values = np.array([0.0, m1 * 0.18 + m2 * l1, first, 0.0, m2 * 0.16, second])
+    np.testing.assert_allclose(base.values, values, atol=1e-10, rtol=0)
     assert RigidBody(arm).parameters_count == 43  # as the literature says of the LWR
 
 
@@ -69,7 +68,7 @@ def test_what_moves_the_torque_ever_so_little_is_a_base_parameter(planar, apart)
     """Two parallel, upright axes, hardly apart: the second link's centre is felt through that alone."""
     upright = replace(planar, gravity=9.81 * planar.axis[0], translation=planar.translation * 0)
     assert RigidBody(upright).base.names == ("Iyy1", "Iyy2")
-    shift = planar.translation * torch.tensor([[0.0], [1.0]], dtype=torch.float64)
+    shift = planar.translation * np.array([[0.0], [1.0]])
     near = replace(upright, translation=apart * shift)
     assert RigidBody(near).base.names == ("Iyy1", "mx2", "mz2", "Iyy2")
 
@@ -81,7 +80,7 @@ def test_rounded_right_angles_add_no_base_parameter(planar, digits):
     exact = RigidBody(upright).base
     tilt = round(math.pi / 2, digits) - math.pi / 2
     cosine, sine = math.cos(tilt), math.sin(tilt)
-    turn = torch.tensor([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]]).double()
+    turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
     for rotation in (turn, turn.T):
         tilted = replace(upright, gravity=rotation @ upright.gravity)
         base = RigidBody(tilted).base
@@ -89,10 +88,10 @@ def test_rounded_right_angles_add_no_base_parameter(planar, digits):
             assert len(base.names) == len(exact.names) + 2
             continue
         assert base.names == exact.names
-        torch.testing.assert_close(base.values, exact.values, rtol=1e-4, atol=1e-6)
+        np.testing.assert_allclose(base.values, exact.values, rtol=1e-4, atol=1e-6)
         states = random_states(tilted, 100, seed=1)
         torque = RigidBody(tilted).base_regressor(*states) @ base.values
-        torch.testing.assert_close(torque, RigidBody(tilted).torque(*states), rtol=0, atol=2e-3)
+        np.testing.assert_allclose(torque, RigidBody(tilted).torque(*states), rtol=0, atol=2e-3)
 
 
 @pytest.mark.parametrize("chain", [None, *CHAINS])
@@ -101,18 +100,18 @@ def test_base_parameters_explain_the_full_regressor(chain, arm):
     body, states = RigidBody(arm), random_states(arm, 300, seed=9)
     full, base = body.regressor(*states), body.base_regressor(*states)
     close(base @ body.base.mapping, full, 1e-10)
-    scale = float(full.abs().max())
-    torch.testing.assert_close(base @ body.base.values, body.torque(*states), atol=1e-10 * scale, rtol=0)
+    scale = float(np.abs(full).max())
+    np.testing.assert_allclose(base @ body.base.values, body.torque(*states), atol=1e-10 * scale, rtol=0)
     own = body.base.mapping[:, body.base.columns]
-    torch.testing.assert_close(own, torch.eye(len(own), dtype=torch.float64))
+    np.testing.assert_allclose(own, np.eye(len(own)), atol=1e-12)
 
 
 def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm):
     one = BaseParameters.of(arm)
-    with several_threads():
+    with on_threads(2):
         other = BaseParameters.of(arm)
     for name in ("columns", "mapping", "values", "subspace"):
-        assert torch.equal(getattr(one, name), getattr(other, name)), name  # the same computation
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name  # the same computation
 
 
 @pytest.fixture(scope="module")
@@ -126,29 +125,28 @@ def short(arm):
 def test_gram_is_the_mean_of_squared_regressors_whatever_its_chunks(arm, short, states, monkeypatch):
     body, (trajectory, c) = RigidBody(arm), short
     y = body.base_regressor(*trajectory.roll_out(c, trajectory.grid(30))[1:])
-    expected = torch.einsum("btjk,btjl->bkl", y, y) / 30
+    expected = np.einsum("btjk,btjl->bkl", y, y) / 30
     monkeypatch.setattr("sidegan.motion.dynamics._STATES_IN_CACHE", states)
-    torch.testing.assert_close(gram(body, trajectory, c, 30), expected, atol=1e-11, rtol=1e-11)
+    np.testing.assert_allclose(gram(body, trajectory, c, 30), expected, atol=1e-11, rtol=1e-11)
     assert gram(body, trajectory, c[:0]).shape == (0, 43, 43)
 
 
-@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
-def test_results_are_double_whatever_the_type_and_device_of_the_states(arm, short, dtype, device):
+def test_results_are_double_whatever_the_type_of_the_states(arm, short):
     body, (trajectory, c) = RigidBody(arm), short
-    states, c = [x.to(dtype).double() for x in random_states(arm, 50)], c.to(dtype).double()
-    there = [x.to(device, dtype) for x in states]
+    there, few = [x.astype(np.float32) for x in random_states(arm, 50)], c.astype(np.float32)
+    states, c = [x.astype(float) for x in there], few.astype(float)
     pairs = [
         (body.regressor(*there), body.regressor(*states)),
         (body.base_regressor(*there), body.base_regressor(*states)),
         (body.torque(*there), body.torque(*states)),
-        (gram(body, trajectory, c.to(device, dtype)), gram(body, trajectory, c)),
+        (gram(body, trajectory, few), gram(body, trajectory, c)),
     ]
     for result, exact in pairs:
-        assert torch.equal(result, exact)
+        assert result.dtype == float and np.array_equal(result, exact)
 
 
 @pytest.mark.parametrize("count", [0, 1, 63, 64, 65, 129, 2001])
 def test_a_regressor_does_not_depend_on_how_many_states_there_are(arm, count):
     body, states = RigidBody(arm), random_states(arm, 2001)
     whole, some = body.regressor(*states), body.regressor(*(x[:count] for x in states))
-    torch.testing.assert_close(some, whole[:count], rtol=1e-13, atol=1e-12)
+    np.testing.assert_allclose(some, whole[:count], rtol=1e-13, atol=1e-12)

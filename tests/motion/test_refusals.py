@@ -6,8 +6,8 @@ import sys
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import RobotError, ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
@@ -17,22 +17,22 @@ from sidegan.robot import load_robot
 NAN, INF = float("nan"), float("inf")
 
 
-FAMILY, SHORT, C = Trajectory(2), Trajectory(7, 4, 8.0), torch.ones(3, 2, 6, 2, dtype=torch.float64)
+FAMILY, SHORT, C = Trajectory(2), Trajectory(7, 4, 8.0), np.ones((3, 2, 6, 2))
 PLANAR, LWR = (RigidBody(load_robot(name)) for name in ("planar2", "kuka_lwr4"))
-STILL = RigidBody(replace(PLANAR.arm, axis=torch.zeros(2, 3, dtype=torch.float64)))
+STILL = RigidBody(replace(PLANAR.arm, axis=np.zeros((2, 3))))
 WHOLE = FAMILY.roll_out(C, FAMILY.times(20))
-AWAY = WHOLE._replace(position=WHOLE.position + torch.arange(3)[:, None, None])
+AWAY = WHOLE._replace(position=WHOLE.position + np.arange(3)[:, None, None])
 
 
 def states(*shapes):
-    return [torch.zeros(shape, dtype=torch.float64) for shape in shapes]
+    return [np.zeros(shape) for shape in shapes]
 
 
 def roll_out_of(*shape, value=0.0):
     """Roll-out of coefficients, the last of which has a value."""
 
     def call():
-        c = torch.zeros(shape)
+        c = np.zeros(shape)
         c[-1] = value
         FAMILY.roll_out(c, FAMILY.grid(3))
 
@@ -65,13 +65,13 @@ REFUSALS = [
     *((r"gives no sample in 16\.0 s", partial(FAMILY.times, rate)) for rate in (0.0, -1.0, 0.01, NAN, INF)),
     ("at least one sample, got 0", partial(FAMILY.grid, 0)),
     *(
-        (r"expected 0 to 16.0 s", partial(FAMILY.roll_out, C, torch.tensor([1.0, time])))
+        (r"expected 0 to 16.0 s", partial(FAMILY.roll_out, C, np.array([1.0, time])))
         for time in (-0.1, 16.1, NAN)
     ),
     ("begin and end at rest at one position", partial(concatenate, AWAY)),
     ("begin and end at rest at one position", joined(C, FAMILY.grid(10))),
     ("two samples or more", joined(C[:0], FAMILY.times(1))),
-    ("two samples or more", joined(C[:1], torch.zeros(1))),
+    ("two samples or more", joined(C[:1], np.zeros(1))),
 ]
 
 

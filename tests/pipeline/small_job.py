@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from sidegan.base.storage import read_torch, write_json, write_torch
+from sidegan.base.storage import read_arrays, write_arrays, write_json
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact
@@ -26,7 +25,7 @@ def run(root, method=METHOD, workers=1):
     def make(build):
         tasks = Tasks(COUNT, BATCH, build.work, workers)
         batch = make_seeds(problem, method, tasks, np.random.SeedSequence(4))
-        write_torch(build.folder / "seeds.pt", {"c": batch.coefficients, "fitness": batch.fitness})
+        write_arrays(build.folder / "seeds.npz", {"c": batch.coefficients, "fitness": batch.fitness})
         write_json(build.folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
 
     named = {"maker": "seeds", "label": "planar2", "title": "seeds", "metrics": lambda folder: {}}
@@ -36,6 +35,6 @@ def run(root, method=METHOD, workers=1):
 
 def same(one, other):
     """Whether two artifacts hold the same to the last bit."""
-    left, right = read_torch(one / "seeds.pt"), read_torch(other / "seeds.pt")
+    left, right = read_arrays(one / "seeds.npz"), read_arrays(other / "seeds.npz")
     reports = [json.loads((folder / "report.json").read_text()) for folder in (one, other)]
-    return all(torch.equal(left[key], right[key]) for key in right) and reports[0] == reports[1]
+    return all(np.array_equal(left[key], right[key]) for key in right) and reports[0] == reports[1]

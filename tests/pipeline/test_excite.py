@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 import yaml
 
 from sidegan.errors import InfeasibleError
@@ -60,7 +59,7 @@ def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
     chosen = Library.load(folder / "library.parquet", arm)
     family = Trajectory(2, 3, 8.0)
     assert len(chosen) == 6 and check(Constraints(arm), family, chosen.coefficients).valid.all()
-    motion = torch.cat(family.roll_out(chosen.coefficients, family.times(20))[1:], 2).numpy()
+    motion = np.concatenate(family.roll_out(chosen.coefficients, family.times(20))[1:], 2)
     for k in range(6):
         np.testing.assert_allclose(course(folder, k + 1)[STATES], motion[k], rtol=0, atol=1e-7)
     whole = course(folder, "all")  # at rest at home for a second between two
@@ -91,12 +90,12 @@ def test_a_first_run_is_slower(ran, folder):
     arm = load_robot("planar2")
     for k, row in table.iterrows():
         frame = course(slow_folder, k + 1)
-        states = torch.tensor(frame[STATES].to_numpy()).split(2, 1)
+        states = np.split(frame[STATES].to_numpy(), 3, 1)
         torque, velocity = RigidBody(arm).torque(*states), states[1]
         for name, x in (("velocity", velocity / arm.velocity_limit), ("torque", torque / arm.torque_limit)):
-            assert percent(row[f"peak {name}"]) == pytest.approx(100 * float(x.abs().max()), abs=0.6)
-        work = torch.trapezoid((torque * velocity).abs().sum(1), torch.tensor(frame.time.to_numpy()))
-        assert row["energy [J]"] == pytest.approx(float(work), rel=0.01)
+            assert percent(row[f"peak {name}"]) == pytest.approx(100 * np.abs(x).max(), abs=0.6)
+        work = np.trapezoid(np.abs(torque * velocity).sum(1), frame.time)
+        assert row["energy [J]"] == pytest.approx(work, rel=0.01)
 
 
 def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(ran, tmp_path, monkeypatch):
@@ -144,7 +143,7 @@ def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(ran, con
     assert table["peak velocity"].map(percent).max() <= 100 * effort
     for k in table.trajectory:
         speed = course(folder, k)[STATES[2:4]].abs().max().to_numpy()
-        assert (speed <= used.velocity_limit.numpy() + 1e-6).all()
+        assert (speed <= used.velocity_limit + 1e-6).all()
 
 
 def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_reported(ran, caplog):
@@ -157,7 +156,7 @@ def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_reported(
     assert (peaks <= 100).all().all() and peaks.max().max() > 60
     assert all((library.margins[name] >= 0).all() for name in ("acceleration", "jerk"))
     family = Trajectory(2, 3, 8.0)
-    assert family.derivative(library.coefficients, family.times(2000.0), 3)[..., 1].abs().max() <= 9
+    assert np.abs(family.derivative(library.coefficients, family.times(2000.0), 3)[..., 1]).max() <= 9
     for k in table.trajectory:
         assert (course(folder, k)[STATES[4:]].abs().max() <= [2, 3]).all()
 
@@ -210,7 +209,7 @@ def test_a_run_replaces_what_another_one_left_and_nothing_else(ran):
 def test_a_slow_run_has_a_slow_way(ran):
     slow = ran(START, "goal.count=2", "controllers.speed=0.05")
     speed = [course(slow, name)[STATES[2:4]].abs().max() for name in ("approach", 1)]
-    assert (speed[0] <= 0.05 * 0.2 * load_robot("planar2").velocity_limit.numpy()).all()
+    assert (speed[0] <= 0.05 * 0.2 * load_robot("planar2").velocity_limit).all()
     assert (speed[1] > 0).all()
 
 

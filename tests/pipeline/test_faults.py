@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.base import parallel
-from sidegan.base.storage import read_torch
+from sidegan.base.storage import read_arrays
 from sidegan.design.search import Descent
 from sidegan.errors import SideganError, StorageError
 from tests.pipeline import small_job
@@ -54,7 +54,7 @@ def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, und
     deadly, redone = Watched(partial(die_once, tmp_path / "died")), []
     with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*the same command continues"):
         small_job.run(tmp_path, deadly, workers=2)
-    done = list(tmp_path.glob("seeds/*.work/seeds-*.pt"))
+    done = list(tmp_path.glob("seeds/*.work/seeds-*.npz"))
     assert done and small_job.same(small_job.run(tmp_path, Watched(redone.append)), undisturbed)
     assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
 
@@ -123,10 +123,10 @@ def test_a_disk_that_fills_up_is_reported_and_the_rerun_goes_on(disk, undisturbe
             ballast.write_bytes(bytes(shutil.disk_usage(disk).free))
         filled.append(task)
 
-    with pytest.raises(StorageError, match=r"cannot write .*seeds-00003\.pt: No space left on device"):
+    with pytest.raises(StorageError, match=r"cannot write .*seeds-00003\.npz: No space left on device"):
         small_job.run(disk, Watched(fill))
     done = sorted(path.name for path in disk.glob("seeds/*.work/*"))
-    assert done == [f"seeds-{number:05d}.pt" for number in range(3)]
+    assert done == [f"seeds-{number:05d}.npz" for number in range(3)]
     with pytest.raises(StorageError, match=r"output folder .* No space left"):
         small_job.run(disk)
     ballast.unlink()
@@ -140,9 +140,9 @@ def test_a_search_that_ends_at_what_is_no_number_costs_starts_and_no_more(tmp_pa
 
     def half(self, *start):
         runs.append(start)
-        return run(self, *start) * (torch.nan if len(runs) % 2 else 1.0)
+        return run(self, *start) * (np.nan if len(runs) % 2 else 1.0)
 
     monkeypatch.setattr(Descent, "run", half)
-    made = read_torch(small_job.run(tmp_path) / "seeds.pt")
+    made = read_arrays(small_job.run(tmp_path) / "seeds.npz")
     assert len(made["c"]) == small_job.COUNT
-    assert torch.isfinite(made["c"]).all() and torch.isfinite(made["fitness"]).all()
+    assert np.isfinite(made["c"]).all() and np.isfinite(made["fitness"]).all()

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
-import torch
 
 from sidegan.identification import Terms, TorqueModel
 from sidegan.motion.dynamics import RigidBody
@@ -22,7 +21,7 @@ from tests.recording.files import frame
 from tests.tiny import tiny
 
 FILES = "MLmodel check.json links.csv model.py parameters.csv parameters.json report.html verdict.json"
-VISCOUS, COULOMB = torch.tensor([2.0, 0.8]), torch.tensor([1.0, 0.4])
+VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])
 
 
 def identified(outputs, *overrides, run="run"):
@@ -34,7 +33,7 @@ def identified(outputs, *overrides, run="run"):
 
 def write(folder, name, arm, seed):
     """A recording of a random motion of 30 s, with friction and noise."""
-    generator = torch.Generator().manual_seed(seed)
+    generator = np.random.default_rng(seed)
     made = moved(arm, np.arange(30 * 100) / 100, VISCOUS, COULOMB, generator)
     frame(made).to_csv(folder / name, index=False)
     return folder / name
@@ -75,15 +74,15 @@ def consistent(once, planar):
     """The model's numbers, and the consistent one's torques [N·m] at states that move, (50, 2) each."""
     model = json.loads((once[1] / "parameters.json").read_text())
     numbers = model["consistent"]
-    terms = {name: torch.tensor(x, dtype=torch.float64) for name, x in numbers["terms"].items()}
-    generator = torch.Generator().manual_seed(0)
-    q, dq, ddq = (torch.randn(50, 2, generator=generator, dtype=torch.float64) for _ in range(3))
-    q = q.clamp(-2, 2)  # within the limits, which MuJoCo enforces
-    dq = dq + 0.3 * dq.sign()  # where a smooth sign is one
-    links = torch.tensor(numbers["inertial_parameters"], dtype=torch.float64)
-    torque = RigidBody(planar).regressor(q, dq, ddq) @ links.flatten() + terms["offset"]
-    torque += terms["viscous"] * dq + terms["coulomb"] * torch.tanh(dq / model["sign_width"])
-    return model, torque.numpy(), [x.numpy() for x in (q, dq, ddq)]
+    terms = {name: np.array(x, float) for name, x in numbers["terms"].items()}
+    generator = np.random.default_rng(0)
+    q, dq, ddq = generator.standard_normal((3, 50, 2))
+    q = np.clip(q, -2, 2)  # within the limits, which MuJoCo enforces
+    dq = dq + 0.3 * np.sign(dq)  # where a smooth sign is one
+    links = np.array(numbers["inertial_parameters"], float)
+    torque = RigidBody(planar).regressor(q, dq, ddq) @ links.ravel() + terms["offset"]
+    torque += terms["viscous"] * dq + terms["coulomb"] * np.tanh(dq / model["sign_width"])
+    return model, torque, [q, dq, ddq]
 
 
 def python_class(folder):
@@ -188,7 +187,7 @@ def test_another_recording_of_the_same_name_is_another_model(context, files, tmp
 
 def test_the_python_class_is_the_weighted_model_where_that_predicts_better(planar, tmp_path):
     """An arm whose second link has moments of inertia below zero, as unmodelled effects may make it look."""
-    links = planar.inertial_parameters.clone()
+    links = planar.inertial_parameters.copy()
     links[1, 4:] *= -2
     strange = replace(planar, inertial_parameters=links)
     names = [write(tmp_path, f"{seed}.csv", strange, seed) for seed in range(2)]
@@ -198,10 +197,10 @@ def test_the_python_class_is_the_weighted_model_where_that_predicts_better(plana
     terms = Terms(sign_width=numbers["sign_width"])
     body = TorqueModel(RigidBody(planar), terms)
     assert list(body.names) == numbers["names"]
-    theta, model = torch.tensor(numbers["parameters"], dtype=torch.float64), python_class(folder)
-    generator = torch.Generator().manual_seed(1)
-    states = [torch.randn(20, 2, generator=generator, dtype=torch.float64) for _ in range(3)]
-    for row, *state in zip(body.torque(theta, *states).numpy(), *(x.numpy() for x in states)):
+    theta, model = np.array(numbers["parameters"], float), python_class(folder)
+    generator = np.random.default_rng(1)
+    states = generator.standard_normal((3, 20, 2))
+    for row, *state in zip(body.torque(theta, *states), *states):
         np.testing.assert_allclose(model.torque(*state), row, rtol=0, atol=1e-9)  # N·m
     mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
 

@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from experiments.artifacts import comparison
+from sidegan.base.arrays import flatten
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
@@ -76,11 +77,11 @@ def test_the_libraries_hold_what_is_valid(made):
 
 def test_the_selections_are_of_seeds_and_libraries(made):
     seeds = made.load(seed_set(made))
-    rows = {tuple(row) for row in seeds.coefficients.flatten(1).tolist()}
+    rows = {tuple(row) for row in flatten(seeds.coefficients, 1)}
     for pool in pools(made)[1:]:
         chosen = made.load(selection(made, pool))
         assert len(chosen) == made.cfg.selection.count
-        for source, row in zip(chosen.source, chosen.coefficients.flatten(1).tolist()):
+        for source, row in zip(chosen.source, flatten(chosen.coefficients, 1)):
             assert (tuple(row) in rows) == (source != pool.name or pool.name == "seeds")
 
 

@@ -10,15 +10,14 @@ from types import SimpleNamespace
 from unittest.mock import Mock
 
 import pytest
-import torch
 from threadpoolctl import threadpool_info
 
+from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.stage import Stage, run_stage
 from sidegan.pipeline.store import Store
-from tests.threads import several_threads
 
 PATIENCE = 120  # [s] with processes that others keep from their work
 
@@ -66,12 +65,12 @@ def test_an_artifact_is_invisible_until_it_is_whole_and_made_once(store):
 
 def test_an_artifact_is_made_on_one_thread_as_a_worker_makes_it(store):
     def make(build):
-        most = max([torch.get_num_threads(), *(pool["num_threads"] for pool in threadpool_info())])
+        most = max([threads(), *(pool["num_threads"] for pool in threadpool_info())])
         (build.folder / "numbers.txt").write_text(str(most))
 
-    with several_threads():
+    with on_threads(2):
         folder = store.produce(numbers(make=make))
-        assert torch.get_num_threads() == 2
+        assert threads() == 2
     assert (folder / "numbers.txt").read_text() == "1"
 
 

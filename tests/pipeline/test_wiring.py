@@ -7,10 +7,12 @@ plausible files; nothing else than these tests would notice.
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
-import torch
+from scipy.spatial.distance import cdist, pdist
 
+from sidegan.base.arrays import flatten
 from sidegan.base.storage import read_json
 from sidegan.identification import study
 from sidegan.library import LIBRARY, Library
@@ -31,7 +33,7 @@ TIGHT = ("workspace.regions=[{plane:{normal:[1,0,0],offset:-0.3}}]",)  # a wall 
 
 def drawn(context, count, seed=5, reach=0.8):
     """Random trajectories, valid or not."""
-    return context.cell.problem.start(count, torch.Generator().manual_seed(seed), reach)
+    return context.cell.problem.start(count, np.random.default_rng(seed), reach)
 
 
 @dataclass(frozen=True)
@@ -61,14 +63,14 @@ def test_a_selection_finds_the_trajectories_that_excite(planted, build, method, 
     made = made.with_settings(selection=replace(made.cfg.selection, method=method))
     selection(made, pool).make(build)
     chosen = Library.load(build.folder / LIBRARY, made.cell.arm).coefficients
-    apart = torch.cdist(chosen.flatten(1), pool.library.coefficients[places].flatten(1))
+    apart = cdist(flatten(chosen, 1), flatten(pool.library.coefficients[places], 1))
     moving = int((apart < 1e-9).any(1).sum())
     assert least <= moving and (method != "greedy" or moving < 6)  # greedy: what differs most is one at rest
 
 
 def test_random_trajectories_are_checked_and_those_that_fail_are_missing(context, build):
     made = context(*TIGHT)
-    share = float(check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.double().mean())
+    share = check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.mean()
     assert 0.1 < share < 0.9, "the workspace tells nothing"
     draws = random_valid(made, 40, "any")
     assert (
@@ -87,9 +89,9 @@ def test_natural_draws_reach_as_far_as_nearly_all_are_valid(context, build):
     assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
     assert report["valid_share"] >= 0.99 and len(library) == 400 * report["valid_share"]
     farther = check(made.cell.constraints, made.cell.trajectory, 1.1 * library.coefficients).valid
-    assert 0.5 < farther.double().mean() < 0.99
+    assert 0.5 < farther.mean() < 0.99
     use = made.cell.problem.limit_use(library.coefficients)
-    torch.testing.assert_close(use, torch.full_like(use, report["reach"]), rtol=0.02, atol=0)
+    np.testing.assert_allclose(use, report["reach"], rtol=0.02)
 
 
 def test_a_longer_search_finds_better_conditions_and_all_are_valid(context, build, monkeypatch):
@@ -99,7 +101,7 @@ def test_a_longer_search_finds_better_conditions_and_all_are_valid(context, buil
         searched_set(made, evaluations).make(build)
         library = Library.load(build.folder / LIBRARY, made.cell.arm)
         assert len(library) == 12 and library.valid.all()
-        conditions.append(float(library.fitness.median()))
+        conditions.append(np.median(library.fitness))
     assert conditions[1] < 0.5 * conditions[0]
 
 
@@ -146,7 +148,7 @@ def refuse_tests(made, learned, tests):
     """Tests must be valid motions that the model has not learned from."""
     assert len(tests) == made.cfg.identification.tests
     assert check(made.cell.constraints, made.cell.trajectory, tests).valid.all()
-    assert torch.cdist(tests.flatten(1), learned.flatten(1)).min() > 0.1
+    assert cdist(flatten(tests, 1), flatten(learned, 1)).min() > 0.1
 
 
 def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, build, monkeypatch):
@@ -160,7 +162,7 @@ def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, bu
     monkeypatch.setattr(study, "compare", watched)
     identification(made, one).make(build)
     (_, sets), (_, tests) = seen["sets"]["planted"], seen["tests"]
-    torch.testing.assert_close(sets, learned, rtol=0, atol=0)
+    np.testing.assert_array_equal(sets, learned)
     refuse_tests(made, learned, tests)
 
 
@@ -178,11 +180,11 @@ def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, bu
     monkeypatch.setattr(plants, "estimate", lambda m, model, x: estimated.append(x) or estimate(m, model, x))
     monkeypatch.setattr(plants, "score", lambda model, p, x: scored.append(x) or score(model, p, x))
     plant(made, one).make(build)
-    torch.testing.assert_close(motions[0], learned, rtol=0, atol=0)
+    np.testing.assert_array_equal(motions[0], learned)
     refuse_tests(made, learned, motions[1])
     for (*_, torque), data in zip(recorded, (estimated[0], scored[0])):
-        taken = torch.stack([part.torque for part in data])
-        torch.testing.assert_close(taken, torch.as_tensor(torque), rtol=0, atol=0)
+        taken = np.stack([part.torque for part in data])
+        np.testing.assert_array_equal(taken, torque)
 
 
 def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(context, build, monkeypatch):
@@ -190,5 +192,5 @@ def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds
     c = drawn(made, 40, reach=0.5)
     monkeypatch.setattr(densities, "training_seeds", lambda context: SimpleNamespace(coefficients=c))
     density(made).make(build)
-    narrow, wide = pd.read_parquet(build.folder / RESULTS).from_seed / torch.pdist(c.flatten(1)).min().item()
+    narrow, wide = pd.read_parquet(build.folder / RESULTS).from_seed / pdist(flatten(c, 1)).min()
     assert narrow < 1e-4 and 0.1 < wide < 10

@@ -1,8 +1,8 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.plant import PlantSettings
@@ -33,8 +33,8 @@ def motions() -> Callable[..., Motion]:
     def make(arm: Arm, count: int = 1, period: float = 4.0, rate: float = 1000.0, seed: int = 0) -> Motion:
         home = ((arm.position_lower + arm.position_upper) / 2).tolist()
         trajectory = Trajectory(arm.joints, 3, period, home)
-        random = torch.Generator().manual_seed(seed)
-        c = torch.randn(count, arm.joints, 3, 2, generator=random, dtype=torch.float64)
+        random = np.random.default_rng(seed)
+        c = random.standard_normal((count, arm.joints, 3, 2))
         return trajectory.roll_out(0.1 * arm.velocity_limit[:, None, None] * c, trajectory.times(rate))
 
     return make

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
@@ -15,7 +15,7 @@ RATE = 1000.0  # Hz
 
 
 def accelerations(executed):
-    return executed.velocity.diff(dim=0) * RATE
+    return np.diff(executed.velocity, axis=0) * RATE
 
 
 def rigid(arm, executed):
@@ -25,40 +25,40 @@ def rigid(arm, executed):
 
 
 def rms(x):
-    return x.square().mean().sqrt()
+    return np.sqrt(np.square(x).mean())
 
 
 @pytest.mark.parametrize("joints", [1, 4, 7])
 def test_any_chain_obeys_its_equations_of_motion(chain, motions, joints):
-    arm = replace(chain(joints, 1), torque_limit=torch.full((joints,), torch.inf))
+    arm = replace(chain(joints, 1), torque_limit=np.full(joints, np.inf))
     settings = replace(IDEAL, viscous=[1.5], rotor_inertia=[0.3])
     executed = Plant(arm, settings).follow(motions(arm))
     wanted = rigid(arm, executed) + 0.3 * accelerations(executed) + 1.5 * executed.velocity[1:]
-    torch.testing.assert_close(executed.torque[:-1], wanted, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(executed.torque[:-1], wanted, rtol=0, atol=1e-8)
 
 
 def test_a_drive_at_its_limit_obeys_the_equations_of_motion_too(planar, motions):
     motion = motions(planar)
-    most = Plant(planar, IDEAL).follow(motion).torque.abs().amax(0)
+    most = np.abs(Plant(planar, IDEAL).follow(motion).torque).max(0)
     weak = replace(planar, torque_limit=0.97 * most)
     executed = Plant(weak, replace(IDEAL, tolerance=1.0)).follow(motion)
-    assert ((executed.torque.abs() >= 0.97 * most).sum(0) > 10).all()
-    assert (executed.torque.abs().amax(0) < 0.975 * most).all()
-    torch.testing.assert_close(executed.torque[:-1], rigid(weak, executed), rtol=0, atol=1e-8)
+    assert ((np.abs(executed.torque) >= 0.97 * most).sum(0) > 10).all()
+    assert (np.abs(executed.torque).max(0) < 0.975 * most).all()
+    np.testing.assert_allclose(executed.torque[:-1], rigid(weak, executed), rtol=0, atol=1e-8)
 
 
 def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
-    coulomb = torch.linspace(0.3, 5.0, 7, dtype=torch.float64)
+    coulomb = np.linspace(0.3, 5.0, 7)
     settings = replace(IDEAL, coulomb=coulomb.tolist(), rotor_inertia=[0.5])
     executed = Plant(arm, settings).follow(motions(arm))
     friction = executed.torque[:-1] - rigid(arm, executed) - 0.5 * accelerations(executed)
     speed = executed.velocity[1:]
-    assert (friction.abs() <= coulomb + 1e-6).all()
+    assert (np.abs(friction) <= coulomb + 1e-6).all()
     for j in range(7):
-        moving = speed[:, j].abs() > 0.05
+        moving = np.abs(speed[:, j]) > 0.05
         assert moving.any()
-        sign = speed[moving, j].sign()
-        torch.testing.assert_close(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
+        sign = np.sign(speed[moving, j])
+        np.testing.assert_allclose(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
 
 
 def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions, standard):
@@ -67,7 +67,7 @@ def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions, standard)
     exact, less, least, usual = (
         Plant(arm, one).follow(motion).position - motion.position[0] for one in (*known, standard)
     )
-    assert exact.abs().max() < 1e-4 < rms(usual) < 1e-2
+    assert np.abs(exact).max() < 1e-4 < rms(usual) < 1e-2
     assert rms(exact) < rms(less) < rms(least)
 
 
@@ -78,27 +78,25 @@ def test_motions_are_executed_one_after_another(planar, motions, standard):
     once = plant.follow(concatenate(several))
     assert executed.time.shape == (6001,)
     for mine, theirs in zip(executed, once):
-        assert torch.equal(mine, theirs)
+        assert np.array_equal(mine, theirs)
 
 
 def test_every_number_of_a_saved_recording_comes_back_through_the_door_of_recordings(
     planar, motions, tmp_path
 ):
-    executed, path = (
-        Plant(planar, IDEAL).execute(motions(planar, period=1.0), 0, 0.1),
-        tmp_path / "plant.parquet",
-    )
+    executed = Plant(planar, IDEAL).execute(motions(planar, period=1.0), 0, 0.1)
+    path = tmp_path / "plant.parquet"
     save_recording(executed, planar.joint_names, path)
     read = load_recording(path, of_file(), planar.joint_names)
     assert not read.corrupt and read.acceleration is None
     for name, values in executed._asdict().items():
-        assert torch.equal(getattr(read, name), values), name
+        assert np.array_equal(getattr(read, name), values), name
 
 
 def test_torques_have_noise_of_the_stated_size_and_a_seed_is_a_recording(planar, motions):
     plant, motion = Plant(planar, IDEAL), motions(planar, period=16.0)
     true = plant.follow(motion)
     one, same, other = (plant.execute(motion, seed, 0.5) for seed in (1, 1, 2))
-    assert torch.equal(one.position, true.position)
-    assert torch.equal(one.torque, same.torque) and not torch.equal(one.torque, other.torque)
+    assert np.array_equal(one.position, true.position)
+    assert np.array_equal(one.torque, same.torque) and not np.array_equal(one.torque, other.torque)
     assert (one.torque - true.torque).std(0).tolist() == pytest.approx([0.5, 0.5], rel=0.03)  # 16,001 samples

@@ -2,22 +2,22 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
 from sidegan.plant import IDEAL, Plant, mujoco_model
 
 
 def weak(arm):
-    return replace(arm, torque_limit=torch.tensor([200.0, 1.0], dtype=torch.float64))
+    return replace(arm, torque_limit=np.array([200.0, 1.0]))
 
 
 def links(*changes):
     """Change link parameters of an arm: link, parameter and factor."""
 
     def change(arm):
-        parameters = arm.inertial_parameters.clone()
+        parameters = arm.inertial_parameters.copy()
         for link, parameter, factor in changes:
             parameters[link, parameter] *= factor
         return replace(arm, inertial_parameters=parameters)
@@ -26,7 +26,7 @@ def links(*changes):
 
 
 def not_finite(motion):
-    motion.velocity[0, 5, 1] = torch.nan
+    motion.velocity[0, 5, 1] = np.nan
     return motion
 
 

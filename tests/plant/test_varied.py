@@ -6,7 +6,6 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
@@ -44,12 +43,12 @@ def plant(arm, settings, seed=SEED):
 
 def ahead(made, motion):
     """Torques that the servos feed forward."""
-    return RigidBody(made.arm).torque(*motion[1:]).numpy() + made.rotor * motion.acceleration.numpy()
+    return RigidBody(made.arm).torque(*motion[1:]) + made.rotor * motion.acceleration
 
 
 def simulated(made, motion):
     """Positions, velocities and accelerations of a plant's steps along a motion, motor torques and loads."""
-    q, motor, load = made._simulate(motion.position.numpy(), motion.velocity.numpy(), ahead(made, motion))
+    q, motor, load = made._simulate(motion.position, motion.velocity, ahead(made, motion))
     end = np.diff(q, axis=1) * made.settings.rate  # semi-implicit steps: the speed at the end of each
     return q[:, 1:-1], end[:, :-1], np.diff(end, axis=1) * made.settings.rate, motor[:, 1:-1], load[:, 1:-1]
 
@@ -70,7 +69,7 @@ def inverse(arm, *states):
 def test_a_sensor_at_the_link_without_errors_tells_what_moves_the_true_links(name, plain, motions):
     arm = load_robot(name)
     made, motion = plant(arm, plain), motions(arm, 2, rate=500.0)
-    assert (made.true.inertial_parameters - arm.inertial_parameters).abs().max() > 0.01
+    assert np.abs(made.true.inertial_parameters - arm.inertial_parameters).max() > 0.01
     *states, motor, _ = simulated(made, motion)
     told, links = made.follow(motion)[1][:, 1:-1], inverse(made.true, *states)
     np.testing.assert_allclose(told, links, rtol=0, atol=1e-5)  # N·m
@@ -98,7 +97,7 @@ def test_sensors_err_by_no_more_than_is_stated(planar, plain, motion):
         ("resolution", 0.004, 0.002),
     ):
         made = plant(planar, replace(plain, **{name: share}))
-        error = np.abs(made.follow(motion)[1] - exact).max((0, 1)) / planar.torque_limit.numpy()
+        error = np.abs(made.follow(motion)[1] - exact).max((0, 1)) / planar.torque_limit
         assert (error > 0).all() and (error <= most * (1 + 1e-9)).all(), name
 
 
@@ -127,30 +126,28 @@ def test_servos_and_friction_follow_their_laws(planar, settings, motion):
     friction = motor - load - made.rotor * acceleration
     expected = made.law(q[:, 1:], dq[:, 1:], load[:, :-1])
     np.testing.assert_allclose(friction[:, 1:], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
-    wanted, speed = motion.position.numpy()[:, 1:-1], motion.velocity.numpy()[:, 1:-1]
+    wanted, speed = motion.position[:, 1:-1], motion.velocity[:, 1:-1]
     stiffness, damping = made._gains
     servo = ahead(made, motion)[:, 1:-1] + stiffness * (wanted - q) + damping * (speed - dq)
-    limit = planar.torque_limit.numpy()
+    limit = planar.torque_limit
     np.testing.assert_allclose(motor, servo.clip(-limit, limit), rtol=0, atol=1e-6 * np.abs(motor).max())
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 0.05])
 def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, correlation):
-    family, sensors = (
-        Trajectory(2, 3, 40.0),
-        Sensors(noise=0.1, correlation=correlation, cutoff=20.0, rate=100.0),
-    )
-    made, c = plant(planar, plain), torch.zeros(1, 2, 3, 2, dtype=torch.float64)
+    family = Trajectory(2, 3, 40.0)
+    sensors = Sensors(noise=0.1, correlation=correlation, cutoff=20.0, rate=100.0)
+    made, c = plant(planar, plain), np.zeros((1, 2, 3, 2))
     c[..., 0, 0] = 0.3
     exact, noisy = (recorded(made, family, c, sensors, random) for random in (None, np.random.default_rng(0)))
-    assert all(torch.equal(*pair) for pair in zip(exact[:3], noisy[:3]))
-    noise = (noisy[3] - exact[3])[0].numpy() / made.range
+    assert all(np.array_equal(*pair) for pair in zip(exact[:3], noisy[:3]))
+    noise = (noisy[3] - exact[3])[0] / made.range
     keep = np.exp(-1 / (100.0 * correlation))
     assert noise.std() == pytest.approx(0.1, rel=0.1)
     assert (noise[1:] * noise[:-1]).mean() / noise.var() == pytest.approx(keep, abs=0.05)
     for below, above in pairwise(exact[:3]):
-        slope = torch.gradient(below, spacing=1 / sensors.rate, dim=1)[0]
-        assert (slope - above)[:, 50:-50].abs().max() < 0.02 * above.abs().max()
+        slope = np.gradient(below, 1 / sensors.rate, axis=1)
+        assert np.abs((slope - above)[:, 50:-50]).max() < 0.02 * np.abs(above).max()
 
 
 def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, settings, motion, motions):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.base.typed import build
 from sidegan.motion.dynamics import RigidBody
@@ -33,28 +32,28 @@ def states(time, joints=2):
     q = 0.8 * np.sin(w1 * t) + 0.4 * np.sin(w2 * t + 1)
     v = 0.8 * w1 * np.cos(w1 * t) + 0.4 * w2 * np.cos(w2 * t + 1)
     a = -0.8 * w1**2 * np.sin(w1 * t) - 0.4 * w2**2 * np.sin(w2 * t + 1)
-    return tuple(torch.from_numpy(x) for x in (q, v, a))
+    return q, v, a
 
 
 def recorded(arm, time, keep=("position", "velocity", "torque")):
     """A recording of that motion with some friction."""
     q, v, a = states(time, arm.joints)
-    torque = RigidBody(arm).torque(q, v, a) + 0.5 * v + 0.3 * torch.tanh(v / 0.01)
+    torque = RigidBody(arm).torque(q, v, a) + 0.5 * v + 0.3 * np.tanh(v / 0.01)
     signals = {"position": q, "velocity": v, "acceleration": a, "torque": torque, "current": torque / 2}
-    time = torch.as_tensor(np.asarray(time), dtype=torch.float64)
-    return Recording("made", arm.joint_names, time, **{name: signals[name] for name in keep})
+    return Recording("made", arm.joint_names, np.asarray(time), **{name: signals[name] for name in keep})
 
 
 def moved(arm, time, viscous, coulomb, generator, harmonics=5, period=10.0, noise=0.02):
     """A random periodic motion of an arm, which begins and ends anywhere, with noisy torque."""
-    t = torch.as_tensor(time, dtype=torch.float64)[:, None, None]
-    w = 2 * np.pi / period * torch.arange(1, harmonics + 1, dtype=torch.float64)
-    draw = torch.randn(2, arm.joints, harmonics, generator=generator, dtype=torch.float64)
-    size = 0.4 * draw[0].abs() / w.sqrt()
+    t = np.asarray(time)[:, None, None]
+    w = 2 * np.pi / period * np.arange(1, harmonics + 1)
+    draw = generator.standard_normal((2, arm.joints, harmonics))
+    size = 0.4 * np.abs(draw[0]) / np.sqrt(w)
     phase = w * t + 3 * draw[1]
-    q, v, a = (x.sum(2) for x in (size * phase.sin(), size * w * phase.cos(), -size * w**2 * phase.sin()))
-    torque = RigidBody(arm).torque(q, v, a) + viscous * v + coulomb * torch.tanh(v / 0.03)
-    error = noise * torque.std(0) * torch.randn(torque.shape, generator=generator, dtype=torch.float64)
+    sine, cosine = size * np.sin(phase), size * np.cos(phase)
+    q, v, a = (x.sum(2) for x in (sine, w * cosine, -(w**2) * sine))
+    torque = RigidBody(arm).torque(q, v, a) + viscous * v + coulomb * np.tanh(v / 0.03)
+    error = noise * torque.std(0) * generator.standard_normal(torque.shape)
     return Recording("made", arm.joint_names, t[:, 0, 0], q, velocity=v, torque=torque + error)
 
 

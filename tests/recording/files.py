@@ -9,9 +9,9 @@ LETTERS = {"position": "q", "velocity": "qd", "acceleration": "qdd", "torque": "
 
 
 def frame(recording):
-    columns = {"t": recording.time.numpy()}
+    columns = {"t": recording.time}
     for name, x in recording.signals().items():
-        columns |= {f"{LETTERS[name]}{j + 1}": x[:, j].numpy() for j in range(x.shape[1])}
+        columns |= {f"{LETTERS[name]}{j + 1}": x[:, j] for j in range(x.shape[1])}
     return pd.DataFrame(columns)
 
 
@@ -46,8 +46,8 @@ def arrays(**changes):
 
 def write_lists(recording, folder):
     """A Parquet file with a list of all joints a signal."""
-    signals = {LETTERS[name]: [*x.numpy()] for name, x in recording.signals().items()}
-    pd.DataFrame({"t": recording.time.numpy(), **signals}).to_parquet(folder / "a.parquet")
+    signals = {LETTERS[name]: [*x] for name, x in recording.signals().items()}
+    pd.DataFrame({"t": recording.time, **signals}).to_parquet(folder / "a.parquet")
     return folder / "a.parquet"
 
 
@@ -68,7 +68,7 @@ def write_messages(folder, messages, kind="sensor_msgs/msg/JointState", plugin=S
 def write_bag(recording, folder, plugin=StoragePlugin.SQLITE3, names=None, order=None):
     """Joint states with positions, velocities and torques as efforts; ``order`` shuffles the joints."""
     names, order = names or list(recording.joint_names), order or list(range(len(recording.joint_names)))
-    signals = [getattr(recording, name)[:, order].numpy() for name in ("position", "velocity", "torque")]
+    signals = [getattr(recording, name).take(order, 1) for name in ("position", "velocity", "torque")]
     stamps = [round(t * 1e9) + 10**9 for t in recording.time.tolist()]
     named = [names[i] for i in order]
     messages = ((t, True, named, *(x[k] for x in signals)) for k, t in enumerate(stamps))

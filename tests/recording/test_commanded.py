@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.controllers import Course
 from sidegan.controllers.table import csv_text
@@ -19,7 +18,7 @@ from tests.recording.conftest import of_file
 
 FAMILY = Trajectory(2, harmonics=4, period=8.0)
 NOISE, RATE = 0.2, 200.0
-COEFFICIENTS = 0.11 * torch.randn(3, 2, 4, 2, generator=torch.Generator().manual_seed(1)).double()
+COEFFICIENTS = 0.11 * np.random.default_rng(1).standard_normal((3, 2, 4, 2))
 PAUSE = 3.1237  # [s] before each, no whole number of samples
 
 
@@ -56,7 +55,7 @@ def logged(planar, true, order, delay=0.0, gap=None):
     q, tau = at(time, "position"), at(time - delay, "torque")
     tau += NOISE * np.random.default_rng(0).standard_normal(tau.shape)
     keep = np.ones(len(time), bool) if gap is None else (time < gap) | (time > gap + 0.3)
-    time, q, tau = (torch.from_numpy(x[keep]) for x in (time, q, tau))
+    time, q, tau = (x[keep] for x in (time, q, tau))
     return Recording("log", planar.joint_names, time, q, torque=tau), begins
 
 
@@ -66,10 +65,10 @@ def test_repetitions_are_found_and_averaged(planar, true, sent):
     assert repeated.counts == {"1": 3, "2": 2, "3": 1}
     found = [float(part.time[0]) for part in parts]
     assert found == pytest.approx([begins[k] for k in (0, 1, 3)], abs=0.05)  # servos are late by some ms
-    torch.testing.assert_close(repeated.noise, torch.full((2,), NOISE).double(), rtol=0.1, atol=0)
+    np.testing.assert_allclose(repeated.noise, NOISE, rtol=0.1)
     assert repeated.bandwidth == pytest.approx(FAMILY.harmonics / FAMILY.period, rel=0.3)
     clean = np.stack([np.interp(parts[0].time, true[0].time + begins[0], x) for x in true[0].torque.T], 1)
-    error = (parts[0].torque.numpy() - clean)[100:-100].std()
+    error = (parts[0].torque - clean)[100:-100].std()
     assert 0.7 < error / (NOISE / 3**0.5) < 1.05  # interpolation takes some of it off, too
 
 

@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.recording import text
 from sidegan.recording.load import load_recording
@@ -51,10 +50,10 @@ def test_what_was_written_is_read(made, tmp_path, write, changes):
     bag = path.suffix in ("", ".mcap")
     joints, start = (made.joint_names, 1) if bag else (JOINTS, 0)  # stamps of zero would be none
     found = load_recording(path, of_file(**changes), joints)
-    torch.testing.assert_close(found.time, made.time + start, atol=1e-6, rtol=0)
+    np.testing.assert_allclose(found.time, made.time + start, atol=1e-6, rtol=0)
     assert found.signals().keys() == made.signals().keys() and not found.corrupt
     for name, x in made.signals().items():
-        torch.testing.assert_close(found.signals()[name], x, atol=1e-12, rtol=0)
+        np.testing.assert_allclose(found.signals()[name], x, atol=1e-12, rtol=0)
 
 
 def garbled(lines):
@@ -80,7 +79,7 @@ def test_corrupt_rows_are_left_out_and_named(made, tmp_path, monkeypatch, at_onc
     found = dict(read.corrupt)
     assert sorted(found) == sorted(GARBLED) and all(GARBLED[row] in found[row] for row in found)
     kept = [k for k in range(200) if k + 2 not in GARBLED]
-    torch.testing.assert_close(read.time, made.time[kept])
+    np.testing.assert_allclose(read.time, made.time[kept])
 
 
 @pytest.mark.parametrize("separator", [";", "\t"])
@@ -93,7 +92,7 @@ def test_decimal_commas_are_read(made, tmp_path, separator):
     ((row, _),) = found.corrupt
     kept = part_of(made, [k for k in range(200) if k != row - 2])
     for name in ("time", *made.signals()):
-        torch.testing.assert_close(getattr(found, name), getattr(kept, name))
+        np.testing.assert_allclose(getattr(found, name), getattr(kept, name))
 
 
 def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.recording.check import check_recording
@@ -121,21 +120,21 @@ def currents(factor=1.0):
 
 
 def of_elbow(signal, change):
-    return but(signal, lambda x: torch.stack([x[:, 0], change(x[:, 1])], 1))
+    return but(signal, lambda x: np.stack([x[:, 0], change(x[:, 1])], 1))
 
 
 def shuffled(time):
-    return torch.where(torch.arange(len(time)) == 100, time[90], time)
+    return np.where(np.arange(len(time)) == 100, time[90], time)
 
 
 def interrupted(time):
     """A sample that is stamped like the one before it, and two seconds without samples."""
-    k = torch.arange(len(time))
-    return torch.where(k == 700, time[699], time) + 2.0 * (k >= 1000)
+    k = np.arange(len(time))
+    return np.where(k == 700, time[699], time) + 2.0 * (k >= 1000)
 
 
 def limited(torque):
-    return replace(PLANAR, torque_limit=torch.full((2,), torque, dtype=torch.float64))
+    return replace(PLANAR, torque_limit=np.full(2, torque))
 
 
 def check(recording, arm=PLANAR, gains=None, **changes):
@@ -154,16 +153,16 @@ CHECKED = [
     (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
     (GAINS, currents(1e3), {"gains": TWO, "units": {"current": "mA"}}),
     (GAINS, currents(), {"gains": (2e5, 2e5)}),
-    ("times what the description's links need", currents(1e3), {"gains": TWO, "arm": limited(torch.inf)}),
+    ("times what the description's links need", currents(1e3), {"gains": TWO, "arm": limited(np.inf)}),
     ("is it in N·m, and in this order", scaled("torque", 1e7), {}),
     ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
-    ("every torque is zero", but("torque", torch.zeros_like), {}),
-    ("torque of shoulder, elbow is constant", but("torque", torch.ones_like), {}),
+    ("every torque is zero", but("torque", np.zeros_like), {}),
+    ("torque of shoulder, elbow is constant", but("torque", np.ones_like), {}),
     ("holds 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
     ("too short to identify from", scaled("time", 1e-300), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
-    (DEAD, but("velocity", torch.ones_like), {}),
-    ("all samples have the same time stamp", but("time", torch.ones_like), {}),
+    (DEAD, but("velocity", np.ones_like), {}),
+    ("all samples have the same time stamp", but("time", np.ones_like), {}),
     ("time runs backwards.* after sample 100", but("time", shuffled), {}),
     ("give the drive gains", currents(), {}),
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
@@ -180,18 +179,18 @@ def test_recordings(recording, words, change, options):
 
 
 WARNED = [
-    ("recording.reverse=[elbow]", of_elbow("torque", torch.neg)),
-    ("exchanged, scaled or reversed?", of_elbow("velocity", torch.neg)),
+    ("recording.reverse=[elbow]", of_elbow("torque", np.negative)),
+    ("exchanged, scaled or reversed?", of_elbow("velocity", np.negative)),
     ("the arm hardly moves", scaled("position", 0.1)),
-    ("elbow never moved", lambda r: replace(of_elbow("position", torch.zeros_like)(r), velocity=None)),
+    ("elbow never moved", lambda r: replace(of_elbow("position", np.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),
     ("1 sample with the time stamp", but("time", interrupted)),
     ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
-    ("looks saturated", but("torque", lambda x: x.clamp(max=float(x.max()) / 2))),
+    ("looks saturated", but("torque", lambda x: np.minimum(x, x.max() / 2))),
     ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
     (
         "is this the arm, and are its joints in this order?",
-        lambda r: replace(r, torque=torch.sin(r.time[:, None] * torch.tensor([3.1, 4.3]))),
+        lambda r: replace(r, torque=np.sin(r.time[:, None] * [3.1, 4.3])),
     ),
 ]
 

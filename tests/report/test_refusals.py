@@ -2,8 +2,8 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
-import torch
 from jinja2 import UndefinedError
 
 from sidegan.errors import ShapeError
@@ -14,7 +14,7 @@ from sidegan.report.viewer import view_of
 from sidegan.validity import Constraints
 
 FAMILY, LONG = Trajectory(2, harmonics=3, period=4.0), Trajectory(2, harmonics=5, period=12.0)
-NONE, ONE, TWO = (torch.zeros(count, *FAMILY.shape, dtype=torch.float64) for count in range(3))
+NONE, ONE, TWO = (np.zeros((count, *FAMILY.shape)) for count in range(3))
 
 
 @pytest.fixture

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 import trimesh
 
 from sidegan.motion.trajectory import Trajectory
@@ -63,7 +62,7 @@ def unpacked(page):
 
 def test_positions_and_shares_are_those_of_the_motion(planar, shown, coefficients):
     head, arrays = shown
-    times = torch.linspace(0, 8, head["samples"] + 1, dtype=torch.float64)
+    times = np.linspace(0, 8, head["samples"] + 1)
     motion = FAMILY.roll_out(coefficients, times)
     shares = {name: arrays[name].reshape(3, -1, 2) for name in head["signals"]}
     scales = {name: np.array(signal["scale"]) for name, signal in head["signals"].items()}
@@ -77,7 +76,7 @@ def test_positions_and_shares_are_those_of_the_motion(planar, shown, coefficient
 
 
 def test_limits_of_acceleration_are_what_it_is_a_share_of(planar, coefficients):
-    limited = replace(planar, acceleration_limit=torch.tensor([5.0, torch.inf], dtype=torch.float64))
+    limited = replace(planar, acceleration_limit=np.array([5.0, np.inf]))
     signal = view_of(Constraints(limited), FAMILY, coefficients).head["signals"]["acceleration"]
     assert signal["limited"] == [True, False] and signal["scale"][0] == 5
 
@@ -85,13 +84,13 @@ def test_limits_of_acceleration_are_what_it_is_a_share_of(planar, coefficients):
 def test_the_closest_is_what_the_check_finds(planar, shown, coefficients):
     head, arrays = shown
     constraints = Constraints(planar, REGIONS)
-    times = torch.linspace(0, 8, head["samples"] + 1, dtype=torch.float64)
+    times = np.linspace(0, 8, head["samples"] + 1)
     positions = FAMILY.derivative(coefficients, times, 0).reshape(-1, 2)
     margins = constraints.at_rest(positions)
-    distance, which = torch.cat([margins["collision"], margins["keep_out"]], 1).min(1)
+    distances = np.concatenate([margins["collision"], margins["keep_out"]], 1)
     names = [*constraints.labels["collision"], *constraints.labels["keep_out"]]
-    np.testing.assert_allclose(arrays["distance"], distance, atol=1e-6)
-    assert [head["pairs"][k] for k in arrays["pair"]] == [names[k] for k in which]
+    np.testing.assert_allclose(arrays["distance"], distances.min(1), atol=1e-6)
+    assert [head["pairs"][k] for k in arrays["pair"]] == [names[k] for k in distances.argmin(1)]
 
 
 def test_names_of_strangers_stay_names(planar, coefficients, write):

@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
-import torch
 
 from sidegan.errors import SideganError
 from sidegan.pipeline.compose import composed
@@ -83,11 +82,11 @@ def remedied(work, given=()):
 
 def shape_accuracy(constraints, judge, configurations):
     """Shares of free random configurations that are refused, and of colliding ones that are missed."""
-    arm, random = constraints.arm, torch.Generator().manual_seed(0)
-    draw = torch.rand(configurations, arm.joints, generator=random, dtype=torch.float64)
-    q = torch.lerp(arm.position_lower, arm.position_upper, draw)
-    collided = torch.from_numpy(judge.colliding(judge.configurations(q.numpy())))
-    refused = (constraints.at_rest(q).get("collision", q.new_ones(len(q), 1)) < 0).any(1)
+    arm, random = constraints.arm, np.random.default_rng(0)
+    draw = random.random((configurations, arm.joints))
+    q = arm.position_lower + draw * (arm.position_upper - arm.position_lower)
+    collided = judge.colliding(judge.configurations(q))
+    refused = (constraints.at_rest(q).get("collision", np.ones((len(q), 1))) < 0).any(1)
     return tuple(int(x.sum()) / max(1, len(x)) for x in (refused[~collided], ~refused[collided]))
 
 

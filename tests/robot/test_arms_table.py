@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 
 from sidegan.errors import RobotError
 from sidegan.motion.trajectory import Trajectory
@@ -85,8 +84,8 @@ FILE, JOINTS = _MODELS / "planar2.urdf", ["shoulder", "elbow"]
 def motion(angle=None):
     """Time and states of planar2: a small random motion, or the elbow's alone to an angle [rad] and back."""
     family = Trajectory(2, 3, 8.0)
-    c = 0.2 * torch.randn(1, 2, 3, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    time, *states = (x.numpy() for x in family.roll_out(c, family.times(1000.0)))
+    c = 0.2 * np.random.default_rng(1).standard_normal((1, 2, 3, 2))
+    time, *states = (x for x in family.roll_out(c, family.times(1000.0)))
     if angle is None:
         return time, *(x[0] for x in states)
     q = np.stack([0 * time, angle * np.sin(np.pi * time / 8) ** 4], 1)

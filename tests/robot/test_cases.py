@@ -4,8 +4,8 @@ import logging
 from dataclasses import replace
 
 import mujoco
+import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import RobotError
 from sidegan.plant import IDEAL, mujoco_model
@@ -69,9 +69,9 @@ def test_a_link_that_cannot_be_is_named_and_replaced_by_the_nearest_that_can(loa
     arm, whole = load(arm_of({1: inside + rod()})), load(arm_of()).inertial_parameters
     assert said in describe_doubtful_links(arm) and [*doubtful_links(arm)] == (["link1"] if said else [])
     start = possible_links(arm)
-    assert inconsistent_links(arm, start) == [] and torch.equal(start[[0, 2, 3]], whole[[0, 2, 3]])
+    assert inconsistent_links(arm, start) == [] and np.array_equal(start[[0, 2, 3]], whole[[0, 2, 3]])
     if "kg" not in said:  # mass and place are kept, and only the inertia is another
-        torch.testing.assert_close(start[1, :4], whole[1, :4])
+        np.testing.assert_allclose(start[1, :4], whole[1, :4])
 
 
 @pytest.mark.parametrize("content", [BARE, {1: inertial(moments=(0.02, 0.02, 0.042))}], ids=["none", "one"])
@@ -107,9 +107,9 @@ def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_c
     assert "floor at z = 0 m" in place.notes(arm)
     said = (constraints := place.around(arm)).described()
     assert "0 of 0 pairs" in said and "4 of 4 joint origins in 1 region" in said and "clear" not in said
-    low = torch.tensor([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).double()
-    assert (constraints.at_rest(low)["keep_out"].amin(1) > 0).tolist() == [False, True]
-    assert constraints.nearest(low)[0].isinf().all()
+    low = np.array([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).astype(float)
+    assert (constraints.at_rest(low)["keep_out"].min(1) > 0).tolist() == [False, True]
+    assert np.isinf(constraints.nearest(low)[0]).all()
 
 
 @pytest.mark.parametrize(
@@ -127,9 +127,9 @@ def test_limits_that_no_arm_has_are_named_with_the_words_that_set_them(load, spa
 
 
 def test_peaks_are_shares_with_their_values():
-    motion = torch.tensor([[[1.0, -3.0], [0.5, 2.0]]])
-    assert peaks(motion, torch.tensor([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
-    assert peaks(motion, torch.tensor([torch.inf, torch.inf]), ["N·m", "N"]) == ["3 N"]
+    motion = np.array([[[1.0, -3.0], [0.5, 2.0]]])
+    assert peaks(motion, np.array([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
+    assert peaks(motion, np.array([np.inf, np.inf]), ["N·m", "N"]) == ["3 N"]
 
 
 def test_mujoco_leaves_no_file_and_pictures_one_message(load, tmp_path, monkeypatch, caplog):

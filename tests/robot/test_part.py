@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
@@ -79,8 +78,8 @@ def test_torque_is_that_of_the_reduced_model(load, setup, locked):
             v[one.idx_v], a[one.idx_v] = rates
         torque = pin.rnea(oracle, data, at, v, a)
         expected.append([torque[one.idx_v] for one in order])
-    found = RigidBody(arm).torque(*(torch.from_numpy(x) for x in states))
-    np.testing.assert_allclose(found.numpy(), expected, rtol=0, atol=1e-9)  # N·m
+    found = RigidBody(arm).torque(*(x for x in states))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)  # N·m
 
 
 def test_what_stands_still_is_reported_and_stays_in_the_collision_model(load):
@@ -182,7 +181,7 @@ class TestLimits:
     def test_only_a_share_of_speed_and_torque_is_used(self, planar):
         gentle = with_effort(planar, 0.5)
         for name, share in (("velocity_limit", 0.5), ("torque_limit", 0.5), ("position_upper", 1.0)):
-            torch.testing.assert_close(getattr(gentle, name), share * getattr(planar, name))
+            np.testing.assert_allclose(getattr(gentle, name), share * getattr(planar, name))
         assert with_effort(planar, 1.0) is planar
         digests = {with_effort(planar, effort).digest for effort in (0.3, 0.5, 1.0)}
         assert len(digests) == 3 and with_effort(planar, 0.5).digest == gentle.digest
@@ -193,17 +192,17 @@ def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
     path, mount = tmp_path / "arm.urdf", (0.4, -0.5, 0.6)
     path.write_text(more(two_joints(origin=PLACE), link("foot", ball(0.1, "0.3 0.2 0.1")), FOOT))
     upright, mounted = load_robot(path), load_robot(path, Setup(mount=mount))
-    turn = torch.from_numpy(pin.rpy.rpyToMatrix(*mount))
-    torch.testing.assert_close(mounted.rotation[0], turn @ upright.rotation[0])
-    torch.testing.assert_close(mounted.translation[0], turn @ upright.translation[0])
-    torch.testing.assert_close(mounted.rotation[1:], upright.rotation[1:])
+    turn = pin.rpy.rpyToMatrix(*mount)
+    np.testing.assert_allclose(mounted.rotation[0], turn @ upright.rotation[0])
+    np.testing.assert_allclose(mounted.translation[0], turn @ upright.translation[0])
+    np.testing.assert_allclose(mounted.rotation[1:], upright.rotation[1:])
     foot, standing = (arm.capsules.a[arm.capsules.link < 0] for arm in (mounted, upright))
-    torch.testing.assert_close(foot, standing @ turn.T)
+    np.testing.assert_allclose(foot, standing @ turn.T)
     shown, still = (visual_parts(arm)[0].vertices.mean(0) for arm in (mounted, upright))
-    np.testing.assert_allclose(shown, turn.numpy() @ still, atol=1e-12)
+    np.testing.assert_allclose(shown, turn @ still, atol=1e-12)
     assert mounted.digest != upright.digest and any("mounted with roll 0.4" in note for note in mounted.notes)
-    states = torch.rand(3, 5, 2, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    states = np.random.default_rng(0).random((3, 5, 2))
     tilted = replace(upright, gravity=turn.T @ upright.gravity)
-    torch.testing.assert_close(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))
+    np.testing.assert_allclose(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))
     write_urdf(mounted, mounted.inertial_parameters, tmp_path / "written.urdf")
     assert words(mounted.setup) == ["'robot.mount=[0.4, -0.5, 0.6]'"]

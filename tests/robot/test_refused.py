@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
-import torch
 import trimesh
 
 from sidegan import robot as room
@@ -46,7 +46,7 @@ def stated(**given):
 
 
 def body(*parameters: float):
-    links = torch.tensor([ROD, parameters], dtype=torch.float64)
+    links = np.array([ROD, parameters], dtype=float)
     return lambda at: room.require_consistent(random_chain(2, 0)[0], links)
 
 
@@ -85,7 +85,7 @@ FIXED = (joint(f"j{k}", str(k - 1), str(k), "fixed", limit="") + link(str(k), ""
 LONG = robot(link("0", ""), *FIXED)
 ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
 NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
-TWO, THREE = torch.zeros(2), torch.zeros(3)
+TWO, THREE = np.zeros(2), np.zeros(3)
 
 # Descriptions, or what is done at a place, and words of the refusal; "…" for whatever stands between them.
 DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
@@ -164,8 +164,8 @@ REFUSED = {
         (rewritten(None), "has no URDF to start from"),
     ],
     ShapeError: [
-        (lambda at: room.inconsistent_links(at.planar, torch.ones(1, 2, 10)), "expected (2, 10)"),
-        (lambda at: write_urdf(at.planar, torch.ones(3, 10), at.folder / "out"), "(3, 10), expected (2, 10)"),
+        (lambda at: room.inconsistent_links(at.planar, np.ones((1, 2, 10))), "expected (2, 10)"),
+        (lambda at: write_urdf(at.planar, np.ones((3, 10)), at.folder / "out"), "(3, 10), expected (2, 10)"),
         (lambda at: Drives(TWO, THREE, TWO), "one number per joint"),
     ],
     StorageError: [

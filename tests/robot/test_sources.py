@@ -8,7 +8,6 @@ from unittest.mock import patch
 import mujoco
 import numpy as np
 import pytest
-import torch
 import trimesh
 
 from sidegan.errors import RobotError
@@ -77,10 +76,10 @@ def vertices(model, data, geom):
 
 def assert_same_extent(arm, q, points, link, model, data, geom):
     """Points of a link's frame reach as far in the world, at positions (J,), as MuJoCo's mesh does [m]."""
-    placed = place_points(arm, torch.from_numpy(q.copy())[:, None], points, torch.full((len(points),), link))
+    placed = place_points(arm, q.copy()[:, None], points, np.full((len(points),), link))
     for end in (np.min, np.max):
         theirs = end(vertices(model, data, geom), 0)
-        np.testing.assert_allclose(end(placed[:, :, 0].T.numpy(), 0), theirs, atol=1e-6)
+        np.testing.assert_allclose(end(placed[:, :, 0].T, 0), theirs, atol=1e-6)
 
 
 class TestMjcf:
@@ -98,11 +97,10 @@ class TestMjcf:
             data.qvel[:], data.qacc[:] = [*dq, 0, 0], [*ddq, 0, 0]
             mujoco.mj_inverse(model, data)
             expected.append(data.qfrc_inverse[:3].copy())
-        states = [*map(torch.from_numpy, states)]
-        found = RigidBody(arm).drive_torque(*states) - torch.tensor([2.0, 0.0, 0.0]) * states[1].sign()
+        found = RigidBody(arm).drive_torque(*states) - np.array([2.0, 0.0, 0.0]) * np.sign(states[1])
         bare = load_robot(mjcf, replace(arm.setup, friction=False))
         assert bare.drives is None and bare.digest != arm.digest
-        np.testing.assert_allclose(found.numpy(), expected, rtol=0, atol=1e-9)  # N·m, N
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)  # N·m, N
 
     def test_a_mount_that_is_given_goes_before_the_files_gravity(self, mjcf):
         mjcf.write_text(MJCF.replace("<default>", '<option gravity="9.81 0 0"/><default>'))
@@ -115,16 +113,16 @@ class TestMjcf:
         data, q = mujoco.MjData(model), np.array([0.3, -0.4, 0.2])
         data.qpos[:3] = q
         mujoco.mj_kinematics(model, data)
-        a, b = (x[:, :, 0].T.numpy() for x in capsule_axes(arm, torch.from_numpy(q)[:, None]))
+        a, b = (x[:, :, 0].T for x in capsule_axes(arm, q[:, None]))
         pieces, radius = arm.capsules.pieces, arm.capsules.radius.tolist()
-        fitted = pieces.fitted.numpy()
+        fitted = pieces.fitted
         assert (~fitted).sum() == 1
         box, bare = [g for g in range(model.ngeom) if model.geom_dataid[g] >= 0]
         for geom, owner in ((box, "a"), (bare, "b")):  # of bare there is no file: its hull is made one
             rows = [k for k in np.flatnonzero(fitted) if arm.capsules.owners[k] == owner]
             seen = [outside(vertices(model, data, geom), a[k], b[k], radius[k]) for k in rows]
             assert np.min(seen, axis=0).max() <= 1e-6  # the vertices are single precision
-            corners = torch.cat([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
+            corners = np.concatenate([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
             assert_same_extent(arm, q, corners, int(arm.capsules.link[rows[0]]), model, data, geom)
 
     def test_a_dent_of_a_mesh_without_a_file_is_no_part_of_its_shapes(self, mjcf):

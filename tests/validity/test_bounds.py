@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
-from torch import Tensor
-from torch.autograd.functional import jvp
 
+from sidegan.base.arrays import Array
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.bounds import capsule_reach
@@ -22,6 +20,7 @@ from .critical import only
 
 CHAINS = [0, 1, 2, 3, 5, 9]  # joints; 0: the LWR
 ROUNDING = 1e-9
+_STEP = 1e-5  # [rad or m] of differences
 
 
 @pytest.fixture
@@ -32,13 +31,13 @@ def chain(request: pytest.FixtureRequest, arm: Arm) -> Arm:
     return replace(one, translation=0.1 * one.translation, **mirrored) if one.joints == 9 else one
 
 
-def bounds(arm: Arm, *rates: Tensor) -> np.ndarray:
+def bounds(arm: Arm, *rates: Array) -> np.ndarray:
     """Bounds of torques' rates and second derivatives, (2, N, J), of an arm and its rates, (N, J) each."""
     from sidegan.kernels import cells
     from sidegan.validity.search import model_of
 
-    model = model_of(Constraints(replace(arm, capsules=only(arm.capsules, torch.arange(0)))))
-    speed, acceleration, jerk, snap = (x.abs().numpy() for x in rates)
+    model = model_of(Constraints(replace(arm, capsules=only(arm.capsules, np.arange(0)))))
+    speed, acceleration, jerk, snap = (np.abs(x) for x in rates)
     drifts, nothing = np.stack([snap, snap]), (np.zeros((1, 1, 1)), np.zeros((1, 5, 1)), np.zeros(1))
     motions = cells.Motions(nothing[0], jerk, drifts, nothing[1], nothing[2], 0.1)
     found, sums = np.zeros((2, *speed.shape)), np.zeros((6, arm.joints))
@@ -49,17 +48,17 @@ def bounds(arm: Arm, *rates: Tensor) -> np.ndarray:
     return found
 
 
-def rates_of(arm: Arm, *states: Tensor) -> np.ndarray:
+def rates_of(arm: Arm, *states: Array) -> np.ndarray:
     """Rates of the torques, (N, J), of positions and three derivatives (N, J), by Pinocchio's slopes."""
     model, rates = chain_model(arm), []
     data = model.createData()
-    for q, *rest in zip(*(x.numpy() for x in states)):
+    for q, *rest in zip(*states):
         slopes = pin.computeRNEADerivatives(model, data, q, *rest[:2])
         rates.append(sum(slope @ rate for slope, rate in zip(slopes, rest)))
     return np.array(rates)
 
 
-def shifted(states: Sequence[Tensor], time: Tensor) -> list[Tensor]:
+def shifted(states: Sequence[Array], time: Array) -> list[Array]:
     """Positions and three derivatives after times (N, 1) [s], given four."""
     return [sum(x * time**k / math.factorial(k) for k, x in enumerate(states[order:])) for order in range(4)]
 
@@ -68,26 +67,27 @@ def shifted(states: Sequence[Tensor], time: Tensor) -> list[Tensor]:
 def test_torques_change_no_faster_than_their_bounds(chain: Arm) -> None:
     """From gravity alone to inertia alone."""
     q, dq, ddq = random_states(chain, 300, chain.joints)
-    size = torch.logspace(-2, 2, 300, dtype=torch.float64)[:, None]
-    generator = torch.Generator().manual_seed(chain.joints)
-    higher = torch.randn(2, *ddq.shape, generator=generator, dtype=torch.float64) * size**2
-    states = (q, dq * size, ddq * size.flip(0), *higher)
-    step = 1e-5 / size.clamp_min(1.0)
+    size = np.logspace(-2, 2, 300)[:, None]
+    generator = np.random.default_rng(chain.joints)
+    higher = generator.standard_normal((2, *ddq.shape)) * size**2
+    states = (q, dq * size, ddq * size[::-1], *higher)
+    step = 1e-5 / np.maximum(size, 1.0)
     up, down = (rates_of(chain, *shifted(states, s * step)) for s in (1, -1))
     most, bend = bounds(chain, *states[1:])
     assert (np.abs(rates_of(chain, *states[:4])) <= most * (1 + ROUNDING)).all()
-    assert (np.abs(up - down) / (2 * step.numpy()) <= bend * (1 + 1e-4) + 1e-4).all()
+    assert (np.abs(up - down) / (2 * step) <= bend * (1 + 1e-4) + 1e-4).all()
 
 
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
 def test_no_point_of_a_capsule_moves_faster_than_its_reach(chain: Arm) -> None:
-    q = random_states(chain, 200)[0].T.contiguous()
+    q = random_states(chain, 200)[0].T
     reach = capsule_reach(chain)
     for joint in range(chain.joints):
-        push = torch.zeros_like(q)
+        push = np.zeros_like(q)
         push[joint] = 1.0
-        _, speeds = jvp(lambda x: capsule_axes(chain, x), q, push)
-        fastest = torch.stack([x.norm(dim=0).amax(1) for x in speeds]).amax(0)
+        ahead, behind = (np.stack(capsule_axes(chain, q + s * _STEP * push)) for s in (1, -1))
+        speeds = (ahead - behind) / (2 * _STEP)
+        fastest = np.stack([np.linalg.norm(x, axis=0).max(1) for x in speeds]).max(0)
         assert (fastest <= reach[:, joint] + ROUNDING).all()
         own = chain.capsules.link == joint  # one joint away the bound is exact
-        torch.testing.assert_close(fastest[own], reach[own, joint])
+        np.testing.assert_allclose(fastest[own], reach[own, joint], atol=1e-7)

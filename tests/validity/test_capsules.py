@@ -6,11 +6,10 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.capsules import clearances
@@ -20,12 +19,12 @@ from tests.oracle import capsule_geometry, chain_model
 from .critical import random_segments, segments_as_capsules
 
 
-def segment_distance(a1: Tensor, b1: Tensor, a2: Tensor, b2: Tensor) -> Tensor:
+def segment_distance(a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
     """Distance [m], (N,), of segments with end points (3, N)."""
-    one = torch.arange(a1.shape[1])
-    pairs = torch.stack([one, one + len(one)], 1)
+    one = np.arange(a1.shape[1])
+    pairs = np.stack([one, one + len(one)], 1)
     chain, shapes = segments_as_capsules([a1, a2], [b1, b2], pairs, pairs[:0])
-    return clearances(chain, shapes, torch.zeros(1, 2, dtype=torch.float64))[0][0]
+    return clearances(chain, shapes, np.zeros((1, 2)))[0][0]
 
 
 def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -35,9 +34,9 @@ def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sqrt(((a + s * along - p) ** 2).sum(0))
 
 
-def exact_distance(*ends: Tensor) -> np.ndarray:
+def exact_distance(*ends: Array) -> np.ndarray:
     """The nearest points are an end and a segment, or lie on the common normal: the least of all cases."""
-    a1, b1, a2, b2 = (x.numpy().astype(np.longdouble) for x in ends)
+    a1, b1, a2, b2 = (x.astype(np.longdouble) for x in ends)
     at_ends = [(a1, a2, b2), (b1, a2, b2), (a2, a1, b1), (b2, a1, b1)]
     distance = np.minimum.reduce([point_to_segment(*case) for case in at_ends])
     u, v, r = b1 - a1, b2 - a2, a2 - a1
@@ -55,7 +54,7 @@ def test_nearly_parallel_segments(angle: float) -> None:
     a, b, shift, wobble = random_segments(20_000, 1, 2)
     for length in (1e-3, 1.0):
         along = length * b
-        start = a + 0.5 * length * wobble + 0.1 * shift / shift.norm(dim=0)
+        start = a + 0.5 * length * wobble + 0.1 * shift / np.linalg.norm(shift, axis=0)
         segments = a, a + along, start, start - 1.3 * along + angle * length * wobble
         np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-7 * length)
     other = b + angle * wobble
@@ -69,14 +68,14 @@ coordinate = st.sampled_from([-1.0, -0.5, 0.0, 0.5, 1.0])
 @given(st.lists(coordinate, min_size=12, max_size=12))
 def test_segments_on_a_lattice(numbers: list[float]) -> None:
     """Parallel, collinear, overlapping, touching and degenerate ones by the dozen."""
-    segments = torch.tensor(numbers, dtype=torch.float64).reshape(4, 3, 1).unbind()
+    segments = np.array(numbers).reshape(4, 3, 1)
     np.testing.assert_allclose(segment_distance(*segments), exact_distance(*segments), atol=2e-12)
     a1, b1, a2, b2 = segments
     turned = segment_distance(a2, b2, b1, a1)
-    torch.testing.assert_close(turned, segment_distance(*segments), atol=1e-12, rtol=0)
+    np.testing.assert_allclose(turned, segment_distance(*segments), atol=1e-12, rtol=0)
 
 
-def coal_distances(constraints: Constraints, q: Tensor) -> np.ndarray:
+def coal_distances(constraints: Constraints, q: Array) -> np.ndarray:
     """Distances [m] of the capsules by coal, (N, P); below zero where they overlap."""
     model, geometry = chain_model(constraints.arm), capsule_geometry(constraints.arm)
     for pair in constraints.pairs.tolist():
@@ -86,7 +85,7 @@ def coal_distances(constraints: Constraints, q: Tensor) -> np.ndarray:
     request.enable_signed_distance = True
     shapes.distanceRequests[:] = [request] * len(constraints.pairs)
     found = np.empty((len(q), len(constraints.pairs)))
-    for row, position in zip(found, q.numpy()):
+    for row, position in zip(found, q):
         pin.computeDistances(model, data, geometry, shapes, position)
         row[:] = [result.min_distance for result in shapes.distanceResults]
     return found
@@ -98,7 +97,7 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     arm = lenient(replace(arm, capsules=replace(arm.capsules, radius=arm.capsules.radius + thicker)))
     constraints = Constraints(arm)
     q = random_states(arm, 1_000, seed=7)[0]
-    ours = constraints.at_rest(q)["collision"].numpy()
+    ours = constraints.at_rest(q)["collision"]
     theirs = coal_distances(constraints, q)
     apart, deep = theirs > 1e-6, theirs < -1e-6
     assert apart.sum() > 1000 and (thicker < 0.1 or deep.sum() > 1000)
@@ -106,4 +105,4 @@ def test_capsule_distances_agree_with_coal(arm: Arm, thicker: float) -> None:
     assert (ours[deep] < 0).all()
     distance, which = constraints.nearest(q)
     np.testing.assert_allclose(distance, ours.min(1), atol=0)
-    assert (which.numpy() == ours.argmin(1)).all()
+    assert (which == ours.argmin(1)).all()

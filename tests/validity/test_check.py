@@ -5,14 +5,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
+from sidegan.base.threads import on_threads
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
-from tests.threads import several_threads
 
 from .critical import BENT, BOX, DESK, HIGHEST, drawn, limited, only, smallest
 
@@ -25,8 +25,8 @@ COMFORTABLE = dict(zip(KINDS, (1e-3, 5e-3, 1e-2, 1e-1, 1.0, 1e-3, 1e-3, 1e-3)))
 
 def unhindered(arm: Arm) -> Arm:
     """The arm with nothing in its way; a check that something else fails leaves margins loose."""
-    far, none = torch.full((arm.joints,), 1e6, dtype=torch.float64), only(arm.capsules, torch.arange(0))
-    free = replace(arm, velocity_limit=far, torque_limit=torch.inf * far, capsules=none)
+    far, none = np.full((arm.joints,), 1e6, dtype=float), only(arm.capsules, np.arange(0))
+    free = replace(arm, velocity_limit=far, torque_limit=np.inf * far, capsules=none)
     return replace(free, position_lower=-far, position_upper=far)
 
 
@@ -35,7 +35,7 @@ def isolated(arm: Arm, kind: str) -> tuple[Constraints, str]:
     bare, capsules = unhindered(arm), arm.capsules
     match kind:
         case "desk" | "box":
-            last = replace(bare, capsules=only(capsules, torch.tensor([-1])))
+            last = replace(bare, capsules=only(capsules, np.array([-1])))
             return Constraints(last, [DESK if kind == "desk" else BOX]), "keep_out"
         case "collision":
             return Constraints(replace(bare, capsules=replace(capsules, radius=capsules.radius + 0.02))), kind
@@ -46,26 +46,26 @@ def isolated(arm: Arm, kind: str) -> tuple[Constraints, str]:
         case "velocity":
             limits = {"velocity_limit": arm.velocity_limit}
         case _:
-            limits = {f"{kind}_limit": torch.full_like(arm.velocity_limit, HIGHEST[kind])}
+            limits = {f"{kind}_limit": np.full_like(arm.velocity_limit, HIGHEST[kind])}
     return Constraints(replace(bare, **limits)), kind
 
 
-def scaled_to(margin: Callable[[Tensor], Tensor], c: Tensor, target: float, most: float = 4.0) -> Tensor:
+def scaled_to(margin: Callable[[Array], Array], c: Array, target: float, most: float = 4.0) -> Array:
     """Each trajectory scaled up from rest until its margin, (B,), first falls to the target.
 
     The margin stays above the target by a hair. Those that never fall so far are left out.
     """
-    scales = torch.linspace(0, most, 41, dtype=c.dtype)
-    below = torch.stack([margin(c * s) < target for s in scales])
+    scales = np.linspace(0, most, 41, dtype=c.dtype)
+    below = np.stack([margin(c * s) < target for s in scales])
     falls = below.any(0) & ~below[0]
-    c, first = c[falls], below.int().argmax(0)[falls]
+    c, first = c[falls], below.astype(int).argmax(0)[falls]
     low, high = scales[first - 1], scales[first]
-    everything = torch.ones(len(below[0]), *c.shape[1:], dtype=c.dtype)
+    everything = np.ones((len(below[0]), *c.shape[1:]), dtype=c.dtype)
     for _ in range(30):
         middle = (low + high) / 2
         everything[falls] = c * middle[:, None, None, None]
         bad = (margin(everything) < target)[falls]
-        low, high = torch.where(bad, low, middle), torch.where(bad, middle, high)
+        low, high = np.where(bad, low, middle), np.where(bad, middle, high)
     return c * low[:, None, None, None]
 
 
@@ -77,7 +77,7 @@ def family(arm: Arm, period: float = 3.0) -> Trajectory:
 def test_every_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, arm: Arm) -> None:
     (constraints, name), trajectory = isolated(arm, kind), family(arm)
 
-    def least(rate: float, c: Tensor) -> Tensor:
+    def least(rate: float, c: Array) -> Array:
         return smallest(constraints, trajectory, c, rate)[name]
 
     between = scaled_to(partial(least, COARSE), drawn(trajectory, 24), target=1e-9)
@@ -85,7 +85,7 @@ def test_every_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, 
     assert (least(COARSE, between) >= 0).all() and bad.sum() >= 10  # only between coarse samples
     validity = check(constraints, trajectory, between)
     assert not validity.valid[bad].any()
-    for i in torch.nonzero(bad)[:, 0].tolist():
+    for i in np.flatnonzero(bad).tolist():
         assert [failure.constraint for failure in validity.failures(i)] == [name]
     c = drawn(trajectory, 8, seed=1)
     tiny = scaled_to(partial(least, 200.0), c, target=-TINY[kind]) * (1 + 1e-9)
@@ -111,14 +111,14 @@ PLANTED = [
 def test_failure_says_what_where_when_and_by_how_much(constraint, moved, by, where, planar):
     one = planar if by < 1 else unhindered(limited(planar, [constraint]))
     constraints, trajectory = Constraints(one, [DESK], torque=False), Trajectory(2, 3, 6.0)
-    c = torch.zeros(1, *trajectory.shape, dtype=torch.float64)
+    c = np.zeros((1, *trajectory.shape))
     c[0][moved] = 1.0
     bad = scaled_to(lambda c: smallest(constraints, trajectory, c, 1000.0)[constraint], c, -by, most=40.0)
-    validity = check(constraints, trajectory, torch.cat([0.1 * bad, bad]))
+    validity = check(constraints, trajectory, np.concatenate([0.1 * bad, bad]))
     assert validity.valid.tolist() == [True, False] and validity.failures(0) == []
     failure = {failure.constraint: failure for failure in validity.failures(1)}[constraint]
     assert failure.where == where and failure.margin == pytest.approx(-by, rel=0.2)
-    at = torch.tensor([failure.time], dtype=torch.float64)
+    at = np.array([failure.time])
     states = (trajectory.derivative(bad, at, order)[0] for order in range(constraints.orders))
     assert float(constraints.margins(*states)[constraint].min()) == pytest.approx(failure.margin)
     assert str(failure) == f"{constraint} of {where} at {failure.time:.3f} s: margin {failure.margin:.4g}"
@@ -131,28 +131,28 @@ def test_result_depends_on_neither_batch_nor_chunks_nor_threads(arm, monkeypatch
     assert 0 < whole.valid.sum() < 12
     single = [check(constraints, trajectory, one[None]) for one in c]
     monkeypatch.setattr("sidegan.validity.search._WORTH_A_THREAD", 50)
-    with several_threads(3):
+    with on_threads(3):
         shared = check(constraints, trajectory, c)
-    assert torch.equal(whole.valid, shared.valid)
+    assert np.array_equal(whole.valid, shared.valid)
     monkeypatch.setattr(sys.modules["sidegan.validity.check"], "_CELLS_AT_ONCE", 70)
     chunked = check(constraints, trajectory, c)
-    clear = torch.stack(list(whole.margins.values())).abs().amin(0) > 1e-9  # elsewhere rounding decides
+    clear = np.abs(np.stack(list(whole.margins.values()))).min(0) > 1e-9  # elsewhere rounding decides
     assert clear.sum() > 6
-    assert torch.equal(whole.valid[clear], chunked.valid[clear])
-    assert torch.equal(whole.valid[clear], torch.cat([v.valid for v in single])[clear])
+    assert np.array_equal(whole.valid[clear], chunked.valid[clear])
+    assert np.array_equal(whole.valid[clear], np.concatenate([v.valid for v in single])[clear])
     for name, margin in whole.margins.items():
-        torch.testing.assert_close(shared.margins[name], margin, rtol=0, atol=1e-14)
-        assert torch.equal(shared.elements[name], whole.elements[name])
-        torch.testing.assert_close(chunked.margins[name], margin)
-        torch.testing.assert_close(torch.cat([v.margins[name] for v in single]), margin)
+        np.testing.assert_allclose(shared.margins[name], margin, rtol=0, atol=1e-14)
+        assert np.array_equal(shared.elements[name], whole.elements[name])
+        np.testing.assert_allclose(chunked.margins[name], margin, atol=1e-9)
+        np.testing.assert_allclose(np.concatenate([v.margins[name] for v in single]), margin, atol=1e-9)
 
 
 def test_a_state_on_the_limit_is_not_called_valid(planar: Arm) -> None:
     """Its margin is zero, but no sample can show that it stays so."""
     trajectory = Trajectory(2, 2, 3.0, home=(2.6, 0.0))
-    c = torch.zeros(1, *trajectory.shape, dtype=torch.float64)
+    c = np.zeros((1, *trajectory.shape))
     c[0, 0, 0, 1] = -0.1
-    validity = check(Constraints(planar), trajectory, torch.cat([c, -c]))
+    validity = check(Constraints(planar), trajectory, np.concatenate([c, -c]))
     assert not validity.valid.any()
     assert all(validity.failures(i)[0].where == "shoulder" for i in range(2))
 
@@ -162,9 +162,9 @@ def test_any_period_can_be_checked(planar: Arm, period: float) -> None:
     trajectory = Trajectory(2, 6, period)
     c = drawn(trajectory, 2)
     peak = trajectory.roll_out(c, trajectory.times(2000 / period))
-    fast = (peak.velocity.abs() / planar.velocity_limit).amax((1, 2))
-    far = (peak.position.abs() / planar.position_upper).amax((1, 2))
-    c = c / torch.maximum(fast, far)[:, None, None, None]
+    fast = (np.abs(peak.velocity) / planar.velocity_limit).max((1, 2))
+    far = (np.abs(peak.position) / planar.position_upper).max((1, 2))
+    c = c / np.maximum(fast, far)[:, None, None, None]
     constraints = Constraints(planar, torque=False)
     assert not check(constraints, trajectory, 1.001 * c).valid.any()
     assert check(constraints, trajectory, 0.3 * c).valid.all()
@@ -172,10 +172,10 @@ def test_any_period_can_be_checked(planar: Arm, period: float) -> None:
 
 def test_no_trajectory_at_all_and_absurd_ones(planar: Arm) -> None:
     constraints, trajectory = Constraints(planar, [DESK, BOX]), Trajectory(2)
-    validity = check(constraints, trajectory, torch.zeros(0, *trajectory.shape))
+    validity = check(constraints, trajectory, np.zeros((0, *trajectory.shape)))
     assert validity.valid.shape == (0,) and all(m.shape == (0,) for m in validity.margins.values())
     for size in (1e3, 1e150, 1e200, 1e300):
-        c = torch.full((2, *trajectory.shape), size, dtype=torch.float64)
+        c = np.full((2, *trajectory.shape), size, dtype=float)
         c[1, :, ::2] *= -1
         validity = check(constraints, trajectory, c)
         assert not validity.valid.any() and validity.failures(0)

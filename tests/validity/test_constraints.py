@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
@@ -18,7 +18,7 @@ def test_what_is_excepted_is_stated(arm: Arm) -> None:
     said = Constraints(arm, [DESK]).described()
     assert "20 of 21 pairs of links (may touch: link_5 – link_7 (the wrist, touch in 100 %))" in said
     assert "6 of 7 links in 1 region (never out: link_1 in region 0)" in said
-    bare = replace(arm, capsules=only(arm.capsules, torch.arange(4)))
+    bare = replace(arm, capsules=only(arm.capsules, np.arange(4)))
     assert "without a shape" in Constraints(bare).described()
 
 
@@ -32,39 +32,39 @@ def test_links_that_cannot_leave_a_region_are_exempt_from_it_alone(arm: Arm) -> 
 def test_margins_of_limits_are_what_is_left(planar: Arm) -> None:
     q, dq, ddq = random_states(planar, 50)
     margins = Constraints(planar).margins(q, dq, ddq)
-    left = torch.minimum(q - torch.tensor([-2.6, -2.9]), torch.tensor([2.6, 2.9]) - q)
-    torch.testing.assert_close(margins["position"], left)
-    torch.testing.assert_close(margins["velocity"], torch.tensor([3.0, 4.0]) - dq.abs(), check_dtype=False)
-    torque = RigidBody(planar).torque(q, dq, ddq).abs()
-    torch.testing.assert_close(margins["torque"], torch.tensor([200.0, 100.0]) - torque, check_dtype=False)
+    left = np.minimum(q - np.array([-2.6, -2.9]), np.array([2.6, 2.9]) - q)
+    np.testing.assert_allclose(margins["position"], left, atol=1e-9)
+    np.testing.assert_allclose(margins["velocity"], np.array([3.0, 4.0]) - np.abs(dq), atol=1e-9)
+    torque = np.abs(RigidBody(planar).torque(q, dq, ddq))
+    np.testing.assert_allclose(margins["torque"], np.array([200.0, 100.0]) - torque, atol=1e-9)
 
 
 def test_margins_of_the_upright_planar_arm(planar: Arm) -> None:
     """The forearm's axis begins 0.9 m up, 0.4 m above the base sphere's centre."""
-    upright = torch.zeros(1, 2, dtype=torch.float64)
+    upright = np.zeros((1, 2))
     margins = Constraints(planar, [DESK]).at_rest(upright)
     assert margins["collision"].item() == pytest.approx(0.4 - 0.1 - 0.04)
     assert margins["keep_out"][0].tolist() == pytest.approx([0.5 - 0.05 - 0.1, 0.9 - 0.04 - 0.1])
 
 
 def test_torque_counts_only_where_it_is_limited_and_wanted(planar: Arm) -> None:
-    free = replace(planar, torque_limit=torch.tensor([torch.inf, torch.inf], dtype=torch.float64))
-    half = replace(planar, torque_limit=torch.tensor([torch.inf, 3.0], dtype=torch.float64))
+    free = replace(planar, torque_limit=np.array([np.inf, np.inf]))
+    half = replace(planar, torque_limit=np.array([np.inf, 3.0]))
     assert "torque" in Constraints(planar).labels
     assert "torque" not in Constraints(planar, torque=False).labels
     assert "torque" not in Constraints(free).labels
-    constraints, q = Constraints(half, [DESK]), torch.tensor([[0.1, -0.2], [0.3, 0.4]], dtype=torch.float64)
+    constraints, q = Constraints(half, [DESK]), np.array([[0.1, -0.2], [0.3, 0.4]])
     margins = constraints.margins(q, q, q)
     shares = constraints.relative(margins, 0.1)
-    assert (margins["torque"][:, 0] == torch.inf).all() and (shares["torque"][:, 0] == 1).all()
-    torch.testing.assert_close(shares["torque"][:, 1], margins["torque"][:, 1] / 3.0)
-    torch.testing.assert_close(shares["keep_out"], margins["keep_out"] / 0.1)
-    assert all(share.isfinite().all() for share in shares.values())
+    assert (margins["torque"][:, 0] == np.inf).all() and (shares["torque"][:, 0] == 1).all()
+    np.testing.assert_allclose(shares["torque"][:, 1], margins["torque"][:, 1] / 3.0, atol=1e-9)
+    np.testing.assert_allclose(shares["keep_out"], margins["keep_out"] / 0.1, atol=1e-9)
+    assert all(np.isfinite(share).all() for share in shares.values())
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) -> None:
-    bare = replace(planar, capsules=only(planar.capsules, torch.arange(count)))
+    bare = replace(planar, capsules=only(planar.capsules, np.arange(count)))
     constraints = Constraints(bare, [DESK])
     expected = {"position", "velocity", "torque"} | ({"keep_out"} if count == 2 else set())
     states = random_states(planar, 4)
@@ -86,13 +86,13 @@ def test_limits_of_acceleration_and_jerk_are_constraints_where_there_are_any(arm
     said = constraints.described()
     assert said.startswith("position and velocity of 7 joints, acceleration of 5, jerk of 5, torque of 7; ")
     assert list(constraints.labels)[:4] == ["position", "velocity", "acceleration", "jerk"]
-    still = torch.zeros(1, 7, dtype=torch.float64)
+    still = np.zeros((1, 7))
     margins = constraints.margins(still, still, 1 - still, -2 - still)
     assert margins["acceleration"][0, 0] == pytest.approx(8 * float(arm.velocity_limit[0]) - 1)
     assert margins["jerk"][0, 1] == pytest.approx(60 * float(arm.velocity_limit[1]) - 2)
-    assert margins["jerk"][0, 2] == torch.inf
+    assert margins["jerk"][0, 2] == np.inf
     shares = constraints.relative(margins, 1.0)
     assert shares["jerk"][0, 2] == 1 and shares["acceleration"][0, 0] < 1
     constraints.refuse_home(BENT)
-    none = torch.full((7,), torch.inf, dtype=torch.float64)
+    none = np.full((7,), np.inf, dtype=float)
     assert Constraints(replace(arm, acceleration_limit=none, jerk_limit=none)).higher == {}

@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,8 +19,8 @@ from sidegan.validity.straight import require_straight
 def bent_arm(lower: float = 0.5) -> Arm:
     """The planar arm whose first joint may be between that and 1.5 rad."""
     arm = load_robot("planar2")
-    limits = torch.stack([arm.position_lower, arm.position_upper])
-    limits[:, 0] = torch.tensor([lower, 1.5])
+    limits = np.stack([arm.position_lower, arm.position_upper])
+    limits[:, 0] = np.array([lower, 1.5])
     return replace(arm, position_lower=limits[0], position_upper=limits[1])
 
 
@@ -41,7 +41,7 @@ def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same():
     home = default_home(Constraints(bent, regions))
     Constraints(bent, regions).refuse_home(home)
     middle, half = (bent.position_lower + bent.position_upper) / 2, bent.position_upper - bent.position_lower
-    assert ((torch.tensor(home) - middle).abs() / half).max() < 0.15
+    assert (np.abs(np.array(home) - middle) / half).max() < 0.15
     assert default_home(Constraints(bent, regions)) == home
 
 
@@ -58,8 +58,8 @@ def test_positions_in_degrees_are_refused_with_what_they_are_in_radians(arm, pos
 
 def holding(planar: Arm, share: float) -> Arm:
     """The planar arm that holds itself in all of its range with a share of its torque limits, and no less."""
-    out = torch.tensor([[torch.pi / 2, 0.0]], dtype=torch.float64)
-    return replace(planar, torque_limit=RigidBody(planar).torque(out, 0 * out, 0 * out)[0].abs() / share)
+    out = np.array([[np.pi / 2, 0.0]])
+    return replace(planar, torque_limit=np.abs(RigidBody(planar).torque(out, 0 * out, 0 * out)[0]) / share)
 
 
 @pytest.mark.parametrize(
@@ -82,12 +82,12 @@ def test_a_first_run_uses_less_than_the_limits_where_that_holds_the_arm(planar, 
 @given(seed=st.integers(0, 10**6), reach=st.floats(0.1, 1.0))
 def test_the_verdict_is_that_of_a_dense_grid(arm, seed, reach):
     desk = Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)], torque=False)
-    generator = torch.Generator().manual_seed(seed)
-    share = torch.rand(2, arm.joints, generator=generator, dtype=torch.float64) - 0.5
+    generator = np.random.default_rng(seed)
+    share = generator.random((2, arm.joints)) - 0.5
     middle, half = (arm.position_upper + arm.position_lower) / 2, arm.position_upper - arm.position_lower
     start, end = middle + reach * share * half
-    grid = torch.lerp(start, end, torch.linspace(0, 1, 1001, dtype=torch.float64)[:, None])
-    found = min(float(x.min()) for x in desk.at_rest(grid).values() if x.numel())
+    grid = np.linspace(start, end, 1001)
+    found = min(float(x.min()) for x in desk.at_rest(grid).values() if x.size)
     try:
         require_straight(desk, start.tolist(), end.tolist())
     except InfeasibleError as error:

@@ -3,8 +3,8 @@
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
-import torch
 import yaml
 
 from sidegan.errors import InfeasibleError
@@ -72,14 +72,14 @@ def test_pairs_that_a_description_itself_names_are_exempt(load) -> None:
     assert frozenset({"base", "two"}) not in names(arm)
     (one,) = pairs_of(arm).named
     assert one.why == "Never" and 0.05 < one.share < 0.9
-    pair = torch.tensor([[0, 2]])
-    touching = float((capsule_distances(arm, sampled(arm, 1000), pair) <= 0).double().mean())
+    pair = np.array([[0, 2]])
+    touching = float((capsule_distances(arm, sampled(arm, 1000), pair) <= 0).astype(float).mean())
     assert one.share == pytest.approx(touching)
 
 
 def test_what_never_touches_is_dropped_on_proof_and_only_then(load) -> None:
     box = collision('<box size="0.2 0.04 0.04"/>', 'xyz="0.15 0 0"')  # along the links
-    text, ones = chain(0.05).replace(ball(0.05), box), torch.ones(3, dtype=torch.float64)
+    text, ones = chain(0.05).replace(ball(0.05), box), np.ones(3)
     arm = load(text)
     calm = replace(arm, position_lower=-0.3 * ones, position_upper=0.3 * ones)
     free = replace(arm, position_lower=-3.1 * ones, position_upper=3.1 * ones)
@@ -94,5 +94,5 @@ def test_pieces_decide_whether_links_always_touch(load) -> None:
     plate = collision('<box size="0.7 0.7 0.01"/>')
     text = chain(0.05).replace(ball(0.05), plate).replace('xyz="0.3 0 0"', 'xyz="0 0 0.1"')
     arm = load(text)
-    assert (capsule_distances(arm, sampled(arm), torch.tensor([[0, 2]])) < 0).all()
+    assert (capsule_distances(arm, sampled(arm), np.array([[0, 2]])) < 0).all()
     Constraints(arm)

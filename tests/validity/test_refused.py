@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
 from sidegan.motion.trajectory import Trajectory
@@ -34,16 +33,16 @@ def home(*position, arm=PLANAR):
 
 
 def weak(arm, *limits):
-    return replace(arm, torque_limit=torch.tensor(limits, dtype=torch.float64))
+    return replace(arm, torque_limit=np.array(limits, dtype=float))
 
 
 def margins(*shapes, arm=ARM):
-    return lambda _: Constraints(arm).margins(*(torch.zeros(shape) for shape in shapes))
+    return lambda _: Constraints(arm).margins(*(np.zeros(shape) for shape in shapes))
 
 
 def checked(trajectory, shape, last=0.0):
     def run(_):
-        c = torch.zeros(shape)
+        c = np.zeros(shape)
         c[-1, -1, -1, -1] = last
         check(Constraints(ARM), trajectory, c)
 

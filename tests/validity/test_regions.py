@@ -4,7 +4,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-import torch
 from scipy.spatial import ConvexHull
 
 from sidegan.validity import Box, Convex, Plane, Sphere
@@ -19,31 +18,31 @@ BOX = Box((-0.3, -0.2, 0.1), (0.5, 0.4, 0.3))
 
 def margins(region, a, b):
     """Signed distance [m], (N,), of segments with end points (3, N) to a region."""
-    guarded = torch.stack([torch.zeros(a.shape[1]).long(), torch.arange(a.shape[1])], 1)
+    guarded = np.stack([np.zeros(a.shape[1]).astype(int), np.arange(a.shape[1])], 1)
     chain, shapes = segments_as_capsules([a], [b], guarded[:0], guarded, [region])
-    return clearances(chain, shapes, torch.zeros(1, 2).double())[1][0]
+    return clearances(chain, shapes, np.zeros((1, 2)).astype(float))[1][0]
 
 
 def test_plane_measures_the_lower_end() -> None:
     plane = Plane((0.0, 3.0, 4.0), 2.0)  # the normal becomes (0, 0.6, 0.8)
-    a, b = (torch.tensor([x], dtype=torch.float64).T for x in ([1, 5, 0], [1, 0, 5]))
+    a, b = (np.array([x]).T for x in ([1, 5, 0], [1, 0, 5]))
     assert margins(plane, a, b).tolist() == pytest.approx([0.6 * 5 - 2])
     a, b = random_segments(100)
-    unit = torch.tensor(plane.unit, dtype=torch.float64)
-    along = torch.stack([unit @ x - 2.0 for x in (a, (a + b) / 2, b)])
-    torch.testing.assert_close(margins(plane, a, b), along.amin(0))
+    unit = np.array(plane.unit, dtype=float)
+    along = np.stack([unit @ x - 2.0 for x in (a, (a + b) / 2, b)])
+    np.testing.assert_allclose(margins(plane, a, b), along.min(0), atol=1e-9)
 
 
 def test_box_margin_is_the_least_along_the_segment() -> None:
     a, b = random_segments(300)
-    shares = torch.linspace(0, 1, 201, dtype=torch.float64)[:, None, None]
-    points = torch.lerp(a, b, shares).permute(0, 2, 1).numpy()
+    shares = np.linspace(0, 1, 201)[:, None, None]
+    points = (a + shares * (b - a)).transpose(0, 2, 1)
     lower, upper = np.array([BOX.lower, BOX.upper])
     within = np.minimum(points - lower, upper - points).min(-1)  # face by face
     beside = np.linalg.norm(points - np.clip(points, lower, upper), axis=-1)
     brute = np.where(within > 0, -within, beside).min(0)
-    margin = margins(BOX, a, b).numpy()
-    assert (brute - (a - b).norm(dim=0).numpy() / 400 <= margin).all() and (margin <= brute + 1e-8).all()
+    margin = margins(BOX, a, b)
+    assert (brute - np.linalg.norm(a - b, axis=0) / 400 <= margin).all() and (margin <= brute + 1e-8).all()
     assert (margin < 0).sum() > 30 and (margin > 0).sum() > 100
 
 
@@ -66,9 +65,9 @@ def test_the_margin_is_never_more_than_coals_distance_and_short_by_little(name):
     else:  # without our planes
         shape = convex(body.points[ConvexHull(body.points).vertices])
     a, b = random_segments(300)
-    margin, apart = margins(body, a, b).numpy(), 0
+    margin, apart = margins(body, a, b), 0
     for k in range(300):
-        middle, along = (a[:, k] + b[:, k]).numpy() / 2, (b[:, k] - a[:, k]).numpy()
+        middle, along = (a[:, k] + b[:, k]) / 2, (b[:, k] - a[:, k])
         length = np.linalg.norm(along)
         turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0, 1]), along)
         rod, at = coal.Capsule(1e-6, length), coal.Transform3s(turn.matrix(), middle)
@@ -86,5 +85,5 @@ def test_a_box_at_no_angle_is_a_box_but_for_edges_and_corners():
     plain, straight = Box((-0.2, -0.3, -0.1), (0.2, 0.3, 0.1)), BLOCK
     ours, theirs = (margins(body, *random_segments(300)) for body in (straight, plain))
     inside = theirs < 0
-    torch.testing.assert_close(ours[inside], theirs[inside], atol=1e-8, rtol=0)
+    np.testing.assert_allclose(ours[inside], theirs[inside], atol=1e-8, rtol=0)
     assert (ours <= theirs + 1e-9).all() and inside.sum() > 20

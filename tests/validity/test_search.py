@@ -4,11 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity import Constraints, Plane, check
@@ -28,19 +27,19 @@ EPS = 1e-9  # margin at the centre of a cell, so that nothing is settled
 RATE = 200.0  # [Hz]
 
 
-def assert_sound(constraints: Constraints, trajectory: Trajectory, c: Tensor, exact: bool = True) -> Tensor:
+def assert_sound(constraints: Constraints, trajectory: Trajectory, c: Array, exact: bool = True) -> Array:
     """What is valid, which comes back, holds everything at many samples; what does not at one is not valid.
 
     The margins are those at their times where these are exact: no lower bounds of distances.
     """
     found, dense = check(constraints, trajectory, c), smallest(constraints, trajectory, c, RATE)
-    least = torch.stack([*dense.values()]).amin(0)
+    least = np.stack([*dense.values()]).min(0)
     assert (least[found.valid] >= -1e-9).all() and not found.valid[least < -1e-9].any()
     for name, margin in found.margins.items():
         states = (trajectory.derivative(c, found.times[name], order) for order in range(constraints.orders))
         at = [x.diagonal().T for x in states]  # each trajectory at its own time
-        own = constraints.margins(*at)[name].gather(1, found.elements[name][:, None])[:, 0]
-        sampled = torch.isclose(own, margin, rtol=1e-9, atol=1e-9)
+        own = constraints.margins(*at)[name][np.arange(len(c)), found.elements[name]]
+        sampled = np.isclose(own, margin, rtol=1e-9, atol=1e-9)
         if exact:
             assert (sampled | (margin < 0)).all()  # else it is a guaranteed one, below zero
     return found.valid
@@ -65,12 +64,12 @@ def shaped(arm: Arm, shape: str, seed: int) -> Arm:
     regions=st.sampled_from(sorted(REGIONS)),
     clearance=st.sampled_from([0.0, 0.0, 0.05, 0.2]),
     period=st.sampled_from([0.7, 3.0, 8.05]),
-    limit=st.sampled_from([torch.inf, 30.0, 300.0]),
+    limit=st.sampled_from([np.inf, 30.0, 300.0]),
     higher=st.sets(st.sampled_from(["acceleration", "jerk"])),
 )
 def test_verdicts_and_margins_on_random_arms(joints, seed, shape, regions, clearance, period, limit, higher):
     arm = shaped(limited(random_chain(joints, seed)[0], sorted(higher), share=0.3), shape, seed)
-    torque = torch.full((joints,), limit, dtype=torch.float64)
+    torque = np.full((joints,), limit, dtype=float)
     torque[::2] = 150.0
     arm = replace(arm if seed % 2 else driven(arm, seed), torque_limit=torque)
     trajectory = Trajectory(joints, 4, period, ((arm.position_lower + arm.position_upper) / 2).tolist())
@@ -107,7 +106,7 @@ def tightened(model, name: str, margin: np.ndarray):
     return model._replace(bodies=bodies._replace(shapes=shapes, hulls=hulls))
 
 
-def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Tensor, half: float) -> set[str]:
+def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Array, half: float) -> set[str]:
     """In single cells no margin falls below what is guaranteed, limits being such that hardly any is settled.
 
     The names of the constraints that were not come back.
@@ -117,30 +116,30 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Tensor, 
 
     count, seen = round(trajectory.period / (2 * half)), set()
     for index, one in zip(range(1, count, max(1, count // len(c))), c[:, None]):
-        times = 2 * half * index + 2 * half * torch.linspace(0, 1, 21, dtype=torch.float64)
+        times = 2 * half * index + 2 * half * np.linspace(0, 1, 21)
         for name, margins in margins_within(constraints, trajectory, one, times).items():
             distance = name in ("collision", "keep_out")
             now = margins[10].min() if distance else margins[10]
             search = Search(constraints, trajectory, one)
-            search.model = tightened(search.model, name, now.numpy())
-            asked = torch.from_numpy(everything(search.model, 1))
-            search.visit(torch.tensor([[0, index]]), asked, count, last=True)
+            search.model = tightened(search.model, name, now)
+            asked = everything(search.model, 1)
+            search.visit(np.array([[0, index]]), asked, count, last=True)
             least = search.smallest.margin[0, NAMES.index(name)]
-            slack = 1e-7 * max(1.0, float(now.abs().max()))
+            slack = 1e-7 * max(1.0, float(np.abs(now).max()))
             assert float((margins - now).min()) + EPS >= min(least, 0.0) - slack, name
             seen |= {name} if least < 0 else set()  # else it hardly moves
     return seen
 
 
-def margins_within(constraints: Constraints, trajectory: Trajectory, c: Tensor, times: Tensor) -> dict:
+def margins_within(constraints: Constraints, trajectory: Trajectory, c: Array, times: Array) -> dict:
     """Margins (T, K) by constraint, of what is inside of all capsules."""
     margins = {name: x[0] for name, x in margins_of(constraints, trajectory, c, times).items()}
     if constraints.pieces.finer.any():
         q = trajectory.derivative(c, times, 0)[0]
-        asked = torch.cartesian_prod(torch.arange(len(q)), torch.nonzero(constraints.pieces.finer)[:, 0])
+        asked = np.argwhere(constraints.pieces.finer & np.ones((len(q), 1), bool))
         inner, where = constraints.pieces.lower(q, asked), tuple(asked.T)
         inner = inner + (constraints.apart - constraints.gaps)[where[1]]
-        margins["collision"][where] = torch.maximum(margins["collision"][where], inner)
+        margins["collision"][where] = np.maximum(margins["collision"][where], inner)
     return margins
 
 

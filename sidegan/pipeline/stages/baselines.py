@@ -3,9 +3,9 @@
 from dataclasses import asdict, replace
 from functools import partial
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
@@ -39,7 +39,7 @@ def random_set(run: RunContext) -> Artifact:
 
 def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH) -> Draws:
     """Random valid trajectories, (count, J, H, 2), of the run's own draws for a purpose."""
-    generator = torch.Generator().manual_seed(run.number(purpose))
+    generator = np.random.default_rng(run.number(purpose))
     settings = Expansion(count=count, batch=count, draws=_TRIES * count, least=count)
     return draw_valid(
         lambda n: run.cell.problem.start(n, generator, reach),
@@ -49,7 +49,7 @@ def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH
     )
 
 
-def test_trajectories(run: RunContext) -> Tensor:
+def test_trajectories(run: RunContext) -> Array:
     """Trajectories whose torques are predicted, (tests, J, H, 2); no set contains or generated them."""
     settings = run.cfg.identification
     return random_valid(run, settings.tests, "tests", settings.reach).coefficients
@@ -86,19 +86,19 @@ def baselines(run: RunContext) -> dict[str, Artifact]:
 
 
 def _make_natural(run: RunContext, build: Build) -> None:
-    problem, random = run.cell.problem, torch.Generator().manual_seed(run.number("natural"))
+    problem, random = run.cell.problem, np.random.default_rng(run.number("natural"))
     natural = Coordinates.of(problem)
     whole = natural.coefficients(natural.start(problem, _DRAWN, random, 1.0))
     reach, above = 0.0, 1.0
     for _ in range(_BISECTIONS):
         middle = (reach + above) / 2
-        if float(run.cell.check(middle * whole).valid.double().mean()) >= _VALID:
+        if run.cell.check(middle * whole).valid.mean() >= _VALID:
             reach = middle
         else:
             above = middle
     c = reach * whole
     valid = run.cell.check(c).valid
-    _save(run, build, c[valid], "natural", reach=reach, valid_share=float(valid.double().mean()))
+    _save(run, build, c[valid], "natural", reach=reach, valid_share=float(valid.mean()))
 
 
 def _make_searched(run: RunContext, build: Build, evaluations: int) -> None:
@@ -110,10 +110,10 @@ def _make_searched(run: RunContext, build: Build, evaluations: int) -> None:
             if k + 1 == _SEARCHED and not found:
                 raise
         build.report(k + 1, _SEARCHED)
-    _save(run, build, torch.stack(found), f"search-{evaluations}", valid_share=len(found) / _SEARCHED)
+    _save(run, build, np.stack(found), f"search-{evaluations}", valid_share=len(found) / _SEARCHED)
 
 
-def _save(run: RunContext, build: Build, c: Tensor, name: str, **facts: float) -> None:
+def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) -> None:
     library = measured(run.cell.constraints, run.cell.trajectory, c, name)
     library.save(build.folder / LIBRARY)
     write_json(build.folder / REPORT, {**summary(library), **facts})

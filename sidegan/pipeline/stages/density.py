@@ -2,9 +2,10 @@
 
 import numpy as np
 import pandas as pd
-import torch
 
+from sidegan.base.arrays import flatten
 from sidegan.base.storage import write_parquet
+from sidegan.design.fidelity import distance_to
 from sidegan.errors import ConfigError
 from sidegan.gan.metrics import measure
 from sidegan.pipeline.artifact import Artifact, Build
@@ -30,18 +31,18 @@ def _make(run: RunContext, build: Build) -> None:
     from scipy.stats import gaussian_kde
 
     seeds, rows = training_seeds(run).coefficients, []
-    if len(seeds) <= seeds[0].numel():
+    if len(seeds) <= seeds[0].size:
         raise ConfigError(
-            f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].numel()}"
+            f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].size}"
         )
-    estimate = gaussian_kde(seeds.flatten(1).numpy().T)
+    estimate = gaussian_kde(flatten(seeds, 1).T)
     for bandwidth in run.cfg.discussion.bandwidths:
         estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
         random = np.random.default_rng(run.random(f"density {bandwidth}"))
         drawn = estimate.resample(run.cfg.discussion.draws, random)
-        c = torch.from_numpy(np.ascontiguousarray(drawn.T)).reshape(-1, *seeds.shape[1:])
-        distance = torch.cdist(c.flatten(1), seeds.flatten(1)).amin(1).mean()
-        estimated = {"bandwidth": bandwidth, "factor": estimate.factor, "from_seed": float(distance)}
+        c = np.ascontiguousarray(drawn.T).reshape(-1, *seeds.shape[1:])
+        factor, distance = float(estimate.factor), distance_to(c, seeds)
+        estimated = {"bandwidth": bandwidth, "factor": factor, "from_seed": distance}
         rows.append(estimated | measure(run.cell.constraints, run.cell.trajectory, c, seeds))
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import write_parquet
 from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import Measurements, TorqueModel, estimate, score, study
@@ -68,11 +68,11 @@ def _identify(run: RunContext, build: Build, one: ExcitationSet) -> None:
         write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
 
 
-def _under_constant_noise(run: RunContext, family: Trajectory, c: Tensor) -> pd.DataFrame:
+def _under_constant_noise(run: RunContext, family: Trajectory, c: Array) -> pd.DataFrame:
     """Expected nMSE by joint, under noise of one size by which joints are weighted."""
     noise = TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
     predicting = prediction(run, noise, family)
-    nmse = predicting.nmse(*(x.sum(0, keepdim=True) for x in predicting.informations(c)))[0].tolist()
+    nmse = predicting.nmse(*(x.sum(0, keepdims=True) for x in predicting.informations(c)))[0].tolist()
     columns = {"weighted": True, "joint": run.cell.arm.joint_names, "nmse": nmse, "noise": "constant"}
     return pd.DataFrame(columns)
 
@@ -100,7 +100,7 @@ def _measured(
     run: RunContext,
     machine: VariedPlant,
     family: Trajectory,
-    coefficients: Tensor,
+    coefficients: Array,
     random: np.random.Generator | None = None,
 ) -> list[Measurements]:
     """A recording of every trajectory of a set; without noise where none is drawn."""

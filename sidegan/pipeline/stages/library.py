@@ -3,9 +3,9 @@
 import logging
 from functools import partial
 
-import torch
-from torch import Tensor
+import numpy as np
 
+from sidegan.base.extras import extra
 from sidegan.base.storage import write_json
 from sidegan.library import LIBRARY, Library
 from sidegan.library.draw import draw_valid
@@ -37,34 +37,31 @@ def library(run: RunContext, name: str, training: int) -> Artifact:
 
 
 def _make(run: RunContext, build: Build, name: str, training: int) -> None:
-    from sidegan.gan import TrajectoryGenerator
+    with extra("paper"):
+        from sidegan.gan.generator import TrajectoryGenerator
 
     settings = run.cfg.library
     path = run.store.require(generator(run, name, training)) / GENERATOR
     network = TrajectoryGenerator.load(path, run.cell.arm)
-    noise = torch.Generator().manual_seed(run.number(f"library {name}", training))
-
-    def sample(count: int) -> Tensor:
-        return network.sample(count, noise)
-
+    sample = network.stream(run.number(f"library {name}", training))
     draws = draw_valid(sample, run.cell.check, settings, f"drawn from {name}", build.report)
     made = measured(run.cell.constraints, run.cell.trajectory, draws.coefficients, name)
     made.save(build.folder / LIBRARY)
     facts = summary(made) if len(made) else {"count": 0}
     facts = {key: x for key, x in facts.items() if key != "valid"}
     if run.cfg.gan[name].seeded:
-        facts |= _union(run, made, noise)
+        facts |= _union(run, made, np.random.default_rng(run.number(f"union {name}", training)))
     share = {"drawn": draws.drawn, "valid_share": draws.valid / draws.drawn}
     write_json(build.folder / REPORT, share | facts)
 
 
-def _union(run: RunContext, made: Library, noise: torch.Generator) -> dict[str, float]:
+def _union(run: RunContext, made: Library, random: np.random.Generator) -> dict[str, float]:
     """Diversity of the library and the seeds put together."""
     seeds = run.load(seed_set(run))
-    order = torch.randperm(len(seeds) + len(made), generator=noise)[:_TOGETHER]
+    order = random.permutation(len(seeds) + len(made))[:_TOGETHER]
     of_seeds = order < len(seeds)
     both = seeds.take(order[of_seeds]).merge(made.take(order[~of_seeds] - len(seeds)))
-    shuffled = summary(both.take(of_seeds.logical_not().argsort(stable=True).argsort()))
+    shuffled = summary(both.take((~of_seeds).argsort(kind="stable").argsort()))
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 

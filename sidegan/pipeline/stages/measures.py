@@ -9,9 +9,8 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-import torch
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json, write_parquet
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
 from sidegan.library.measure import likeness
@@ -56,11 +55,11 @@ def _level(run: RunContext) -> float:
     return noise.level if noise.torque else 0.0
 
 
-def _noises(run: RunContext, c: Tensor) -> Iterator[tuple[str, TorqueNoise]]:
+def _noises(run: RunContext, c: Array) -> Iterator[tuple[str, TorqueNoise]]:
     """Noise on torques, and how joints are weighted against it, by the names of the errors."""
     size = torque_size(run.cell.body, run.cell.trajectory, c)
-    size = size.clamp_min(_SMALLEST * float(size.max()))
-    yield "error", TorqueNoise.proportional(_level(run), torch.ones_like(size))
+    size = np.maximum(size, _SMALLEST * size.max())
+    yield "error", TorqueNoise.proportional(_level(run), np.ones_like(size))
     yield "error_weighted", TorqueNoise.proportional(_level(run), 1 / size)
     yield "error_constant", TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
 
@@ -72,10 +71,10 @@ def _make(run: RunContext, build: Build, pool: Pool) -> None:
     report = likeness(compared, reference) if min(len(compared), len(reference)) > 1 else {}
     frames, random = list[pd.DataFrame](), run.number("draws")
     for name, noise in _noises(run, own.coefficients):
-        errors = torch.full((1, 1), torch.nan, dtype=torch.float64)
+        errors = np.full((1, 1), np.nan)
         if len(own) >= together:
             errors = prediction(run, noise).of_draws(own.coefficients, together, seed=random)
-        mean, geometric = errors.mean(1).numpy(), errors.log().mean(1).exp().numpy()
+        mean, geometric = errors.mean(1), np.exp(np.log(errors).mean(1))
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
         report |= {name: float(mean.mean()), f"{name}_geometric": float(np.exp(np.log(geometric).mean()))}
     rows = pd.concat(frames).assign(set=pool.name, training=pool.training or 0)

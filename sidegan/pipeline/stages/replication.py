@@ -5,11 +5,11 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial, reduce
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
-import torch
 
 from sidegan.base.parallel import Report
-from sidegan.base.storage import read_torch, readable, write_parquet, write_torch
+from sidegan.base.storage import read_arrays, readable, write_arrays, write_parquet
 from sidegan.identification import Noise
 from sidegan.identification.settings import Reading
 from sidegan.identification.study import combined, measured_sums
@@ -24,7 +24,7 @@ from sidegan.pipeline.stages.selection import SEEDS, Pool
 from sidegan.pipeline.stages.training import generators
 from sidegan.report.tables import arrow
 
-SUMS = "sums.pt"
+SUMS = "sums.npz"
 FITTED = 0.44, 10**-1.8  # p₀ and s, by which the norms come near those of the paper's table III
 
 
@@ -88,8 +88,9 @@ def replication(run: RunContext, reading: Reading) -> Artifact:
 
 def draws(run: RunContext, pool: Pool, reading: Reading) -> list[list[Sums]]:
     """The sums over a whole set by noise realisation and replica."""
-    measured = read_torch(run.store.require(sums(run, pool, reading)) / SUMS)
-    every = [[Sums(**part) for part in draw] for draw in measured]
+    found = _read(run.store.require(sums(run, pool, reading)) / SUMS)
+    replicas = Replication.of(run, pool, reading).replicas
+    every = [found[i : i + replicas] for i in range(0, len(found), replicas)]
     return every * (run.cfg.replication.repeats if len(every) == 1 else 1)
 
 
@@ -104,19 +105,26 @@ def _measure(run: RunContext, build: Build, pool: Pool, measured: Replication) -
     coefficients = pool.load(run).coefficients
     settings = replace(run.cfg.identification, noise=measured.noise)
     replicas = [(r, k) for r in range(measured.repeats) for k in range(measured.replicas)]
-    jobs, found = [[one] for one in replicas] if measured.noise.state else [replicas], []
+    jobs, found = [[one] for one in replicas] if measured.noise.state else [replicas], list[Sums]()
     for done, job in enumerate(jobs):
-        path = build.work / f"{done}.pt"
+        path = build.work / f"{done}.npz"
         if not readable(path):
             randoms = [run.random(f"measured {pool.name} {r} {k}", pool.training) for r, k in job]
             family = run.cell.trajectory, coefficients
             report = partial(_report_part, build.report, done, len(jobs))
-            every = measured_sums(run.cell.body, family, settings, randoms, report)
-            write_torch(path, [one._asdict() for one in every])
-        found += read_torch(path)
+            _write(path, measured_sums(run.cell.body, family, settings, randoms, report))
+        found += _read(path)
         build.report(done + 1, len(jobs))
-    by_draw = [found[i : i + measured.replicas] for i in range(0, len(found), measured.replicas)]
-    write_torch(build.folder / SUMS, by_draw)
+    _write(build.folder / SUMS, found)
+
+
+def _write(path: Path, every: list[Sums]) -> None:
+    write_arrays(path, {name: np.stack(x) for name, x in zip(Sums._fields, zip(*every))})
+
+
+def _read(path: Path) -> list[Sums]:
+    arrays = read_arrays(path)
+    return [Sums(*one) for one in zip(*(arrays[name] for name in Sums._fields))]
 
 
 def _report_part(report: Report, before: int, total: int, done: int, count: int) -> None:
@@ -147,8 +155,8 @@ def _fitted_norm(sums: Sums, seeds: Sums) -> float:
     """‖diag (s Σ + 1/p₀)⁻¹‖ with Σ the information per sample of the seeds, and two numbers of FITTED."""
     prior, scale = FITTED
     information = sums.information.sum(0) / seeds.weight
-    held = scale * information + torch.eye(len(information), dtype=information.dtype) / prior
-    return float(torch.linalg.inv(held).diagonal().norm())
+    held = scale * information + np.eye(len(information)) / prior
+    return float(np.linalg.norm(np.linalg.inv(held).diagonal()))
 
 
 def _replications(run: RunContext) -> Iterator[Artifact]:

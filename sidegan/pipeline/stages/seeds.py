@@ -3,10 +3,10 @@
 import logging
 from typing import Any
 
-import torch
+import numpy as np
 
 from sidegan.base.extras import require
-from sidegan.base.storage import write_json, write_torch
+from sidegan.base.storage import write_arrays, write_json
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
 from sidegan.library.measure import measured, summary
@@ -19,7 +19,7 @@ from sidegan.seeding.shipped import shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 
-FEATURES = "features.pt"  # the authors' own of their seeds
+FEATURES = "features.npz"  # the authors' own of their seeds
 log = logging.getLogger(__name__)
 
 
@@ -44,7 +44,7 @@ def _read(run: RunContext, build: Build) -> None:
     """The valid ones of published seeds."""
     published = run.cfg.seeds.published.read(run.cell.trajectory)[: run.cfg.seeds.count]
     every = measured(run.cell.constraints, run.cell.trajectory, published, run.cfg.seeds.method)
-    valid = every.take(torch.nonzero(every.valid)[:, 0])
+    valid = every.take(np.flatnonzero(every.valid))
     faults = run.cell.check(published[~every.valid]).faults()
     found = f"{len(valid)} of {len(every)} seeds in {run.cfg.seeds.folder} are valid"
     found += f"; of the others, {summarise_faults(faults)}" if faults else ""
@@ -54,7 +54,7 @@ def _read(run: RunContext, build: Build) -> None:
     valid.save(build.folder / LIBRARY)
     features = run.cfg.seeds.published.features()
     if features is not None and len(features) >= len(every):
-        write_torch(build.folder / FEATURES, features[: len(every)][every.valid])
+        write_arrays(build.folder / FEATURES, {"diagonal": features[: len(every)][every.valid]})
     attempts = {"attempts": len(every), "failed": len(every) - len(valid), "faults": dict(faults)}
     write_json(build.folder / REPORT, {**summary(valid), **attempts})
 

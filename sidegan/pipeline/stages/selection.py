@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from functools import partial
 
-from torch import Tensor
-
+from sidegan.base.arrays import Array
 from sidegan.design.selection import choose
 from sidegan.library import LIBRARY, Library
 from sidegan.motion.trajectory import Trajectory
@@ -80,7 +79,7 @@ def excitation_sets(run: RunContext) -> list[ExcitationSet]:
     return [*long, *picked]
 
 
-def pick(run: RunContext, library: Library) -> Tensor:
+def pick(run: RunContext, library: Library) -> Array:
     """Indices of the configured pick from a library, in the order of choice, (count,)."""
     return choose(
         run.cfg.selection, run.cell.body, run.cell.trajectory, library.coefficients, library.diagonal

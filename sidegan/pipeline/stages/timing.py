@@ -5,17 +5,17 @@ import platform
 import time
 from collections.abc import Callable
 from functools import partial
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-import torch
 
+from sidegan.base.extras import extra
 from sidegan.design.problem import Problem
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import GENERATOR, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator
-from sidegan.validity import check
 
 _BATCH = 1000
 _SECONDS = 3.0  # [s] of every measurement
@@ -31,17 +31,17 @@ def timing(run: RunContext, name: str) -> Artifact:
 
 
 def _make(run: RunContext, build: Build, name: str) -> None:
-    from sidegan.gan import TrajectoryGenerator
+    with extra("paper"):
+        from sidegan.gan.generator import TrajectoryGenerator
 
     path = run.store.require(generator(run, name, run.cfg.trainings[0])) / GENERATOR
     network = TrajectoryGenerator.load(path, run.cell.arm)
-    noise = torch.Generator().manual_seed(run.number(f"timing {name}"))
-    physics = (run.cell.constraints, run.cell.trajectory)
-    generated = _rate(lambda: len(network.sample(_BATCH, noise)))
-    valid = _rate(lambda: int(check(*physics, network.sample(_BATCH, noise)).valid.sum()))
+    draw = network.stream(run.number(f"timing {name}"))
+    generated = _rate(lambda: len(draw(_BATCH)))
+    valid = _rate(lambda: int(run.cell.check(draw(_BATCH)).valid.sum()))
     build.costs["growth"] = _growth(run)
     build.costs |= {"generation_seconds": 1 / generated, "valid_per_second": valid}
-    build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": torch.__version__}
+    build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": version("torch")}
 
 
 def _rate(work: Callable[[], int], share: float = 1.0) -> float:
@@ -55,7 +55,7 @@ def _rate(work: Callable[[], int], share: float = 1.0) -> float:
 
 def _growth(run: RunContext) -> float:
     """Exponent with which the time of YᵀY and its condition number grows with the number of samples."""
-    c = run.cell.problem.start(1, torch.Generator().manual_seed(0), 0.5)
+    c = run.cell.problem.start(1, np.random.default_rng(0), 0.5)
 
     def seconds(samples: int) -> float:
         problem = Problem(run.cell.constraints, run.cell.trajectory, samples)

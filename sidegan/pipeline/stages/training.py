@@ -7,13 +7,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
+import numpy as np
 
+from sidegan.base.arrays import split
 from sidegan.base.extras import require
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import file_digest, read_torch, reading, write_json, write_torch
-from sidegan.gan import Variant
-from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings
+from sidegan.base.storage import file_digest, read_arrays, reading, write_arrays, write_json
+from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings, Variant
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import GENERATOR, HISTORY, REPORT, RunContext
@@ -22,7 +22,7 @@ from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.seeding.published import WEIGHTS, Layout
 
 _CHECKED = 500  # trajectories whose validity is found at once
-SAMPLES = "samples.pt"  # of every epoch
+SAMPLES = "samples.npz"  # of every epoch
 log = logging.getLogger(__name__)
 _NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
 
@@ -130,26 +130,27 @@ def _train(run: RunContext, build: Build, name: str, training: int, variant: Var
     made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box, start=start)
     made.generator.save(build.folder / GENERATOR)
     if samples:
-        write_torch(build.folder / SAMPLES, made.samples)
+        write_arrays(build.folder / SAMPLES, {"images": made.samples})
     write_json(build.folder / HISTORY, [finite(row) for row in made.history])
     write_json(build.folder / REPORT, finite(made.history[-1]))
 
 
 def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrogates) -> None:
-    from sidegan.gan.published_surrogates import PublishedPretraining, write_converter
+    from sidegan.gan.published_surrogates import PublishedPretraining, read_weights, write_converter
 
-    seeds, samples = training_seeds(run), read_torch(run.store.require(negatives(run)) / SAMPLES)
+    seeds = training_seeds(run)
+    samples = read_arrays(run.store.require(negatives(run)) / SAMPLES)["images"]
     theirs = run.store.require(seed_set(run)) / FEATURES
-    diagonal = read_torch(theirs)[: len(seeds)] if theirs.exists() else seeds.diagonal
+    diagonal = read_arrays(theirs)["diagonal"][: len(seeds)] if theirs.exists() else seeds.diagonal
     features, weights = {"spectrum": seeds.spectrum, "diagonal": diagonal}, None
     if settings.shipped:  # of the predictor and of the converter to the eigenvalues
         shipped = run.cfg.seeds.published.weights
-        weights = shipped("predictor")
-        write_converter(build.folder / "spectrum.pt", shipped("converter"))
+        weights = read_weights(shipped("predictor"))
+        write_converter(build.folder / "spectrum.pt", read_weights(shipped("converter")))
         del features["spectrum"]
     layout = Layout(run.cell.trajectory.joints, run.cell.trajectory.harmonics)
-    parts = layout.coefficients(samples.double()).split(_CHECKED)
-    valid = torch.cat([run.cell.check(part).valid for part in parts])
+    parts = split(layout.coefficients(samples.astype(float)), _CHECKED)
+    valid = np.concatenate([run.cell.check(part).valid for part in parts])
     pretraining = PublishedPretraining(settings.steps, layout.image(seeds.coefficients), samples, valid)
     jobs: list[Job] = [partial(pretraining.train_success, build.folder, run.number("success"), weights)]
     for name, x in features.items():
@@ -158,7 +159,7 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
 
 
 def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> None:
-    from sidegan.gan import TrajectoryGenerator
+    from sidegan.gan.generator import TrajectoryGenerator
     from sidegan.steps.surrogates import pretrain
 
     vanilla = TrajectoryGenerator.load(run.store.require(negatives(run)) / GENERATOR, run.cell.arm)

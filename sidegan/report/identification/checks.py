@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
-import torch
 
 from sidegan.base.storage import write_json
 from sidegan.recording.check import CheckedRecording
@@ -26,7 +26,7 @@ def show_checks(recordings: Sequence[CheckedRecording]) -> None:
         load = recording.statistics.load
         position, effort = signals["position"], signals[load]
         noise = None if recording.repeated is None else recording.repeated.noise
-        fastest = torch.cat([segment.velocity for segment in recording.segments]).abs().amax(0)
+        fastest = np.abs(np.concatenate([segment.velocity for segment in recording.segments])).max(0)
         for j, name in enumerate(recording.joint_names):
             rows.append(
                 {

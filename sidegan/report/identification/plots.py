@@ -1,11 +1,10 @@
 """Plots of an identification, for its report."""
 
 import numpy as np
-import torch
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.measurements import Measurements, pieces
 from sidegan.recording.check import CheckedRecording
@@ -38,10 +37,11 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
     return _with_legend(figure, rows[0])
 
 
-def _predicted(identified: IdentifiedArm, segment: Segment) -> Tensor:
+def _predicted(identified: IdentifiedArm, segment: Segment) -> Array:
     """Torque [N·m or N], (S, J), of the model to use at the states of a stretch."""
     model, theta = identified.model, identified.used.parameters
-    return torch.cat([model.torque(theta, *piece.inputs) for piece in pieces(Measurements(*segment[1:]))])
+    parts = pieces(Measurements(*segment[1:]))
+    return np.concatenate([model.torque(theta, *part.inputs) for part in parts])
 
 
 def friction(identified: IdentifiedArm) -> Figure:
@@ -54,17 +54,17 @@ def friction(identified: IdentifiedArm) -> Figure:
     for axis in axes[len(titles) :]:
         axis.remove()
     segments = [segment[1:5] for recording in identified.training for segment in recording.segments]
-    q, dq, ddq, torque = (torch.cat(x) for x in zip(*segments))
+    q, dq, ddq, torque = (np.concatenate(x) for x in zip(*segments))
     some = np.linspace(0, len(q) - 1, _CLOUD).astype(int)
     q, dq, ddq, torque = q[some], dq[some], ddq[some], torque[some]
 
-    def law(velocity: Tensor) -> Tensor:
+    def law(velocity: Array) -> Array:
         """Friction and offset [N·m or N], (S, J)."""
-        still = torch.zeros_like(velocity)
+        still = np.zeros_like(velocity)
         return model.regressor(still, velocity, still)[..., model.rigid :] @ theta[model.rigid :]
 
     rest = torque - model.torque(theta, q, dq, ddq) + law(dq)
-    velocity = torch.linspace(-1, 1, _CURVE, dtype=torch.float64)[:, None] * dq.abs().amax(0)
+    velocity = np.linspace(-1, 1, _CURVE)[:, None] * np.abs(dq).max(0)
     curve, dots = law(velocity), {"color": MEASURED, "markersize": 2.4, "markeredgewidth": 0, "alpha": 0.5}
     for j, (axis, title) in enumerate(zip(axes, titles)):
         axis.plot(dq[:, j], rest[:, j], "o", **dots, label="samples")

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from torch import Tensor
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import folder_name
 from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
@@ -114,13 +114,13 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     }
 
 
-def _standard(model: TorqueModel, standard: Tensor) -> dict[str, Any]:
+def _standard(model: TorqueModel, standard: Array) -> dict[str, Any]:
     """Standard parameters (F,) as links and terms."""
     terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
     return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms}
 
 
-def _numbers(values: Tensor) -> list[float | None]:
+def _numbers(values: Array) -> list[float | None]:
     return [_number(x) for x in values.tolist()]
 
 

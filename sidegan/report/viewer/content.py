@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
+from sidegan.base.arrays import Array, flatten
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.style import PALETTE
@@ -42,7 +41,7 @@ class View:
 def view_of(
     constraints: Constraints,
     family: Trajectory,
-    coefficients: Tensor,
+    coefficients: Array,
     titles: Sequence[str] = (),
     arm: Arm | None = None,
 ) -> View:
@@ -63,8 +62,8 @@ def view_of(
         raise ShapeError(f"there are {count} trajectories to show and {len(titles)} titles")
     arm = arm or constraints.arm
     samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
-    times = torch.linspace(0.0, family.period, samples + 1, dtype=torch.float64)
-    motion = family.roll_out(coefficients.detach().to("cpu", torch.float64), times)
+    times = np.linspace(0.0, family.period, samples + 1)
+    motion = family.roll_out(coefficients, times)
     head = {
         "name": arm.name,
         "joints": list(arm.joint_names),
@@ -75,7 +74,7 @@ def view_of(
         "checked": constraints.described(),
         "colours": list(PALETTE),
         "chain": {
-            "rotation": arm.rotation.flatten(1).tolist(),  # row by row
+            "rotation": flatten(arm.rotation, 1).tolist(),  # row by row
             "translation": arm.translation.tolist(),
             "axis": arm.axis.tolist(),
             "tip": arm.tip.tolist(),
@@ -100,11 +99,11 @@ def _add_signals(view: View, arm: Arm, constraints: Constraints, motion: Motion)
     view.head["middle"] = middle.tolist()
     view.head["signals"] = {}
     for name, (values, limit) in signals.items():
-        largest = values.abs().amax((0, 1)).clamp_min(1e-9)
-        limited = torch.isfinite(limit) if limit is not None else torch.zeros_like(largest, dtype=torch.bool)
-        scale = largest if limit is None else torch.where(limited, limit, largest)
+        largest = np.maximum(np.abs(values).max((0, 1)), 1e-9)
+        limited = np.isfinite(limit) if limit is not None else np.zeros_like(largest, dtype=bool)
+        scale = largest if limit is None else np.where(limited, limit, largest)
         view.head["signals"][name] = {"scale": scale.tolist(), "limited": limited.tolist()}
-        view.arrays[name] = (values / scale).numpy().astype(np.float32)
+        view.arrays[name] = (values / scale).astype(np.float32)
 
 
 def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
@@ -113,12 +112,12 @@ def _add_closest(view: View, constraints: Constraints, motion: Motion) -> None:
     names = [label for name in DISTANCES for label in constraints.labels.get(name, ())]
     distance, which = constraints.nearest(motion.position.reshape(-1, joints))
     view.head["pairs"] = []
-    if not distance.isfinite().all():
+    if not np.isfinite(distance).all():
         return
-    used, which = torch.unique(which, return_inverse=True)
+    used, which = np.unique(which, return_inverse=True)
     view.head["pairs"] = [names[k] for k in used.tolist()]
-    view.arrays["pair"] = which.numpy().astype(np.uint32).reshape(batch, samples)
-    view.arrays["distance"] = distance.numpy().astype(np.float32)
+    view.arrays["pair"] = which.astype(np.uint32).reshape(batch, samples)
+    view.arrays["distance"] = distance.astype(np.float32)
 
 
 def _add_surfaces(view: View, constraints: Constraints) -> None:

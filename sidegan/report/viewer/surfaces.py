@@ -22,7 +22,7 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
     Links without a shape of their own are shown as their capsules.
     """
     capsules, looks = arm.capsules, visual_parts(arm)
-    each = zip(capsules.link.tolist(), capsules.a.numpy(), capsules.b.numpy(), capsules.radius.tolist())
+    each = zip(capsules.link.tolist(), capsules.a, capsules.b, capsules.radius.tolist())
     shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
     seen = {part.link for part in looks}
     return fewer([*looks, *(part for part in shapes if part.link not in seen)]), shapes

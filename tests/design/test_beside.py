@@ -1,0 +1,29 @@
+"""What is compiled beside a search: what every arm's proof needs, once, and by one process."""
+
+import subprocess
+
+import pytest
+
+from sidegan.design import beside
+from sidegan.kernels.proof import visit
+from sidegan.motion.trajectory import Trajectory
+from sidegan.validity import Constraints, check
+from tests.validity.critical import BALL, BOX, HULL, drawn
+
+
+def test_the_planar_arms_kernels_are_those_of_every_arm(arm):
+    beside._compile()
+    family = Trajectory(7)
+    for regions in ([], [BOX, BALL, HULL]):
+        check(Constraints(arm, regions), family, 0.1 * drawn(family, 2))
+    assert len(visit._compiled.signatures) == 1
+
+
+@pytest.mark.parametrize(("open_", "processes", "started"), [(True, 2, 1), (True, 1, 0), (False, 2, 0)])
+def test_it_is_begun_where_there_is_a_core_for_it_and_nobody_has(open_, processes, started, monkeypatch):
+    calls = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: calls.append(command))
+    monkeypatch.setattr(beside, "cores", lambda _: processes)
+    monkeypatch.setattr(type(visit), "to_be_compiled", lambda self: open_)
+    beside.compile_beside()
+    assert len(calls) == started
