@@ -11,7 +11,7 @@ from scipy.special import logit
 from scipy.stats import kendalltau
 
 from experiments import generality
-from experiments.artifacts import SEEDS, Artifacts
+from experiments.artifacts import Artifacts
 from experiments.finding import (
     GANS,
     SIDE_GANS,
@@ -43,6 +43,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import plain
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.report.style import seconds
 
 _STRUGGLES = 0.4  # valid share that vanilla stays below

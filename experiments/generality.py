@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.artifacts import SEEDS, Artifacts
+from experiments.artifacts import Artifacts
 from experiments.pages import leave
 from sidegan.base.names import plain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.arms import of_arms as tasks_of_arms
+from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 from sidegan.report.document import write_page

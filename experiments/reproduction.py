@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from experiments import claims, comparisons, exp1, exp2, training
-from experiments.artifacts import SEEDS, Artifacts, comparison
+from experiments.artifacts import Artifacts, comparison
 from experiments.reference import PAPER
 from experiments.verdicts import CONFIDENCE
 from sidegan.base.arrays import Array
@@ -17,6 +17,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.baselines import long_family
 from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from experiments.artifacts import SEEDS, Artifacts
+from experiments.artifacts import Artifacts
 from experiments.pages import leave
 from experiments.verdicts import TRAINING
 from sidegan.base.arrays import flatten
 from sidegan.base.names import counted
 from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 

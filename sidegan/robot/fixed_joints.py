@@ -1,5 +1,6 @@
 """Where the joints stand that do not move, and where the links behind them go."""
 
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
 from sidegan.base.names import listed
@@ -30,7 +31,7 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
                 locked[joint.name] = follow(joint, joint.mimic, (*followers, joint.name))
         return locked[joint.name]
 
-    def follow(joint: Joint, mimic: xml.ET.Element, followers: tuple[str, ...]) -> float:
+    def follow(joint: Joint, mimic: ET.Element, followers: tuple[str, ...]) -> float:
         """Position of a joint that mimics another: multiplier · its position + offset."""
         at, name = tree.at(joint), mimic.get("joint", "")
         if name not in tree.joints or name in free or name in followers:

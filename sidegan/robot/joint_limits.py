@@ -48,7 +48,7 @@ def _joints(file: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Names of joints in a file, and what it says of their limits."""
     import yaml
 
-    class Loader(yaml.SafeLoader):
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]  # which has no types
         """Knows angles as ROS writes them."""
 
     Loader.add_constructor("!degrees", lambda _, node: math.radians(float(node.value)))

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -217,7 +218,7 @@ def _write(joint: Joint, limits: JointLimits) -> None:
     element = joint.element
     limit = element.find("limit")
     if limit is None:
-        limit = xml.ET.SubElement(element, "limit")
+        limit = ET.SubElement(element, "limit")
     if joint.kind == "continuous":
         element.set("type", "revolute")
     numbers = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity}

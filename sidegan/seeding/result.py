@@ -10,8 +10,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.problem import HOPELESS, Problem
+from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
+from sidegan.kernels import HOPELESS
 from sidegan.validity import summarise_faults
 from sidegan.validity.home import REMEDIES
 
