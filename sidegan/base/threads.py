@@ -4,14 +4,18 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
+from functools import cache
 
 _count: list[int] = []  # of the blocks that we are in
 
 
 def threads() -> int:
     """How many threads work may be shared among: as OMP_NUM_THREADS says, or one per core."""
-    if _count:
-        return _count[-1]
+    return _count[-1] if _count else _usual()
+
+
+@cache
+def _usual() -> int:
     stated = os.environ.get("OMP_NUM_THREADS", "")
     if stated.isdigit() and int(stated):
         return int(stated)

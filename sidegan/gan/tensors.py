@@ -4,6 +4,9 @@ import torch
 from torch import Tensor
 
 from sidegan.base.arrays import Array
+from sidegan.base.threads import threads
+
+torch.set_num_threads(threads())  # also where it is first loaded within a block of ``on_threads``
 
 
 def tensor(x: Array) -> Tensor:
