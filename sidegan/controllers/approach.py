@@ -89,7 +89,8 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
         unit = _quintic(arm, ends, 1.0, times)
         still = np.zeros_like(unit.position)
         held = body.torque(unit.position, still, still)
-        _refuse_heavy(arm, np.abs(held) / limit)
+        with np.errstate(over="ignore"):  # where friction takes all of a limit
+            _refuse_heavy(arm, np.abs(held) / limit)
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration
         return np.abs(moving) / np.minimum(use * limit, limit - held * np.sign(moving))

@@ -109,5 +109,10 @@ def _log_precision(matrices: Array) -> Array:
     """Minus the logarithm of the traces of the inverses of positive definite matrices (K, q, q), (K,)."""
     from scipy.linalg import lapack  # takes a fifth of a second to import
 
-    inverses = (lapack.dpotri(lapack.dpotrf(x)[0])[0] for x in matrices)  # of one triangle, half the work
-    return -np.log([x.trace() for x in inverses])
+    traces = np.empty(len(matrices))
+    for k, x in enumerate(matrices):  # one triangle of the inverse is half the work
+        factor, failed = lapack.dpotrf(x)
+        if failed:
+            raise np.linalg.LinAlgError("matrices are not positive definite")
+        traces[k] = lapack.dpotri(factor)[0].trace()
+    return -np.log(traces)

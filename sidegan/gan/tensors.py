@@ -4,9 +4,10 @@ import torch
 from torch import Tensor
 
 from sidegan.base.arrays import Array
-from sidegan.base.threads import threads
+from sidegan.base.threads import limited, threads
 
-torch.set_num_threads(threads())  # also where it is first loaded within a block of ``on_threads``
+if limited():  # torch is first loaded within a block of ``on_threads``
+    torch.set_num_threads(threads())
 
 
 def tensor(x: Array) -> Tensor:

@@ -145,14 +145,14 @@ def _folder() -> Path | None:
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
-    within = Path(os.environ.get("SIDEGAN_CACHE") or user)
-    folder = within.absolute() / f"kernels-{digest.hexdigest()[:16]}"
+    user = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
     try:
+        within = Path(os.environ.get("SIDEGAN_CACHE") or Path(user).expanduser() / "sidegan")
+        folder = within.absolute() / f"kernels-{digest.hexdigest()[:16]}"
         if not folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
             _remove_old(within, folder)
-    except OSError:
+    except (OSError, RuntimeError):  # the latter of a user without a home
         return None
     return folder if os.access(folder, os.W_OK) else None
 
@@ -160,8 +160,9 @@ def _folder() -> Path | None:
 def _remove_old(within: Path, new: Path) -> None:
     """Remove caches of other versions but for the last few."""
     others = [path for path in within.glob("kernels-*") if path.name != new.name]
-    for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
-        shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):  # another process removes them too
+        for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
+            shutil.rmtree(path, ignore_errors=True)
 
 
 @cache

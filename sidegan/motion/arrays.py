@@ -46,5 +46,4 @@ def shapes_of(
 
 def array(x: Array) -> Array:
     """An array as kernels take it: contiguous, writable, and numbers in float64."""
-    numbers = np.require(x, requirements=["C", "W"])
-    return numbers.astype(float, copy=False) if x.dtype.kind == "f" else numbers
+    return np.require(x, float if x.dtype.kind == "f" else None, ["C", "W"])

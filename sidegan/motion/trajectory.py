@@ -99,6 +99,7 @@ class Trajectory:
         Those up to the second vanish at both ends. The third, which is continuous in between, does not: the
         jerk begins and ends with a step.
         """
+        times = np.asarray(times, float)
         if len(times) * self.harmonics > _CACHED:
             basis = _basis(self.harmonics, self.period, times, order)
         else:

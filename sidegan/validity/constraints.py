@@ -154,7 +154,7 @@ class Constraints:
             "torque": np.maximum(arm.torque_limit - arm.known_drives.coulomb, np.finfo(float).tiny),
         }
         scales = {name: np.asarray(whole.get(name, distance)) for name in margins}
-        with np.errstate(invalid="ignore"):  # without a limit both are infinite
+        with np.errstate(over="ignore", invalid="ignore"):  # of no limit, or one that friction takes
             return {name: np.where(np.isfinite(x), margins[name] / x, 1.0) for name, x in scales.items()}
 
     def _distances(self, q: Array) -> dict[str, Array]:

@@ -68,7 +68,7 @@ class Search:
         Asked is about which constraints, (N, 7) bool; those of them come back that leave a cell undecided. At
         last the margins of these are the guaranteed ones, below zero.
         """
-        which, index = cells.T
+        which, index = np.ascontiguousarray(cells.T)  # always so, or the kernel is compiled once more
         if count <= len(cells):
             used, rows = np.arange(count), index
         else:

@@ -15,7 +15,8 @@ def test_the_planar_arms_kernels_are_those_of_every_arm(arm):
     beside._compile()
     family = Trajectory(7)
     for regions in ([], [BOX, BALL, HULL]):
-        check(Constraints(arm, regions), family, 0.1 * drawn(family, 2))
+        for size in (0.01, 0.03, 0.1):  # some of which are looked at in finer cells
+            check(Constraints(arm, regions), family, size * drawn(family, 8))
     assert len(visit._compiled.signatures) == 1
 
 
@@ -25,5 +26,7 @@ def test_it_is_begun_where_there_is_a_core_for_it_and_nobody_has(open_, processe
     monkeypatch.setattr(subprocess, "Popen", lambda command, **_: calls.append(command))
     monkeypatch.setattr(beside, "cores", lambda _: processes)
     monkeypatch.setattr(type(visit), "to_be_compiled", lambda self: open_)
+    beside.compile_beside.cache_clear()
+    beside.compile_beside()
     beside.compile_beside()
     assert len(calls) == started

@@ -103,6 +103,13 @@ def test_jerk_and_snap_never_exceed_their_bounds(period, harmonics, cells, seed)
     assert (np.abs(jerk).max(1) <= jerk_bound(trajectory, c, cells) * allowed).all()
 
 
+@pytest.mark.parametrize("dtype", [int, np.float32])
+def test_times_of_another_type_are_the_same_times(dtype):
+    trajectory, times = Trajectory(2, 3, 8.0), np.arange(8)
+    exact = trajectory.basis(times.astype(float), 1)
+    np.testing.assert_allclose(trajectory.basis(times.astype(dtype), 1), exact, rtol=0, atol=0)
+
+
 def test_times_are_the_nearest_that_fill_the_period_and_a_grid_has_the_centres_of_cells():
     times = Trajectory(1, 1, 2.5).times(3)
     assert len(times) == 9 and times[0] == 0 and times[-1] == 2.5
