@@ -36,9 +36,7 @@ class Measurements:
     def __post_init__(self) -> None:
         for name, x in self._named().items():
             if x.ndim != 2 or x.shape != self.torque.shape:
-                raise ShapeError(
-                    f"{name} is {tuple(x.shape)}, expected (S, J) like torque {tuple(self.torque.shape)}"
-                )
+                raise ShapeError(f"{name} is {x.shape}, expected (S, J) like torque {self.torque.shape}")
             if not np.isfinite(x.sum()):  # which is many times faster than looking at each
                 bad = np.flatnonzero(~np.isfinite(x).all(1))
                 if len(bad):

@@ -120,7 +120,7 @@ class TorqueModel:
             ShapeError: when a shape does not fit the arm.
         """
         if q.ndim != 2:
-            raise ShapeError(f"position is {tuple(q.shape)}, expected (S, {self.joints})")
+            raise ShapeError(f"position is {q.shape}, expected (S, {self.joints})")
         y = np.zeros((self.joints, self.count, len(q)))
         y[:, : self.rigid] = self.body.base_regressor(q, dq, ddq).transpose(1, 2, 0)
         signals = self.terms.signals(dq, ddq, sign)

@@ -47,7 +47,7 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
         ShapeError: when nothing fits the model, there are no samples, or a joint's torque is constant.
     """
     if parameters.shape != (len(model.names),):
-        raise ShapeError(f"parameters are {tuple(parameters.shape)}, the model has {len(model.names)}")
+        raise ShapeError(f"parameters are {parameters.shape}, the model has {len(model.names)}")
     parts = [(part.torque, residual_of(model, part, parameters)) for part in pieces(measurements)]
     if not sum(len(torque) for torque, _ in parts):
         raise ShapeError("there are no samples to test with")

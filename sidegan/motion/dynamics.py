@@ -66,14 +66,16 @@ class RigidBody:
     def _rows(self, columns: Array, *states: Array) -> Array:
         from sidegan.motion import operations
 
-        flat = [x.reshape(-1, self.joints) for x in self._checked(*states)]
-        return operations.rows(self.chain, columns, flat).reshape(*states[0].shape, len(columns))
+        q, *_ = checked = self._checked(*states)
+        flat = [x.reshape(-1, self.joints) for x in checked]
+        return operations.rows(self.chain, columns, flat).reshape(*q.shape, len(columns))
 
     def torque(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Inverse dynamics [N·m], (…, J), by the recursive Newton-Euler algorithm."""
         from sidegan.motion import operations
 
-        flat = [x.reshape(-1, self.joints) for x in self._checked(q, dq, ddq)]
+        q, *_ = checked = self._checked(q, dq, ddq)
+        flat = [x.reshape(-1, self.joints) for x in checked]
         return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
 
     def drive_torque(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -92,9 +94,10 @@ class RigidBody:
 
     def _checked(self, q: Array, dq: Array, ddq: Array) -> list[Array]:
         """The states as kernels take them."""
+        q, dq, ddq = (np.asarray(x, float) for x in (q, dq, ddq))
         for name, x in (("position", q), ("velocity", dq), ("acceleration", ddq)):
             if x.shape != q.shape or x.shape[-1:] != (self.joints,):
-                raise ShapeError(f"{name} is {tuple(x.shape)}, expected (…, {self.joints}), all three alike")
+                raise ShapeError(f"{name} is {x.shape}, expected (…, {self.joints}), all three alike")
         return [q, dq, ddq]
 
 

@@ -67,9 +67,7 @@ class Trajectory:
     def check(self, c: Array) -> None:
         """Refuse coefficients that are not (B, J, H, 2) or hold non-finite numbers."""
         if c.ndim != 4 or c.shape[1:] != self.shape:
-            raise ShapeError(
-                f"coefficients are {tuple(c.shape)}, expected (B, {', '.join(map(str, self.shape))})"
-            )
+            raise ShapeError(f"coefficients are {c.shape}, expected (B, {', '.join(map(str, self.shape))})")
         finite = flatten(np.isfinite(c), 1).all(1)
         if not finite.all():
             raise ShapeError(f"coefficients of trajectory {int(finite.argmin())} are not finite")

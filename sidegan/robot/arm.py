@@ -141,7 +141,7 @@ def digest_of(numbers: dict[str, Array], capsules: Capsules, more: Sequence[str]
     state = hashlib.sha256()
     for name, values in sorted((numbers | shapes).items()):
         rounded = np.round(values.astype(float) * _FINEST) / _FINEST + 0.0  # no negative zero
-        state.update(f"{name}{tuple(values.shape)}".encode())
+        state.update(f"{name}{values.shape}".encode())
         state.update(rounded.astype("<f8").tobytes())
     for words in more:
         state.update(words.encode())

@@ -163,7 +163,7 @@ def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[
     """
     links = arm.inertial_parameters if parameters is None else parameters
     if links.shape != (arm.joints, 10):
-        raise ShapeError(f"inertial parameters are {tuple(links.shape)}, expected ({arm.joints}, 10)")
+        raise ShapeError(f"inertial parameters are {links.shape}, expected ({arm.joints}, 10)")
     reasons = [_reason(link[None]) for link in links]
     return [(name, reason) for name, reason in zip(arm.link_names, reasons) if reason]
 

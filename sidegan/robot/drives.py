@@ -25,7 +25,7 @@ class Drives:
     rotor_inertia: Array  # behind the gears [kg·m² or kg], (J,)
 
     def __post_init__(self) -> None:
-        shapes = {tuple(x.shape) for x in vars(self).values()}
+        shapes = {x.shape for x in vars(self).values()}
         if len(shapes) != 1 or self.viscous.ndim != 1:
             raise ShapeError(f"friction and rotors are {sorted(shapes)}, expected one number per joint each")
 

@@ -121,7 +121,7 @@ class Constraints:
         """
         arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
         if any(x.shape != (len(q), arm.joints) for x in states):
-            shapes = ", ".join(str(tuple(x.shape)) for x in states)
+            shapes = ", ".join(str(x.shape) for x in states)
             times = "three times" if jerk is None else "four times"
             raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
         if len(states) < self.orders:
