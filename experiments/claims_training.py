@@ -215,9 +215,9 @@ def other_bases(body: RigidBody) -> tuple[Array, Array]:
 
 def _other_arms(made: Artifacts) -> Judgement:
     """Whether the same recipe works on other arms, as the page on generality says."""
-    arms = generality.of_arms()
+    arms, needed = generality.of_arms(), {"reliable": RELIABLE, "comparable": _COMPARABLE}
     if arms is None:
-        return Judgement(UNKNOWN, UNKNOWN)
+        return Judgement(UNKNOWN, UNKNOWN, needed)
     others = arms.xs("eigen", level="generator").drop(made.run.cell.arm.name, errors="ignore")
     parts, said = list[str](), list[str]()
     for name, row in others.iterrows():
@@ -225,16 +225,16 @@ def _other_arms(made: Artifacts) -> Judgement:
         kept = valid >= RELIABLE, distance >= _COMPARABLE, error <= 1
         parts += [HOLDS if one else NOT for one in kept]
         said.append(f"{name} {valid:.3g} valid, distance {distance:.3g}, error {error:.3g} times the seeds'")
-    return Judgement.of_each(parts, "; ".join(said), {"reliable": RELIABLE, "comparable": _COMPARABLE})
+    return Judgement.of_each(parts, "; ".join(said), needed)
 
 
 def _no_transfer(made: Artifacts) -> Judgement:
     """Whether trajectories of one arm are hardly ever valid on another, as the page on generality says."""
-    shares_of = generality.of_others()
+    shares_of, needed = generality.of_others(), {"carried": _CARRIED}
     if shares_of is None:
-        return Judgement(UNKNOWN, UNKNOWN)
+        return Judgement(UNKNOWN, UNKNOWN, needed)
     ours = f"at most {shares_of.max():.1%} of an arm's trajectories are valid on another"
-    return Judgement(HOLDS if shares_of.max() < _CARRIED else NOT, ours, {"carried": _CARRIED})
+    return Judgement(HOLDS if shares_of.max() < _CARRIED else NOT, ours, needed)
 
 
 def _density_fails(made: Artifacts) -> Judgement:

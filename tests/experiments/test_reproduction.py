@@ -9,7 +9,7 @@ import pytest
 from experiments.artifacts import Artifacts
 from experiments.claims import claims
 from experiments.reference import PAPER
-from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED
+from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN
 from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages
 from tests.tiny import tiny
@@ -42,6 +42,15 @@ def test_the_page_has_the_tables_and_figures_that_it_links_to(page, artifacts):
 def usual(artifacts):
     """Every claim as the run has it."""
     return claims({"ours": artifacts})
+
+
+def test_without_the_page_of_other_arms_its_claims_are_not_measured(artifacts, usual, monkeypatch):
+    monkeypatch.setattr("experiments.generality.page", lambda: None)
+    alone = {claim.key: claim for claim in claims({"ours": artifacts})}
+    known = {claim.key: claim for claim in usual}
+    for key in ("other_arms", "no_transfer"):
+        assert alone[key].findings["ours"].verdict == UNKNOWN
+        assert alone[key].criterion == known[key].criterion
 
 
 def test_every_claim_of_the_paper_has_a_verdict_and_a_reason(usual):
