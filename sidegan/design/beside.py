@@ -1,6 +1,6 @@
-"""Kernels that a search needs after its descents, compiled by another process while this one compiles those.
+"""Kernels of a search that another process compiles, while this one compiles the others.
 
-``python -m sidegan.design.beside`` compiles them.
+They are what descents call last, and the proof that follows; ``python -m sidegan.design.beside`` does it.
 """
 
 import subprocess
@@ -16,7 +16,7 @@ _begun: list[subprocess.Popen[bytes]] = []  # held: what is dropped while it run
 
 @cache
 def compile_beside() -> None:
-    """Begin to compile the proof and what measures information, unless that was done or is being done.
+    """Begin to compile them, unless that was done or is being done.
 
     Once in a process, where there is a second core, and never by a program that has Python within it, which
     would start itself.
@@ -32,16 +32,26 @@ def compile_beside() -> None:
 def _compile() -> None:
     import numpy as np
 
+    from sidegan.design.goal import Goal
+    from sidegan.design.objective import Objective
+    from sidegan.design.problem import Problem
+    from sidegan.kernels import goals
+    from sidegan.kernels.objective import slopes
     from sidegan.motion.dynamics import gram
     from sidegan.motion.operations import extremes
     from sidegan.motion.trajectory import Trajectory
     from sidegan.robot import load_robot
     from sidegan.validity import Constraints, check
 
+    one = np.eye(2)
+    goal = goals.GoalArrays(goals.CONDITION, one, 1.0, one, one, 1.0)
+    goals.goal_of.compile_for(goal, one, one, goals.scratch(goal))
     constraints, family = Constraints(load_robot("planar2")), Trajectory(2)
+    objective = Objective(Problem(constraints, family), Goal())
+    slopes.compile_for(objective.plan, 1, objective.scratch)
     still = np.zeros((1, *family.shape))
-    extremes(gram(constraints.body, family, still), 1, 1)
     check(constraints, family, still)
+    extremes(gram(constraints.body, family, still), 1, 1)
 
 
 if __name__ == "__main__":

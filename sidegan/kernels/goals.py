@@ -277,7 +277,7 @@ def _tool(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]
     return -_log_det(work.small), 2 * count if goal.runs > 1 else count
 
 
-@part
+@kernel
 def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: Scratch) -> tuple[float, int]:
     """The goal at a Gram matrix of the base columns (p, p), and how many directions it wrote.
 

@@ -66,6 +66,10 @@ class Kernel:
         self._called = True
         return result
 
+    def compile_for(self, *arguments: Any) -> None:
+        """Compile it, unless that was done, as other kernels call it with arguments of these types."""
+        self.inner.compile(tuple(map(numba.typeof, arguments)))
+
     def to_be_compiled(self) -> bool:
         """Whether nobody has compiled it on this machine, or does so now."""
         if self._called or (folder := _folder()) is None or (folder / f"{self._name}.compiled").exists():

@@ -177,6 +177,13 @@ def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
             add_to(gradient[j], work.back[j, k], plan.matrix[j, k], functions)
 
 
+@kernel
+def slopes(plan: Plan, count: int, work: Scratch) -> float:
+    """What torques cost; writes the slopes of it and of the energy of so many directions in the states."""
+    directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
+    return weighted_slopes(plan.chain, plan.limits, work.states, extra, directions, work.slope, work.lanes)
+
+
 @part
 def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
     """Penalty of the states; writes the gradient of it and of the energy of so many directions."""
@@ -188,9 +195,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
                 work.sets[k, 10 * i + columns.kinds[m]] = work.goal.base[k, m]
         for e in range(len(plan.extra.kinds)):
             work.signals.shares[k, e] = work.goal.base[k, len(columns.kinds) + e]
-    directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
-    cost = weighted_slopes(plan.chain, plan.limits, work.states, extra, directions, work.slope, work.lanes)
-    cost += _bound(plan, work)
+    cost = slopes(plan, count, work) + _bound(plan, work)
     if plan.close > 0:
         asked = plan.reach, plan.close
         cost += keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0, 0], work.near)[0]

@@ -8,6 +8,7 @@ from typing import Any
 from sidegan.base.random import number
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
+from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal, design_set
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
@@ -50,6 +51,7 @@ def excite(
         ConfigError: when a setting is out of range or does not fit the arm.
         InfeasibleError: when no trajectory is proven; says what stands in its way.
     """
+    compile_beside()
     aimed = settings_of(GoalSettings, goal)
     aimed = aimed if count is None else replace(aimed, count=count)
     aim = aim_of(cell, aimed, settings_of(Terms, model), known)

@@ -3,8 +3,13 @@
 import subprocess
 
 import pytest
+from numba import typeof
 
 from sidegan.design import beside
+from sidegan.design.goal import Goal
+from sidegan.design.objective import Objective
+from sidegan.design.problem import Problem
+from sidegan.kernels import goals, objective
 from sidegan.kernels.proof import visit
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -18,6 +23,13 @@ def test_the_planar_arms_kernels_are_those_of_every_arm(arm):
         for size in (0.01, 0.03, 0.1):  # some of which are looked at in finer cells
             check(Constraints(arm, regions), family, size * drawn(family, 8))
     assert len(visit._compiled.signatures) == 1
+    of_arm = Objective(Problem(Constraints(arm), family), Goal("variance"))
+    plan, work = of_arm.plan, of_arm.scratch
+    for part, arguments in (
+        (goals.goal_of, (plan.goal, plan.subspace, work.gram[0], work.goal)),
+        (objective.slopes, (plan, 1, work)),
+    ):
+        assert part.inner.signatures == [tuple(map(typeof, arguments))], part
 
 
 @pytest.mark.parametrize(("open_", "processes", "started"), [(True, 2, 1), (True, 1, 0), (False, 2, 0)])

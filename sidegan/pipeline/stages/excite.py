@@ -7,6 +7,7 @@ import pandas as pd
 
 from sidegan.base.names import counted, plain
 from sidegan.controllers import POINTS, SCRIPTED, approach, least_rate
+from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.identification.uncertain import Uncertain
@@ -123,6 +124,7 @@ def _require_places(run: RunContext) -> None:
 
 
 def _check(run: RunContext) -> None:
+    compile_beside()  # while what follows compiles its own
     if run.cfg.controllers.rehearse:  # in MuJoCo, which could not move others
         require_consistent(run.cell.arm)
     _require_rate(run)
