@@ -24,6 +24,8 @@ from sidegan.library.draw import Expansion, draw_valid
 from sidegan.library.measure import measured
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.compose import composed
+from sidegan.pipeline.run import run_stages
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
 
@@ -134,6 +136,16 @@ def rls(size: int) -> Costs:
     return {"fit": _spent(lambda: LeastSquares().fit(gather(model, (part for _ in range(pieces)))))}
 
 
+def workers(size: int) -> Costs:
+    """Wall time [s] of 400 seeds by gradients in so many processes, their start included."""
+    words = "+experiment=exp1", "seeds=gradient", "seeds.count=400", "stages=[seeds]", "tracking=off"
+    with tempfile.TemporaryDirectory() as folder:
+        config = composed(*words, f"outputs={folder}", f"parallel.workers={size}")
+        start = time.perf_counter()
+        run_stages(config, Path(folder) / "run", "growth")
+        return {"400 seeds": time.perf_counter() - start}
+
+
 POINTS: dict[Callable[[int], Costs], list[int]] = {
     joints: [2, 4, 7, 10, 14],
     samples: [40, 80, 160, 320, 640],
@@ -142,6 +154,7 @@ POINTS: dict[Callable[[int], Costs], list[int]] = {
     greedy: [10_000, 100_000, 1_000_000],
     d_optimal: [10_000, 100_000, 1_000_000],
     rls: [1_000, 10_000, 100_000],
+    workers: [1, 2],
 }
 
 

@@ -44,6 +44,7 @@ class Pinocchio:
         for first, second in constraints.pairs.tolist():
             self.geometry.addCollisionPair(pin.CollisionPair(first, second))
         self.shapes = self.geometry.createData()
+        self.shape_pool = pin.GeometryPool(self.model, self.geometry, 2)
 
     def regressor(self, state: State) -> Array:
         """Base regressor (J, p) of a state."""
@@ -57,6 +58,10 @@ class Pinocchio:
     def torque(self, threads: int, columns: State) -> Array:
         """Torques (S, J) of states, (J, S) each, by the library's own threads."""
         return pin.rneaInParallel(threads, self.pool, *columns).T
+
+    def touch(self, threads: int, positions: Array) -> Array:
+        """Whether links touch, (S,), at positions (J, S), by the library's own threads."""
+        return pin.computeCollisionsInParallel(threads, self.shape_pool, positions, True)
 
     def check(self, states: Sequence[State]) -> None:
         """Torques and distances at samples, with nothing proven between them."""

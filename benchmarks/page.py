@@ -24,8 +24,8 @@ from benchmarks.growth import POINTS
 _DOCS = Path(__file__).parents[1] / "docs"
 _NUMBERS, _PAGE, _FIGURE = _DOCS / "benchmarks.json", _DOCS / "benchmarks.md", _DOCS / "images" / "growth.png"
 _PACKAGES = ["sidegan", "numpy", "torch", "numba", "pin", "mujoco", "figaroh", "frax", "jax"]
-_LARGE = ("library", "greedy", "d_optimal", "rls")  # a process for each size
-_UNITS = {"file": "MB", "peak": "MB", "regressor": "µs", "validity": "µs"}
+_LARGE = ("library", "greedy", "d_optimal", "rls", "workers")  # a process for each size
+_UNITS = {"400 seeds": "s", "file": "MB", "peak": "MB", "regressor": "µs", "validity": "µs"}
 
 
 def _rates(*words: str) -> dict[str, Any]:

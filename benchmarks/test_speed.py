@@ -40,6 +40,7 @@ _DESK = Plane((0.0, 0.0, 1.0), 0.10)
 _SAMPLES = 80  # states of a trajectory
 _CELLS = 160  # configurations of a trajectory that the opponent checks, 0.1 s apart
 _SEEDS = {"sidegan": ("gradient", 50), "gaco + compass": ("paper", 1)}  # method, seeds
+_TOUCH = "computeCollisionsInParallel, samples and links only"
 _FIGAROH = "FIGAROH, ten iterations at 5 Hz"
 _PARALLEL, _INVERSE, _FRAX = "Pinocchio, rneaInParallel", "MuJoCo, mj_inverse", "frax, compiled by JAX"
 
@@ -131,12 +132,21 @@ def test_gradient_of_the_objective(rate: Rate) -> None:
     rate(lambda: value_and_gradient(PROBLEM, c, Penalty(30.0)), len(c) * PROBLEM.samples, "states")
 
 
-@pytest.mark.parametrize("by", [OURS, "Pinocchio + coal, samples only"])
+@pytest.mark.parametrize("by", [OURS, "Pinocchio + coal, samples only", _TOUCH])
 def test_validity(rate: Rate, by: str) -> None:
     """Whether trajectories hold every limit and keep clear, proven."""
     if by == OURS:
         work = partial(check, CONSTRAINTS, FAMILY, start(2000))
         rate(work, 2000, "trajectories", both=work)
+    elif by == _TOUCH:
+        arm, other = CONSTRAINTS.arm, Pinocchio(CONSTRAINTS)
+        noise, count = np.random.default_rng(0), 50
+        q = noise.uniform(arm.position_lower, arm.position_upper, (count * _CELLS, arm.joints))
+        positions = np.asfortranarray(q.T)
+        work, both = (partial(other.touch, threads, positions) for threads in (1, 2))
+        found = rate(work, count, "trajectories", both=both)
+        expected = [min(CONSTRAINTS.distances_at(one).values()) < 0 for one in q]
+        assert any(expected) and np.array_equal(found, expected)
     else:
         each, loops = motions(10, _CELLS), Pinocchio(CONSTRAINTS)
         rate(lambda: [loops.check(states) for states in each], len(each), "trajectories")
