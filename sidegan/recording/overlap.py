@@ -13,7 +13,6 @@ from sidegan.recording.recording import Recording
 from sidegan.recording.tables import Numbers
 
 _STRETCH = 32  # rows in a row that are no accident
-_AT_ONCE = 100_000  # rows that are hashed at once
 _COUNTED = ("torque", "current", "velocity", "acceleration")  # of these, what both recordings have
 
 Hashes = NDArray[np.uint64]
@@ -35,14 +34,9 @@ class Digests(NamedTuple):
 
 def digests_of(recording: Recording) -> Digests:
     """Digests of a recording's rows, by their numbers in single precision, in which some files keep them."""
-    signals = {name: _digested(x) for name, x in recording.signals().items()}
+    single = {name: x.astype(np.float32) + np.float32(0) for name, x in recording.signals().items()}
+    signals = {name: _hashes(x) for name, x in single.items()}
     return Digests(recording.time, signals, recording.load)
-
-
-def _digested(x: Numbers) -> Hashes:
-    """A hash of each row (S, J), (S,), piece by piece, which takes less memory than the numbers do."""
-    pieces = range(0, len(x), _AT_ONCE)
-    return np.concatenate([_hashes(x[k : k + _AT_ONCE].astype(np.float32) + np.float32(0)) for k in pieces])
 
 
 def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:

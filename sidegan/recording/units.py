@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -106,9 +106,3 @@ def without_unit(text: str) -> str:
     """The end of a heading without its unit: ``" Pos"`` of ``" Pos (deg)"``, nothing of ``"_rad"``."""
     name, _, last = text.rpartition("_")
     return name if last.lower() in _ENDS else re.sub(r"\s*[(\[][^\d)\]]+[)\]]\s*$", "", text)
-
-
-def told(units: Iterable[tuple[str, str]]) -> list[str]:
-    """A sentence on units that were read from headings, pairs of signal and unit."""
-    each = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(units) if unit)
-    return [f"{each}, as the columns are headed; recording.units sets another unit"] if each else []

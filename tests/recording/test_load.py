@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sidegan.recording import text
 from sidegan.recording.load import load_recording
 from tests.recording import files
 from tests.recording.conftest import of_file, part_of
@@ -68,9 +67,7 @@ def garbled(lines):
 GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
 
 
-@pytest.mark.parametrize("at_once", [100_000, 7])
-def test_corrupt_rows_are_left_out_and_named(made, tmp_path, monkeypatch, at_once):
-    monkeypatch.setattr(text, "_AT_ONCE", at_once)
+def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
     path = files.write_csv(made, tmp_path)
     lines = path.read_text().splitlines()
     garbled(lines)
