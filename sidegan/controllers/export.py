@@ -60,7 +60,7 @@ def _files(
     """Name and content of each file."""
     pause, rate, notes = settings.pause or 0.0, settings.rate, constraints.arm.locked
     if "csv" in settings.formats:
-        tables = fine | {ALL: run_of([*fine.values()], pause, rate)}
+        tables = fine | {ALL: run_of(fine.values(), pause, rate)}
         for name, course in (tables | {name: way.sampled(rate) for name, way in ways.items()}).items():
             yield f"{name}.csv", csv_text(course)
     if "ros2" in settings.formats:
@@ -68,7 +68,7 @@ def _files(
         for name, course in (points | ways).items():
             yield f"{name}.yaml", goal_text(course, tolerance, notes)
     if "urscript" in settings.formats:
-        for name, course in (points | ways | {ALL: run_of([*points.values()], pause)}).items():
+        for name, course in (points | ways | {ALL: run_of(points.values(), pause)}).items():
             yield f"{name}.script", script_text(course, f"excite_{name}", settings.tolerance.angle, notes)
 
 
