@@ -18,7 +18,6 @@ from sidegan.recording.commanded import Repeated, averaged, load_commanded
 from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.load import recording_name
 from sidegan.recording.noise import noise_of
-from sidegan.recording.rates import RATES, contradiction
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import Grid, grid_for, preprocess, torque_of
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
@@ -105,9 +104,6 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
     """The first part of a recording, to identify from, and the last share of it, which is held out.
 
     Between them as much is left out as the low-pass mixes.
-
-    Raises:
-        RecordingError: when one of them would hold next to nothing.
     """
     mixed = round(recording.grid.rate / recording.grid.cutoff)
     end = round((1 - share) * recording.kept)
@@ -174,10 +170,6 @@ def check_recording(
 
     Its torques are compared with the arm's description. ``known`` is the delay of the torques where other
     recordings tell it too; the other arguments are those of ``preprocess``.
-
-    Raises:
-        RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
-            zero or constant, positions or torques are in another unit than declared.
     """
     statistics = statistics_of(recording, settings)
     refused.refuse_wrong_units(statistics, arm, settings.units)
@@ -194,8 +186,8 @@ def check_recording(
 
     body, given = RigidBody(arm), settings.delay or 0.0
     segments, remarks = kept(given), dict[str, str]()
-    for rate in [name for name in RATES if name in statistics.signals]:
-        if wrong := contradiction(recording.name, arm, rate, segments):
+    for rate in [name for name in plausibility.RATES if name in statistics.signals]:
+        if wrong := plausibility.contradiction(recording.name, arm, rate, segments):
             none: dict[str, Any] = {rate: None}
             parts = [replace(part, **none) for part in parts]
             used = {name: x for name, x in statistics.signals.items() if name != rate}

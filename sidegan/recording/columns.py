@@ -37,11 +37,7 @@ class Joints:
         chain: Sequence[str],
         sliding: Collection[str] = (),
     ) -> "Joints":
-        """The arm's joints in a file, as part of a chain in which others may be locked; no names: none are.
-
-        Raises:
-            RecordingError: when the names that are set are not as many as the joints.
-        """
+        """The arm's joints in a file, of a chain in which others may be locked; without names none are."""
         own, every = tuple(joint_names), tuple(chain or joint_names)
         named, slides = tuple(settings.joints or every), tuple(name in sliding for name in own)
         if len(named) == len(every):
@@ -81,11 +77,7 @@ class Finder:
         self.ambiguous = bool(others)
 
     def found(self) -> tuple[Where, list[str]]:
-        """Columns of time, or two of seconds and nanoseconds, and of each signal, and remarks on them.
-
-        Raises:
-            RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
-        """
+        """Columns of time, or two of seconds and nanoseconds, and of each signal, and remarks on them."""
         time = self._time()
         where, patterns, guessed = {"time": time} if time else {}, dict[str, str](), []
         for signal in [self.only] if self.only else SIGNALS:

@@ -57,11 +57,7 @@ class Repeated:
 
 
 def commanded_files(path: Path) -> list[Path]:
-    """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run.
-
-    Raises:
-        RecordingError: when there is none.
-    """
+    """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run."""
     runs = sorted(path.glob(f"*/{FOLDER}"))  # named by their time
     folder = runs[-1] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
     files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda one: one.stem.zfill(9))
@@ -72,11 +68,7 @@ def commanded_files(path: Path) -> list[Path]:
 
 
 def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
-    """The trajectories that were sent, in the columns of ``excite``.
-
-    Raises:
-        RecordingError: when there is none, or one is of other joints.
-    """
+    """The trajectories that were sent, in the columns of ``excite``."""
     found = []
     for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):
@@ -93,9 +85,6 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
 
     With a gap [s] in it a repetition does not count.
-
-    Raises:
-        RecordingError: when there is nothing of the commands in it.
     """
     fresh = np.append(True, np.diff(recording.time) > 0)
     time = recording.time[fresh]

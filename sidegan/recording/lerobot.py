@@ -21,11 +21,7 @@ def is_dataset(path: Path) -> bool:
 
 
 def dataset_files(path: Path) -> list[Path]:
-    """Files of a dataset that hold numbers: its description, and its frames in the order of episodes.
-
-    Raises:
-        RecordingError: when it has no frames.
-    """
+    """Files of a dataset that hold numbers: its description, and its frames in the order of episodes."""
     frames = sorted(path.glob(_FRAMES))
     if not frames:
         raise RecordingError(f"{path} is a LeRobot dataset without frames: there is no {_FRAMES}")
@@ -37,9 +33,6 @@ def dataset_table(path: Path) -> Table:
 
     Columns are those of its files. One that holds a vector whose elements have names is a column for each of
     them instead: ``observation.state.shoulder.pos``.
-
-    Raises:
-        RecordingError: when the description is none, or the files have no episodes on a clock.
     """
     info, *files = dataset_files(path)
     with reading(info, "JSON", RecordingError):

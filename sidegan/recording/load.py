@@ -48,9 +48,6 @@ def load_recording(
     .mcap) or a LeRobot dataset (folder). The chain are the names of the arm's joints and of those locked
     between them, from the base outwards; no names: no others. Some joints slide; the others turn, and where
     their readings jump by a turn, that is taken out. So are rows at rest without drives.
-
-    Raises:
-        RecordingError: when a file cannot be read or does not fit the arm.
     """
     name = recording_name(files)
     joints = Joints.of(name, settings, joint_names, chain, sliding)
@@ -71,11 +68,7 @@ def recording_name(files: Recorded | Path) -> str:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files of a recording: itself, or those of a folder.
-
-    Raises:
-        RecordingError: when the folder is neither a bag nor a dataset.
-    """
+    """The files of a recording: itself, or those of a folder."""
     if not path.is_dir():
         return [path]
     return dataset_files(path) if is_dataset(path) else bag_files(path)

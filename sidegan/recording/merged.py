@@ -31,10 +31,6 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Numbers], list[tuple[int, s
     """Time and signals at the stamps of the fastest file, corrupt rows of all files, and remarks.
 
     Only what all files cover counts, and in none of them is interpolated over a gap.
-
-    Raises:
-        RecordingError: when time runs backwards in a file, one is without a clock, or they have no time in
-            common.
     """
     without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
     if without and stamped:

@@ -40,11 +40,7 @@ def digests_of(recording: Recording) -> Digests:
 
 
 def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
-    """Refuse recordings of which two, given with their names, have a stretch of samples or torques in common.
-
-    Raises:
-        RecordingError: names both, and where the stretch is.
-    """
+    """Refuse recordings, given with their names, of which two share a stretch of samples or torques."""
     for (first, one), (second, other) in combinations(recordings, 2):
         common = ["position", *(n for n in _COUNTED if n in one.signals and n in other.signals)]
         (mine, _), (theirs, time) = (x.changing(common) for x in (one, other))

@@ -26,11 +26,7 @@ _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 
 def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
-    """Refuse positions and time stamps that make sense in another unit than the declared one only.
-
-    Raises:
-        RecordingError: naming the joint and the value.
-    """
+    """Refuse positions and time stamps that make sense in another unit than the declared one only."""
     name, position = statistics.name, statistics.signals["position"]
     if statistics.step > SLOWEST:
         raise RecordingError(
@@ -106,11 +102,7 @@ def _time_unit(step: float, units: Units) -> str:
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque, or whose velocities are none.
-
-    Raises:
-        RecordingError: saying what does not change.
-    """
+    """Refuse a recording without motion or torque, or whose velocities are none."""
     file, signals = statistics.name, statistics.signals
     position = signals["position"]
     span = position.upper - position.lower
@@ -141,9 +133,6 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     """Refuse torques far beyond the arm's limits; without limits, far beyond what its description needs.
 
     Limits that the description's own links exceed in the same motion stand for none.
-
-    Raises:
-        RecordingError: naming the joint, its torque, and the setting that is likely to be wrong.
     """
     limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
     most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description's links need")

@@ -51,11 +51,7 @@ class Grid:
 
 
 def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
-    """Grid of a recording: cut-off from the bandwidth [Hz] of the motion, or of the commands; rate from it.
-
-    Raises:
-        RecordingError: when the arm does not move, or the cut-off is so low that nothing is left.
-    """
+    """Grid of a recording: cut-off by the bandwidth [Hz] of the motion or the commands; rate by it."""
     bandwidth = sent or statistics.bandwidth
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
@@ -91,9 +87,6 @@ def preprocess(
 
     Drives have gains [N·m/A], one per joint. The smooth sign is at 76 % at a width [rad/s or m/s]. A delay
     [s] by which torques are later than states is taken off. None is the grid of the recording's statistics.
-
-    Raises:
-        RecordingError: when there is no torque, or no motion.
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
     signals, factor = _signals(recording, gains, settings.reverse)

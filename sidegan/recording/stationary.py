@@ -35,11 +35,7 @@ def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recordin
 def stationary_positions(
     arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings
 ) -> dict[str, float]:
-    """Where the joints without a torque stand [rad or m], from the positions in all recordings.
-
-    Raises:
-        RecordingError: when the arm has no such joint, or one moves.
-    """
+    """Where the joints without a torque stand [rad or m], from the positions in all recordings."""
     if unknown := [name for name in settings.without if name not in arm.joint_names]:
         raise RecordingError(
             f"recording.without names {', '.join(unknown)}; the arm has joints {', '.join(arm.joint_names)}"

@@ -78,11 +78,7 @@ class Statistics(Clock):
 
 
 def statistics_of(recording: Recording, settings: RecordingSettings) -> Statistics:
-    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion.
-
-    Raises:
-        RecordingError: when there are too few samples, or time runs backwards.
-    """
+    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion."""
     name, samples, time = recording.name, len(recording), recording.time
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
@@ -107,11 +103,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
 
 
 def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
-    """The clock of time stamps [s], (S,); ``name`` is for messages.
-
-    Raises:
-        RecordingError: when time runs backwards, or stands still.
-    """
+    """The clock of time stamps [s], (S,); ``name`` is for messages."""
     steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0))

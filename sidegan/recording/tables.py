@@ -45,11 +45,7 @@ class Table:
         return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
 
     def numbers(self, name: str) -> Numbers:
-        """A column, (S,) or, of lists, (S, J); NaN where it holds no number.
-
-        Raises:
-            RecordingError: when it holds complex numbers.
-        """
+        """A column, (S,) or, of lists, (S, J); NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
         if len(values) and isinstance(values[0], list | np.ndarray):
             values = np.stack([*values])
@@ -106,11 +102,7 @@ def json_table(path: Path) -> Table:
 
 
 def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Names and values of what a value of JSON nests.
-
-    Raises:
-        ValueError: when the whole of it is no object.
-    """
+    """Names and values of what a value of JSON nests; a ValueError where the whole of it is no object."""
     if isinstance(value, dict):
         for key, one in value.items():
             yield from _leaves(one, f"{name}.{key}".lstrip("."))
@@ -130,11 +122,7 @@ def npz_table(path: Path) -> Table:
 
 
 def mat_table(path: Path) -> Table:
-    """A file of MATLAB, up to version 7: arrays as in an NPZ file; of structures, names are joined by dots.
-
-    Raises:
-        RecordingError: when it is of version 7.3.
-    """
+    """A file of MATLAB, up to version 7, as an NPZ file; names of what structures nest are joined by dots."""
     import scipy
 
     try:

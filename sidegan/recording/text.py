@@ -28,9 +28,6 @@ def text_table(path: Path) -> Table:
 
     Between semicolons and tabs, numbers may have decimal commas. Joint states as ``ros2 topic echo --csv``
     writes them need no names.
-
-    Raises:
-        RecordingError: when it is empty, has no first line of column names, or one with a name twice.
     """
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
@@ -91,9 +88,6 @@ def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
     """Names for the columns of joint states without names; none where a first line is no joint state.
 
     Seconds, nanoseconds and the frame are followed by the joints' names and their values.
-
-    Raises:
-        RecordingError: when it does not tell of which signals the values are.
     """
     numbers = [_is_number(field) for field in fields]
     if len(fields) < 5 or not (fields[0].isdigit() and fields[1].isdigit()) or numbers[2] or numbers[3]:

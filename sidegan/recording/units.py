@@ -43,11 +43,7 @@ class Counts:
     zero: float | list[float] = 0.0  # what is read where the joint's position is zero
 
     def in_si(self, counts: NDArray[np.float64], slides: Sequence[bool]) -> NDArray[np.float64]:
-        """Positions [rad or m], (S, J), of counts (S, J).
-
-        Raises:
-            RecordingError: when there are numbers for more or fewer joints.
-        """
+        """Positions [rad or m], (S, J), of counts (S, J)."""
         each = []
         for name, values in vars(self).items():
             if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
