@@ -16,10 +16,10 @@ from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.commanded import Repeated, averaged, load_commanded
 from sidegan.recording.delay import Delay, measured, pooled
+from sidegan.recording.grid import Grid, noise_of
 from sidegan.recording.load import recording_name
-from sidegan.recording.noise import noise_of
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.segments import Grid, grid_for, preprocess, torque_of
+from sidegan.recording.segments import grid_for, preprocess, torque_of
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import load_for
 from sidegan.recording.statistics import Statistics, statistics_of

@@ -1,5 +1,6 @@
-"""From jittery samples to a uniform grid, and filters along it."""
+"""From jittery samples to a uniform grid, filters along it, and the noise above the motion."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -7,11 +8,42 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.recording.tables import Numbers
 
 _HIGHEST = 0.8  # of half the sampling rate: above it there is nothing to filter
 _ORDER = 4  # of the low-pass, which is run forwards and backwards
 _LEAST = 4  # samples of a run: the interpolation looks at so many
+_BAND = (1.5, 3.0)  # times the cut-off of the low-pass, itself twelve times the bandwidth of the motion
+_RESOLVED = 0.6  # of half the sampling rate: above it, interpolation to the grid takes noise away
+_MOST = 200_000  # samples of a part that are looked at
+_BLOCK = 16  # periods of the cut-off in a block of the spectrum
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Uniform grid and low-pass that a recording is preprocessed with; ``statement`` says it to people."""
+
+    step: float  # of the grid [s]
+    gap: float  # longest time that is interpolated over [s]
+    bandwidth: float  # of the motion [Hz]
+    source: str  # of the bandwidth, for people
+    cutoff: float  # of the low-pass [Hz]
+    stride: int  # every so manieth sample of the grid is kept
+
+    @property
+    def rate(self) -> float:
+        """Rate of the samples that are kept [Hz]."""
+        return 1 / (self.step * self.stride)
+
+    @property
+    def statement(self) -> str:
+        """The grid and the filter in words."""
+        return (
+            f"resampled to {1 / self.step:.4g} Hz (gaps over {self.gap * 1e3:.3g} ms are not crossed), "
+            f"zero-phase low-pass at {self.cutoff:.3g} Hz (bandwidth of the motion "
+            f"{self.bandwidth:.3g} Hz, {self.source}), {self.rate:.4g} samples per second kept"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,3 +117,29 @@ def derivative(x: Numbers, step: float) -> Numbers:
     """
     p = np.pad(x, ((2, 2), (0, 0)), "reflect", reflect_type="odd")
     return (p[:-4] - 8 * p[1:-3] + 8 * p[3:-1] - p[4:]) / (12 * step)
+
+
+def noise_of(torques: Sequence[tuple[Numbers, Numbers]], grid: Grid) -> Array:
+    """Density of each joint's torque noise [(N·m)²/Hz], (J,), of times (S,) [s] and torques (S, J) in parts.
+
+    It is that between 1.5 and 3 times the cut-off, the median over blocks, so that a jump is no noise. NaN
+    where samples are too few or too far apart to tell.
+
+    Source: Welch 1967, The use of fast Fourier transform for the estimation of power spectra.
+    """
+    low, high = _BAND[0] * grid.cutoff, min(_BAND[1] * grid.cutoff, _RESOLVED / (2 * grid.step))
+    size = round(_BLOCK / (grid.cutoff * grid.step))
+    each = (
+        run.at([torque], 0, run.points)
+        for time, torque in torques
+        for run in runs(time[:_MOST], grid.step, grid.gap)
+        if run.points >= size
+    )
+    found, weights = [], []
+    for x in each if low < high else ():
+        frequency, density = scipy.signal.welch(x, 1 / grid.step, "hann", size, axis=0, average="median")
+        found.append(density[(low <= frequency) & (frequency <= high)].mean(0))
+        weights.append(len(x))
+    if not found:
+        return np.full(torques[0][1].shape[1], math.nan)
+    return np.average(found, 0, weights)
