@@ -15,7 +15,6 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import bandwidth_of
-from sidegan.recording.tables import Numbers
 
 FOLDER = "trajectories"  # of a run of excite
 _RATE = 50.0  # [Hz] at which trajectories are looked for
@@ -29,10 +28,10 @@ class Commanded:
     """A trajectory that was sent to the arm."""
 
     name: str  # of its file
-    time: Numbers  # [s], (T,), from 0 on
-    position: Numbers  # [rad or m], (T, J)
+    time: Array  # [s], (T,), from 0 on
+    position: Array  # [rad or m], (T, J)
 
-    def at(self, times: Numbers) -> tuple[Numbers, Numbers]:
+    def at(self, times: Array) -> tuple[Array, Array]:
         """Positions and velocities at some times [s] within, (S, J) each."""
         curve = scipy.interpolate.PchipInterpolator(self.time, self.position)
         return curve(times), curve(times, 1)
@@ -117,9 +116,7 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     return found, Repeated(counts, noise, bandwidth)
 
 
-def _starts(
-    time: Numbers, position: Numbers, sent: Sequence[Commanded], gap: float
-) -> dict[int, list[float]]:
+def _starts(time: Array, position: Array, sent: Sequence[Commanded], gap: float) -> dict[int, list[float]]:
     """Moments [s] at which trajectories begin, by their number; no two overlap."""
     step = 1 / _RATE
     grid = np.arange(time[0], time[-1], step)
@@ -140,17 +137,17 @@ def _starts(
             starts.setdefault(k, []).append(start)
 
 
-def _alike(velocity: Numbers, wanted: Numbers) -> Numbers:
+def _alike(velocity: Array, wanted: Array) -> Array:
     """Correlation, −1 to 1, of velocities (S, J) with wanted ones (T, J) that begin at each sample."""
     if len(wanted) > len(velocity):
         return np.zeros(0)
     match = sum(scipy.signal.correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
     energy = np.cumsum(np.append(0.0, (velocity**2).sum(1)))
     power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), 1e-300)
-    return np.asarray(match / np.sqrt(power))
+    return match / np.sqrt(power)
 
 
-def _begun(time: Numbers, position: Numbers, sent: Commanded, start: float) -> float | None:
+def _begun(time: Array, position: Array, sent: Commanded, start: float) -> float | None:
     """The moment at which a trajectory begins [s]; None where it is another one or not all of it is there.
 
     What a servo is late by is part of it: the recording is compared with itself, not with what was asked for.

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
@@ -18,7 +18,7 @@ from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.tables import Numbers, Table, Where, json_table, mat_table, npz_table, parquet_table
+from sidegan.recording.tables import Table, Where, json_table, mat_table, npz_table, parquet_table
 from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
 
@@ -87,7 +87,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
     if settings.units.position is not None and (rates := where.keys() & {"velocity", "acceleration"}):
         where = {name: columns for name, columns in where.items() if name not in rates}
         remarks.append(f"{listed(sorted(rates))} is derived, since positions are counts of encoders")
-    signals: dict[str, Numbers] = {}
+    signals: dict[str, Array] = {}
     with reading(path, path.suffix[1:], RecordingError):
         if "time" in where:
             signals["time"], odd = stamps_in_si(table, where["time"], settings.units)
@@ -104,9 +104,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
     return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
 
 
-def _apart(
-    signals: dict[str, Numbers], rows: NDArray[np.int64]
-) -> list[tuple[dict[str, Numbers], NDArray[np.int64]]]:
+def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array], Array]]:
     """Signals and their rows, (S,): all of them, or each, with time, at the rows where it has any numbers.
 
     The latter where one comes at moments of its own, so that many cells are blank.
@@ -120,9 +118,7 @@ def _apart(
     ]
 
 
-def _part(
-    file: str, where: Where, signals: dict[str, Numbers], rows: NDArray[np.int64], rate: float | None
-) -> Part:
+def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
     """Signals without rows that lack a number."""
     good, corrupt = _whole_rows(file, rows, where, signals)
     if not good.any():
@@ -164,7 +160,7 @@ def _open(
 
 def _in_si(
     file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
-) -> Numbers:
+) -> Array:
     """A signal (S, J) in SI units, of columns (S,), or of one (S, J)."""
     columns = [table.numbers(column) for column in where]
     if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
@@ -182,8 +178,8 @@ def _in_si(
 
 
 def _whole_rows(
-    file: str, rows: NDArray[np.int64], where: Where, signals: dict[str, Numbers]
-) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
+    file: str, rows: Array, where: Where, signals: dict[str, Array]
+) -> tuple[Array, list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the number and reason of the others."""
     names, lacks = [], []
     for name, some in signals.items():
@@ -205,7 +201,7 @@ def _whole_rows(
     return ~wrong, corrupt
 
 
-def _most(name: str, column: Numbers) -> float:
+def _most(name: str, column: Array) -> float:
     """The largest number that a column (S,) may hold."""
     late = name == "time" and np.count_nonzero(np.abs(column) > _LARGEST) > len(column) / 2
     return _LATEST if late else _LARGEST

@@ -6,27 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
+from sidegan.recording.grid import stretches
 from sidegan.recording.recording import Recording
-from sidegan.recording.tables import Numbers
 
 _STRETCH = 32  # rows in a row that are no accident
 _COUNTED = ("torque", "current", "velocity", "acceleration")  # of these, what both recordings have
 
-Hashes = NDArray[np.uint64]
-
 
 class Digests(NamedTuple):
-    """Hashes of a recording's rows, by which other recordings that hold the same ones are found."""
+    """Array of a recording's rows, by which other recordings that hold the same ones are found."""
 
-    time: Numbers  # of the rows [s], (S,)
-    signals: dict[str, Hashes]  # by name, (S,) each
+    time: Array  # of the rows [s], (S,)
+    signals: dict[str, Array]  # by name, (S,) each
     load: str  # of torque and current that from which the arm is identified
 
-    def changing(self, names: Sequence[str]) -> tuple[Hashes, Numbers]:
-        """Hashes of some signals together and times of rows in which the first of them changes, (K,)."""
+    def changing(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """Array of some signals together and times of rows in which the first of them changes, (K,)."""
         first = self.signals[names[0]]
         keep = np.append(True, first[1:] != first[:-1])
         return _hashes(np.stack([self.signals[name] for name in names], 1))[keep], self.time[keep]
@@ -57,10 +55,9 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
             )
 
 
-def _stretch(common: NDArray[np.bool_], time: Numbers) -> str:
+def _stretch(common: Array, time: Array) -> str:
     """From when to when the longest stretch of common rows is; nothing where it may be an accident."""
-    edges = np.flatnonzero(np.diff(np.pad(common.astype(np.int8), 1)))
-    begins, ends = edges[::2], edges[1::2]
+    begins, ends = stretches(common)
     if not (ends - begins >= _STRETCH).any():
         return ""
     longest = int(np.argmax(ends - begins))
@@ -68,7 +65,7 @@ def _stretch(common: NDArray[np.bool_], time: Numbers) -> str:
     return f"from {begin:.6g} s to {end:.6g} s"
 
 
-def _in_order(mine: Hashes, theirs: Hashes) -> NDArray[np.bool_]:
+def _in_order(mine: Array, theirs: Array) -> Array:
     """Which of their rows follow each other as mine do; coarse currents are alike by accident."""
     order = np.argsort(mine, kind="stable")
     place = order[np.searchsorted(mine, theirs, sorter=order).clip(max=len(mine) - 1)]
@@ -77,6 +74,6 @@ def _in_order(mine: Hashes, theirs: Hashes) -> NDArray[np.bool_]:
     return np.append(False, next_) | np.append(next_, False)
 
 
-def _hashes(rows: NDArray[np.float32] | Hashes) -> Hashes:
+def _hashes(rows: Array | Array) -> Array:
     """A hash of each row (S, C), (S,)."""
     return np.asarray(pd.util.hash_pandas_object(pd.DataFrame(rows), index=False), dtype=np.uint64)

@@ -1,19 +1,17 @@
 """Preprocessing: from raw recordings to filtered states and torques on a uniform grid."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, shift
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import Grid, Run, derivative, low_pass, runs
+from sidegan.recording.grid import Grid, Run, derivative, low_pass, runs, stretches
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
-from sidegan.recording.tables import Numbers
 
 _OVERSAMPLING = 10.0  # samples that are kept per period of the cut-off
 _AT_ONCE = 50_000  # points of the grid that are filtered at once
@@ -73,8 +71,7 @@ def preprocess(
         kept, moving, *states = (np.concatenate(x) for x in zip(*pieces))
         moving &= (kept >= edge) & (kept < run.points - edge)
         times = run.time[0] + kept * grid.step
-        ends = np.flatnonzero(np.diff(np.pad(moving, 1)))
-        for begin, end in zip(ends[::2], ends[1::2]):
+        for begin, end in zip(*stretches(moving)):
             if end - begin >= _LEAST_POINTS:
                 segments.append(Segment(*(np.ascontiguousarray(x[begin:end]) for x in (times, *states))))
     if not segments:
@@ -95,15 +92,15 @@ def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, in
 
 def _thinned(
     run: Run,
-    signals: Mapping[str, Numbers],
-    factor: Numbers,
+    signals: Mapping[str, Array],
+    factor: Array,
     grid: Grid,
     span: tuple[int, int, int, int],
     sign_width: float,
     still: float,
     delay: float,
-) -> tuple[NDArray[Any], ...]:
-    """Numbers of kept points of a piece of a run, (K,), which are near a motion, and states, (K, J)."""
+) -> tuple[Array, ...]:
+    """Array of kept points of a piece of a run, (K,), which are near a motion, and states, (K, J)."""
     first, begin, end, last = span
     x = low_pass(run.at([*signals.values()], first, last), grid.cutoff, grid.step)
     smooth = dict(zip(signals, np.split(x, len(signals), 1)))
@@ -120,7 +117,7 @@ def _thinned(
     return kept, *(one[kept - first] for one in (moving, *states))
 
 
-def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Numbers:
+def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Array:
     """Torque [N·m or N] of samples, (S, J), as recorded or from the current."""
     signals, factor = _signals(recording, gains, reverse)
     return signals["torque"] * factor
@@ -128,7 +125,7 @@ def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequ
 
 def _signals(
     recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]
-) -> tuple[dict[str, Numbers], Numbers]:
+) -> tuple[dict[str, Array], Array]:
     """Signals (S, J) that count, and factors (J,) to what is the torque among them, or the current."""
     names = recording.joint_names
     signals = recording.signals()

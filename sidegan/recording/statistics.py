@@ -1,17 +1,17 @@
 """Statistics of a raw recording: its clock, its motion's bandwidth, each signal, torques that stood still."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
+from sidegan.recording.grid import stretches
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
-from sidegan.recording.tables import Numbers
 
 SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
 HEADROOM = 12.0  # cut-off of the low-pass over the bandwidth of the motion
@@ -102,7 +102,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     )
 
 
-def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
+def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
     """The clock of time stamps [s], (S,); ``name`` is for messages."""
     steps = np.diff(time)
     if (steps < 0).any():
@@ -129,7 +129,7 @@ def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
     )
 
 
-def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> float:
+def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 where nothing moves.
 
     Of positions (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White noise of the
@@ -158,12 +158,12 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
     return float(frequency[max(index, 1)])
 
 
-def _signal(x: Numbers) -> Signal:
+def _signal(x: Array) -> Signal:
     """Statistics of a signal (S, J)."""
     return Signal(*np.array([_of_joint(column) for column in x.T]).T)
 
 
-def _of_joint(x: Numbers) -> tuple[float, float, float, float]:
+def _of_joint(x: Array) -> tuple[float, float, float, float]:
     """The same of one joint, (S,); a joint after the other, an hour of all takes little memory."""
     lower, upper, steps = x.min(), x.max(), np.abs(np.diff(x))
     quantum = steps.min(where=steps > 0, initial=np.inf)
@@ -171,10 +171,10 @@ def _of_joint(x: Numbers) -> tuple[float, float, float, float]:
     return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped if clipped >= _CLIPPED else 0.0
 
 
-def _longest_run(marked: Any) -> float:
+def _longest_run(marked: Array) -> float:
     """Most consecutive samples that are marked, of (S,)."""
-    edges = np.flatnonzero(np.diff(np.pad(marked, 1)))
-    return float(max(np.diff(edges)[::2], default=0))
+    begins, ends = stretches(marked)
+    return float((ends - begins).max(initial=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:

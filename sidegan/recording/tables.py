@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 
-Numbers = NDArray[np.float64]
 Where = dict[str, list[str]]  # columns of time and of every signal; a single column may hold all joints
 
 PAUSE = 10.0  # [s] that is put between two stretches of one recording, whose clocks begin anew
@@ -23,7 +22,7 @@ class Table:
     """Columns of a file as they are kept in it, of S rows; an element may be a list of all joints."""
 
     columns: Mapping[str, Any]
-    rows: NDArray[np.int64]  # their numbers as people count them, (S,)
+    rows: Array  # their numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # number and reason of rows that have no columns
     remarks: Sequence[str] = ()  # for people, on what was made of the file
 
@@ -44,7 +43,7 @@ class Table:
             return int(np.shape(values)[1])
         return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
 
-    def numbers(self, name: str) -> Numbers:
+    def numbers(self, name: str) -> Array:
         """A column, (S,) or, of lists, (S, J); NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
         if len(values) and isinstance(values[0], list | np.ndarray):

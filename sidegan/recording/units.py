@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 
@@ -42,7 +42,7 @@ class Counts:
     per_turn: float | list[float]  # or per metre of a joint that slides; below zero where they run backwards
     zero: float | list[float] = 0.0  # what is read where the joint's position is zero
 
-    def in_si(self, counts: NDArray[np.float64], slides: Sequence[bool]) -> NDArray[np.float64]:
+    def in_si(self, counts: Array, slides: Sequence[bool]) -> Array:
         """Positions [rad or m], (S, J), of counts (S, J)."""
         each = []
         for name, values in vars(self).items():
