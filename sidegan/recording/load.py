@@ -100,7 +100,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         raise RecordingError(f"{path.name}: the arrays are not of the same length: {lengths}")
     parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
     signals, corrupt, more = merged(parts) if parts[1:] else (parts[0].signals, parts[0].corrupt, [])
-    remarks = [*table.remarks, *_headed(where, settings.units, joints), *remarks, *more]
+    remarks = [*_headed(where, settings.units, joints), *remarks, *more]
     return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
 
 

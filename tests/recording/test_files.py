@@ -404,18 +404,6 @@ def test_each_signal_is_taken_at_the_rows_that_have_it(recording, tmp_path):
     assert "the torque of a.csv: interpolated at the time stamps of the position" in found.remarks[0]
 
 
-@pytest.mark.parametrize("stamps", [lambda t: t, lambda t: np.stack([t, t + 0.5])])
-def test_rollouts_are_stretches_of_one_recording(made, tmp_path, stamps):
-    t, q, tau = made.time, made.position, made.torque
-    np.savez(tmp_path / "a.npz", t=stamps(t), q=np.stack([q, 2 * q]), tau=np.stack([tau, 3 * tau]))
-    found = load_recording(tmp_path / "a.npz", of_file(), JOINTS)
-    np.testing.assert_allclose(found.position, np.concatenate([q, 2 * q]))
-    np.testing.assert_allclose(found.torque, np.concatenate([tau, 3 * tau]))
-    steps = np.diff(found.time)
-    assert steps[199] == pytest.approx(10) and (np.delete(steps, 199) < 0.02).all()
-    assert found.remarks == ("2 rollouts of 200 samples each are stretches of one recording",)
-
-
 def test_joint_states_without_names_of_two_signals_are_refused_with_the_line_to_write(made, tmp_path):
     echoed(made, tmp_path, ("position", "torque"))
     with pytest.raises(RecordingError, match=r"2 values of each: .* such as stamp\.sec,.*") as error:
