@@ -17,14 +17,14 @@ _COUNTED = ("torque", "current", "velocity", "acceleration")  # of these, what b
 
 
 class Digests(NamedTuple):
-    """Array of a recording's rows, by which other recordings that hold the same ones are found."""
+    """Hashes of a recording's rows, by which other recordings that hold the same ones are found."""
 
     time: Array  # of the rows [s], (S,)
     signals: dict[str, Array]  # by name, (S,) each
     load: str  # of torque and current that from which the arm is identified
 
     def changing(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """Array of some signals together and times of rows in which the first of them changes, (K,)."""
+        """Hashes of some signals together and times of rows in which the first of them changes, (K,)."""
         first = self.signals[names[0]]
         keep = np.append(True, first[1:] != first[:-1])
         return _hashes(np.stack([self.signals[name] for name in names], 1))[keep], self.time[keep]
@@ -74,6 +74,6 @@ def _in_order(mine: Array, theirs: Array) -> Array:
     return np.append(False, next_) | np.append(next_, False)
 
 
-def _hashes(rows: Array | Array) -> Array:
+def _hashes(rows: Array) -> Array:
     """A hash of each row (S, C), (S,)."""
     return np.asarray(pd.util.hash_pandas_object(pd.DataFrame(rows), index=False), dtype=np.uint64)

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
@@ -16,7 +15,7 @@ RATES = {"velocity": "position", "acceleration": "velocity"}  # what is the rate
 _MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] of a rate from which on it is compared
 _WRONG = 1.1  # times the derivative, or a part of it
 _ALIKE = 0.5  # correlation with the derivative below which it is another signal
-_SAME = 0.95  # correlation from which on it is that one
+_SAME = 0.95  # correlation with another joint's derivative, from which on it is that one
 _NEAR = 0.3  # of the logarithm of a ratio
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
@@ -76,11 +75,18 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
 
     Noise of either only makes it look smaller than the derivative, or the derivative smaller than it.
     """
-    derived, recorded = (np.concatenate(x) for x in zip(*(_both(segment, rate) for segment in segments)))
-    moving = np.maximum(*(np.sqrt(np.square(x).mean(0)) for x in (derived, recorded))) > _MOVING
-    products, own, other = (x.sum(0) for x in (derived * recorded, np.square(derived), np.square(recorded)))
-    slope, inverse = products / np.maximum(own, _NOTHING), products / np.maximum(other, _NOTHING)
-    alike = products / np.maximum(np.sqrt(own * other), _NOTHING)
+    signals = [getattr(segment, RATES[rate]) for segment in segments]
+    steps = [segment.time[1] - segment.time[0] for segment in segments]
+    derived = np.concatenate([(x[2:] - x[:-2]) / (2 * step) for x, step in zip(signals, steps)])
+    recorded = np.concatenate([getattr(segment, rate)[1:-1] for segment in segments])
+    products = derived.T @ recorded  # (J, J): derived, recorded
+    own = np.square(derived).sum(0)
+    other = np.square(recorded).sum(0)
+    moving = np.sqrt(np.maximum(own, other) / len(derived)) > _MOVING
+    slope = products.diagonal() / np.maximum(own, _NOTHING)
+    inverse = products.diagonal() / np.maximum(other, _NOTHING)
+    correlation = products / np.maximum(np.sqrt(own[:, None] * other), _NOTHING)
+    alike = correlation.diagonal()
     for j in np.flatnonzero(moving).tolist():
         ratio = abs(slope[j])
         if abs(abs(math.log(max(ratio, _NOTHING))) - math.log(DEGREES)) < _NEAR and abs(alike[j]) > _ALIKE:
@@ -91,24 +97,12 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
     if not wrong.any():
         return None
-    which = np.flatnonzero(wrong).tolist()
-    each = [f"{slope[j]:.2f} ({arm.joint_names[j]}{_other(arm, derived, recorded, j)})" for j in which]
+    each = []
+    for j in np.flatnonzero(wrong).tolist():
+        k = int(correlation[:, j].argmax())
+        others = f": it is that of {arm.joint_names[k]}" if k != j and correlation[k, j] > _SAME else ""
+        each.append(f"{slope[j]:.2f} ({arm.joint_names[j]}{others})")
     return (
         f"the {rate} is {', '.join(each)} times the derivative of the {RATES[rate]}, and is not used but "
         f"derived: were columns exchanged, scaled or reversed? (recording.{rate}=null takes this line away)"
     )
-
-
-def _other(arm: Arm, derived: Array, recorded: Array, j: int) -> str:
-    """The joint whose derivative a joint's recorded rate is, in words, if it is another one's."""
-    one = recorded[:, j]
-    sizes = np.linalg.norm(derived, axis=0) * np.linalg.norm(one)
-    alike = one @ derived / np.maximum(sizes, _NOTHING)
-    k = int(alike.argmax())
-    return f": it is that of {arm.joint_names[k]}" if k != j and alike[k] > _SAME else ""
-
-
-def _both(segment: Segment, rate: str) -> tuple[Array, Array]:
-    """Central difference of what a segment's rate is one of, and that rate there."""
-    step, of = float(segment.time[1] - segment.time[0]), getattr(segment, RATES[rate])
-    return (of[2:] - of[:-2]) / (2 * step), getattr(segment, rate)[1:-1]

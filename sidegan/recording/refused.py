@@ -29,9 +29,11 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
     """Refuse positions and time stamps that make sense in another unit than the declared one only."""
     name, position = statistics.name, statistics.signals["position"]
     if statistics.step > SLOWEST:
+        raw, smaller = statistics.step / units.factor("time"), ("ms", "us", "ns")
+        likely = next((unit for unit in smaller if raw * Units.of_time(unit) <= _USUAL), smaller[-1])
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
-            f"(recording.units.time={_time_unit(statistics.step, units)})"
+            f"(recording.units.time={likely})"
         )
     for doubt in (_angles, _lengths, _counts):
         if said := doubt(position, arm, units):
@@ -93,12 +95,6 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
     unit = "m" if arm.prismatic[j] else "rad"
     reach, limit = position.largest[j], _limit(arm)[j]
     return f"{arm.joint_names[j]} reaches {reach:.4g} {unit}, its limit is {limit:.4g} {unit}"
-
-
-def _time_unit(step: float, units: Units) -> str:
-    """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
-    raw, smaller = step / units.factor("time"), ("ms", "us", "ns")
-    return next((unit for unit in smaller if raw * Units.of_time(unit) <= _USUAL), smaller[-1])
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:

@@ -100,7 +100,7 @@ def _thinned(
     still: float,
     delay: float,
 ) -> tuple[Array, ...]:
-    """Array of kept points of a piece of a run, (K,), which are near a motion, and states, (K, J)."""
+    """Numbers of kept points of a piece of a run, (K,), which are near a motion, and states, (K, J)."""
     first, begin, end, last = span
     x = low_pass(run.at([*signals.values()], first, last), grid.cutoff, grid.step)
     smooth = dict(zip(signals, np.split(x, len(signals), 1)))

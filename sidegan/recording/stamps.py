@@ -26,7 +26,7 @@ _DATES = 0.5  # of a column's texts that are dates at least, where it is one of 
 def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Array, list[str]]:
     """Time stamps [s], (S, 1), of a column, or of one of seconds and one of nanoseconds; and remarks on them.
 
-    Dates are seconds since 1970. Array that are a usual time since 1970 in another unit than seconds, and
+    Dates are seconds since 1970. Numbers that are a usual time since 1970 in another unit than seconds, and
     follow each other like samples in it, are in that unit, unless another one is set.
     """
     if len(columns) > 1:
@@ -55,29 +55,21 @@ def _dates(values: Any) -> Array | None:
     if np.ndim(values) != 1:
         return None
     series = pd.Series(values)
+    found: Any = None
     if pd.api.types.is_datetime64_any_dtype(series):
-        return _seconds(pd.to_datetime(series, utc=True) - _EPOCH)
-    if pd.api.types.is_timedelta64_dtype(series):
-        return _seconds(series)
-    if pd.api.types.is_numeric_dtype(series) or not _are_texts(series):
-        return None
-    texts = series.astype(str).str.replace(",", ".")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
-        for read in _OF_TEXT:
-            if (found := read(texts)).notna().mean() > _DATES:
-                return _seconds(found)
-    return None
-
-
-def _are_texts(series: "pd.Series[Any]") -> bool:
-    """Whether elements are texts that are no numbers."""
-    first = next(iter(series), None)
-    return isinstance(first, str) and bool(pd.to_numeric(series, errors="coerce").isna().mean() > _DATES)
-
-
-def _seconds(times: "pd.Series[Any]") -> Array:
-    return np.asarray(times.dt.total_seconds(), dtype=np.float64)
+        found = pd.to_datetime(series, utc=True) - _EPOCH
+    elif pd.api.types.is_timedelta64_dtype(series):
+        found = series
+    elif (
+        isinstance(next(iter(series), None), str)
+        and pd.to_numeric(series, errors="coerce").isna().mean() > _DATES
+    ):
+        texts = series.astype(str).str.replace(",", ".")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
+            each = (read(texts) for read in _OF_TEXT)
+            found = next((times for times in each if times.notna().mean() > _DATES), None)
+    return None if found is None else found.dt.total_seconds().to_numpy(np.float64)
 
 
 def _since_1970(stamps: Array) -> str:

@@ -208,18 +208,10 @@ def trained(
 ) -> Trained:
     """A variant, trained from the start or from where its training was killed.
 
-    Args:
-        cell: the arm in its cell.
-        variant: its settings.
-        seeds: coefficients [rad/s], (N, J, H, 2); None: random trajectories in their place.
-        run: how it is run.
-        surrogates: folder of those that it learns from; None where it has none.
-        box: largest absolute coefficient [rad/s] that it may yield; None: any.
-        start: file of a generator from whose network it starts.
-
-    Raises:
-        ArtifactError: when a surrogate is missing, damaged, or of another arm.
-        ConfigError, ShapeError, SideganError, KeyboardInterrupt: as ``sidegan.gan.training.train`` does.
+    It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories where there are
+    none, and from the surrogates in a folder. It may yield coefficients within a box [rad/s] alone, and begin
+    with the network of a generator's file, ``start``. Errors are those of ``sidegan.gan.training.train``, and
+    an ArtifactError where a surrogate is missing, damaged, or of another arm.
     """
     if seeds is None:
         seeds = random_trajectories(cell.constraints, cell.trajectory, run.seed, box)
