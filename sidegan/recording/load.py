@@ -51,12 +51,13 @@ def load_recording(
     """
     name = recording_name(files)
     joints = Joints.of(name, settings, joint_names, chain, sliding)
-    if not isinstance(files, Files):
-        part = _read(Path(files), settings, joints)
-        signals, corrupt, remarks = part.signals, part.corrupt, part.remarks
-    else:
-        wanted = [(k, path) for k, path in files.signals(settings.effort).items() if getattr(settings, k)]
-        signals, corrupt, remarks = merged([_read(Path(path), settings, joints, k) for k, path in wanted])
+    each: list[tuple[str | None, Path]] = [
+        (None, Path(paths_of(files)[0]))
+    ]  # the signal of interest, and a file
+    if isinstance(files, Files):
+        paths = files.signals(settings.effort).items()
+        each = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
+    signals, corrupt, remarks = merged([_read(path, settings, joints, only) for only, path in each])
     every: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
     made = Recording(name, tuple(joint_names), **every)
     return driven(unwrapped(made, joints.slides))
@@ -74,7 +75,7 @@ def files_of(path: Path) -> list[Path]:
     return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None = None) -> Part:
+def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
     """The signals of a file, or the only one of interest, without rows that lack a number.
 
     Where signals come at moments of their own, each has its rows.
@@ -99,7 +100,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
         raise RecordingError(f"{path.name}: the arrays are not of the same length: {lengths}")
     parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
-    signals, corrupt, more = merged(parts) if parts[1:] else (parts[0].signals, parts[0].corrupt, [])
+    signals, corrupt, more = merged(parts)
     remarks = [*_headed(where, settings.units, joints), *remarks, *more]
     return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
 

@@ -30,8 +30,10 @@ class Part(NamedTuple):
 def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str]], list[str]]:
     """Time and signals at the stamps of the fastest file, corrupt rows of all files, and remarks.
 
-    Only what all files cover counts, and in none of them is interpolated over a gap.
+    Only what all files cover counts, and in none of them is interpolated over a gap. One file is as it is.
     """
+    if len(parts) == 1:
+        return parts[0].signals, parts[0].corrupt, parts[0].remarks
     without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
     if without and stamped:
         raise RecordingError(

@@ -42,7 +42,8 @@ def stationary_positions(
         )
     places = [arm.joint_names.index(name) for name in settings.without]
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
-    lower, upper = np.full((2, len(places)), np.inf) * [[1], [-1]]
+    lower = np.full(len(places), np.inf)
+    upper = -lower
     for files in recordings:
         recording = load_for(arm, files, only)
         position = recording.position[:, places]
