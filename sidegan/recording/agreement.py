@@ -141,7 +141,8 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     """Agreement of segments with an arm's description."""
     every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = (np.concatenate([segment[k][::every] for segment in segments]) for k in range(1, 5))
-    load, model = load_of(body, q, v, a, torque), body.torque(q, v, a)
+    load = load_of(body, q, v, a, torque)
+    model = body.torque(q, v, a)
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     return Agreement(
         load=load,
@@ -168,7 +169,8 @@ def _left(model: Array, v: Array, a: Array, torque: Array) -> Array:
 
 def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """The joint whose described torque (S, J), with its friction and rotor, each measured one is, (J,)."""
-    own, left = np.arange(model.shape[1]), _left(model, v, a, torque)
+    own = np.arange(model.shape[1])
+    left = _left(model, v, a, torque)
     found = scipy.optimize.linear_sum_assignment(np.log(left).T)[1]
     other = found != own
     clear = left[found, own] < _BETTER * left.diagonal()

@@ -78,7 +78,8 @@ class CheckedRecording:
 
     def as_json(self) -> dict[str, Any]:
         """All of it but the samples, as plain values."""
-        raw, repeated = self.statistics, self.repeated
+        raw = self.statistics
+        repeated = self.repeated
         same = ("name", "samples", "duration", "jitter", "duplicates", "gaps", "frozen")
         return {
             **{key: getattr(raw, key) for key in same},
@@ -116,7 +117,8 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
 
 def _part(recording: CheckedRecording, role: Role, which: str, first: int, last: int) -> CheckedRecording:
     """Kept samples of a recording from one number to another."""
-    parts, begin = [], 0
+    parts = []
+    begin = 0
     for segment in recording.segments:
         inside = slice(max(0, first - begin), max(0, last - begin))
         begin += len(segment.time)
@@ -147,7 +149,8 @@ def read_and_check(
     found = [replace(one, role=role) for one, (_, role) in zip(found, files)]
     warned = defaultdict[str, list[str]](list)
     for (file, role), checked in zip(files, found):
-        name, raw = recording_name(file) if isinstance(file, Files) else file, checked.statistics
+        name = recording_name(file) if isinstance(file, Files) else file
+        raw = checked.statistics
         log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:
             log.info("  %s", statement)
@@ -184,14 +187,17 @@ def check_recording(
         """Segments of all parts with this delay [s] taken off."""
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
-    body, given = RigidBody(arm), settings.delay or 0.0
-    segments, remarks = kept(given), dict[str, str]()
+    body = RigidBody(arm)
+    given = settings.delay or 0.0
+    segments = kept(given)
+    remarks: dict[str, str] = {}
     for rate in [name for name in plausibility.RATES if name in statistics.signals]:
         if wrong := plausibility.contradiction(recording.name, arm, rate, segments):
             none: dict[str, Any] = {rate: None}
             parts = [replace(part, **none) for part in parts]
             used = {name: x for name, x in statistics.signals.items() if name != rate}
-            segments, statistics = kept(given), replace(statistics, signals=used)
+            statistics = replace(statistics, signals=used)
+            segments = kept(given)
             remarks[rate] = wrong
     left = known or measured(body, segments, lambda more: kept(given + more))
     delay = Delay(given, given=True) if given else left

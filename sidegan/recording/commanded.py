@@ -94,11 +94,13 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
             f"{recording.name}: of {counted(len(sent), 'trajectory that was', 'trajectories that were')} "
             "sent none is in it; was it executed at another speed, or is recording.sent of another run?"
         )
-    step, names = float(np.median(np.diff(time))), recording.joint_names
+    step = float(np.median(np.diff(time)))
+    names = recording.joint_names
     curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
-    found, squares, free = [], np.zeros(len(names)), 0
+    found = []
+    squares, free = np.zeros(len(names)), 0  # of what repetitions differ by, and its degrees of freedom
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
@@ -157,7 +159,8 @@ def _begun(time: Array, position: Array, sent: Commanded, start: float) -> float
     for _ in range(_ROUNDS):
         now = np.stack([np.interp(grid + start, time, q) for q in position.T], 1)
         error = now - wanted
-        off, error = np.abs(error.mean(0)).max(), error - error.mean(0)
+        off = np.abs(error.mean(0)).max()
+        error -= error.mean(0)
         start -= float((error * (rate - rate.mean(0))).sum() / (rate**2).sum())
     first, last, slack = float(time[0]), float(time[-1] - sent.time[-1]), 1 / _RATE
     inside = first - slack <= start <= last + slack

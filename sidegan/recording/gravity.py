@@ -74,7 +74,8 @@ def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> L
     Another one is believed where both halves of the samples say the same.
     """
     states = q, v, a, measured
-    torques, described = _Torques(body, *states), body.arm.gravity
+    torques = _Torques(body, *states)
+    described = body.arm.gravity
     best = _best(torques, described)
     if best is not None:
         halves = zip(*(np.array_split(x, 2) for x in states))
@@ -86,9 +87,10 @@ def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> L
 
 def _best(torques: _Torques, described: Array) -> Load | None:
     """With the gravity [m/s²], (3,), that explains torques far better than the described one, if any does."""
-    size, as_described = float(np.linalg.norm(described)), torques.explained(described)
+    size = float(np.linalg.norm(described))
     if not size > 0:
         return None
+    as_described = torques.explained(described)
     found = _other_direction(torques, size)
     others = [torques.explained(np.zeros_like(described))]
     others += [] if _alike(found.gravity, described) else [found]

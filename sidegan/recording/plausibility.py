@@ -26,8 +26,9 @@ _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 def clock_warnings(statistics: Statistics) -> list[str]:
     """Oddities of the time stamps and the rows."""
-    gaps, corrupt, warnings = statistics.gaps, statistics.corrupt, []
-    if gaps:
+    corrupt = statistics.corrupt
+    warnings = []
+    if gaps := statistics.gaps:
         start, longest = max(gaps, key=lambda gap: gap[1])
         where = f"the longest {longest:.3g} s after {start:.6g} s"
         warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not crossed")
@@ -45,11 +46,13 @@ def clock_warnings(statistics: Statistics) -> list[str]:
 
 def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     """Oddities of the signals' ranges."""
-    signals, position = statistics.signals, statistics.signals["position"]
-    lower, upper, span = arm.position_lower, arm.position_upper, position.upper - position.lower
+    position = statistics.signals["position"]
+    span = position.upper - position.lower
+    lower, upper = arm.position_lower, arm.position_upper
     outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
     little = span / np.maximum(upper - lower, _NOTHING) < _LITTLE
-    name, load = statistics.load, signals[statistics.load]
+    name = statistics.load
+    load = statistics.signals[name]
     coarse = load.quantum > _COARSE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
     found = [

@@ -29,8 +29,8 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
     """Refuse positions and time stamps that make sense in another unit than the declared one only."""
     name, position = statistics.name, statistics.signals["position"]
     if statistics.step > SLOWEST:
-        raw, smaller = statistics.step / units.factor("time"), ("ms", "us", "ns")
-        likely = next((unit for unit in smaller if raw * Units.of_time(unit) <= _USUAL), smaller[-1])
+        raw = statistics.step / units.factor("time")
+        likely = next((unit for unit in ("ms", "us") if raw * Units.of_time(unit) <= _USUAL), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"
@@ -100,14 +100,14 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     """Refuse a recording without motion or torque, or whose velocities are none."""
     file, signals = statistics.name, statistics.signals
-    position = signals["position"]
-    span = position.upper - position.lower
+    span = signals["position"].upper - signals["position"].lower
     if (span < HARDLY).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
             "from motions through a good part of its range: +experiment=excite"
         )
-    name, signal = statistics.load, signals[statistics.load]
+    name = statistics.load
+    signal = signals[name]
     if not signal.largest.max() > 0:
         raise RecordingError(f"{file}: every {name} is zero")
     if signal.constant.any():
@@ -136,8 +136,10 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     share = agreement.usual / arm.torque_limit if limited else heavier
     if not (share > most).any():
         return
-    j, measured = int(share.argmax()), statistics.load
-    smaller, unit = _THOUSANDTH[measured], "N" if arm.prismatic[j] else "N·m"
+    j = int(share.argmax())
+    unit = "N" if arm.prismatic[j] else "N·m"
+    measured = statistics.load
+    smaller = _THOUSANDTH[measured]
     if _HEAVY < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
         suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
     elif measured == "current":

@@ -138,7 +138,8 @@ def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     moved = [np.flatnonzero(np.abs(q - q[0]) > _MOVED)[:1] for q in position.T]
     if not any(map(len, moved)):
         return 0.0
-    start, rate = int(np.concatenate(moved).min()), min(_HEAD_RATE, 1 / step)
+    start = int(np.concatenate(moved).min())
+    rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
     if len(grid) < _LEAST_HEAD:
         raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
@@ -179,7 +180,9 @@ def _longest_run(marked: Array) -> float:
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
-    found, time, load = [], recording.time, recording.signals()[recording.load]
+    found = []
+    time = recording.time
+    load = recording.signals()[recording.load]
     for j, (q, x) in enumerate(zip(recording.position.T, load.T)):
         begins = np.append(0, np.flatnonzero(np.diff(x)) + 1)
         ends = np.append(begins[1:], len(x)) - 1

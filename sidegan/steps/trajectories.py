@@ -215,7 +215,8 @@ class TrajectorySet:
 
 def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Array, condition: float) -> str:
     """Why a set [rad/s], (N, J, H, 2), of this condition tells little, and what helps; or nothing."""
-    use, said = np.median(cell.problem.limit_use(c).max(0)), list[str]()
+    use = np.median(cell.problem.limit_use(c).max(0))
+    said = []
     if use < _LITTLE:
         said.append(f"it uses {use:.0%} of the limits on motion")
     if not condition <= _CONDITION:
