@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from sidegan.steps.excite import excite
     from sidegan.steps.identify import IdentifiedModel, check_recordings, identify
     from sidegan.steps.seeds import seeds
-    from sidegan.steps.surrogates import surrogates
-    from sidegan.steps.train import Generator, train
+    from sidegan.steps.train import Generator, surrogates, train
     from sidegan.steps.trajectories import TrajectorySet
 
 __version__ = "0.2.0"
@@ -68,8 +67,7 @@ _MODULES = {
     "steps.excite": ("excite",),
     "steps.identify": ("IdentifiedModel", "check_recordings", "identify"),
     "steps.seeds": ("seeds",),
-    "steps.surrogates": ("surrogates",),
-    "steps.train": ("Generator", "train"),
+    "steps.train": ("Generator", "surrogates", "train"),
     "steps.trajectories": ("TrajectorySet",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}

@@ -107,7 +107,8 @@ def _largest(share: Callable[[Array], Array], count: int) -> Array:
     for _ in range(_ROUNDS):
         near = times[((found >= _NEAR * largest) & (largest > 0)).any(1)]
         offsets = np.linspace(-step, step, 2 * _FINER + 1)
-        times, step = np.unique(np.clip(near[:, None] + offsets, 0, 1)), step / _FINER
+        times = np.unique(np.clip(near[:, None] + offsets, 0, 1))
+        step /= _FINER
         found = share(times)
         largest = np.maximum(largest, found.max(0))
     return largest

@@ -1,7 +1,8 @@
 """Motions that a controller is asked to follow: joint positions with their derivatives, over time."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 import scipy  # its parts are imported when they are used
@@ -39,14 +40,6 @@ class Course:
         """From the first to the last point [s]."""
         return float(self.time[-1])
 
-    @classmethod
-    def at_rest(cls, joint_names: Sequence[str], position: Array, duration: float, rate: float) -> "Course":
-        """An arm that rests somewhere [rad or m], (J,), for a duration [s], with points at a rate [Hz]."""
-        count = max(1, round(duration * rate))
-        rest = np.zeros((count + 1, len(position)))
-        times = np.linspace(0, duration, count + 1)
-        return cls(tuple(joint_names), times, np.broadcast_to(position, rest.shape), rest, rest)
-
     def sampled(self, rate: float) -> "Course":
         """This motion with points at a rate [Hz], on the quintics that join the points."""
         count = max(1, round(self.duration * rate))
@@ -55,8 +48,10 @@ class Course:
         curve = scipy.interpolate.BPoly.from_derivatives(self.time, states)
         return Course(self.joint_names, times, *(curve(times, k) for k in range(3)))
 
-    def then(self, other: "Course") -> "Course":
-        """This course, and another one that starts where this one ends; the point that they share once.
+    def then(self, other: "Course", pause: float = 0.0, rate: float = 0.0) -> "Course":
+        """This course and another one that starts where this one ends; the point that they share once.
+
+        Between them the arm rests for a pause [s], with points at a rate [Hz].
 
         Raises:
             ShapeError: when the other one is of other joints, or starts elsewhere.
@@ -64,9 +59,16 @@ class Course:
         apart = float(np.abs(self.position[-1] - other.position[0]).max())
         if other.joint_names != self.joint_names or apart > _MET:
             raise ShapeError(f"courses of one arm must meet: {apart:.3g} rad between their ends")
-        time = np.concatenate([self.time, self.time[-1] + other.time[1:]])
-        states = (np.concatenate([getattr(self, name), getattr(other, name)[1:]]) for name in STATES)
-        return Course(self.joint_names, time, *states)
+        waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
+        rest = np.zeros((len(waiting), len(other.joint_names)))
+        begin = self.time[-1]
+        return Course(
+            self.joint_names,
+            np.concatenate([self.time, begin + waiting, begin + pause + other.time[1:]]),
+            np.concatenate([self.position, rest + other.position[0], other.position[1:]]),
+            np.concatenate([self.velocity, rest, other.velocity[1:]]),
+            np.concatenate([self.acceleration, rest, other.acceleration[1:]]),
+        )
 
 
 def knots(trajectory: Trajectory) -> Array:
@@ -84,11 +86,6 @@ def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, 
     return replace(trajectory, period=trajectory.period / speed), speed * c
 
 
-def run_of(courses: Sequence[Course], pause: float, rate: float = 0.0) -> Course:
+def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course:
     """All courses one after another; at rest for a pause [s] between them, with points at a rate [Hz]."""
-    first, *others = courses
-    for other in others:
-        if pause:
-            first = first.then(Course.at_rest(other.joint_names, other.position[0], pause, rate))
-        first = first.then(other)
-    return first
+    return reduce(lambda so_far, other: so_far.then(other, pause, rate), courses)

@@ -1,6 +1,5 @@
 """The files of a set of trajectories, one for each controller that was asked for."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 from sidegan.base.arrays import Array
@@ -34,42 +33,37 @@ def export_set(
         InfeasibleError: when the straight way from where the arm is to home is not free, or too long.
         StorageError: when a file cannot be written.
     """
-    digits, joints = len(str(len(c))), constraints.arm.joint_names
+    joints = constraints.arm.joint_names
+    notes = constraints.arm.locked
+    rate = settings.rate
+    digits = len(str(len(c)))
 
     def courses(times: Array) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
         each = [Course.of(joints, trajectory.roll_out(one[None], times)) for one in c]
         return {f"{k + 1:0{digits}}": course for k, course in enumerate(each)}
 
-    points, ways = courses(knots(trajectory)), _ways(constraints, trajectory, settings)
-    fine = courses(trajectory.times(settings.rate)) if "csv" in settings.formats else {}
+    points = courses(knots(trajectory))
+    ways = _ways(constraints, trajectory, settings)
+    pause = settings.pause or 0.0
     with replacing_folder(folder, _of_a_run) as new:
-        for name, content in _files(constraints, points, fine, ways, settings):
-            write_bytes(new / name, content.encode())
+        if "csv" in settings.formats:
+            tables = courses(trajectory.times(rate))
+            tables |= {ALL: run_of(tables.values(), pause, rate)}
+            tables |= {name: way.sampled(rate) for name, way in ways.items()}
+            for name, course in tables.items():
+                write_bytes(new / f"{name}.csv", csv_text(course).encode())
+        if "ros2" in settings.formats:
+            tolerance = settings.tolerance.of(constraints.arm)
+            for name, course in (points | ways).items():
+                write_bytes(new / f"{name}.yaml", goal_text(course, tolerance, notes).encode())
+        if "urscript" in settings.formats:
+            near = settings.tolerance.angle
+            for name, course in (points | ways | {ALL: run_of(points.values(), pause)}).items():
+                script = script_text(course, f"excite_{name}", near, notes)
+                write_bytes(new / f"{name}.script", script.encode())
     order = [name for name in (APPROACH, *points, RETURN) if name in points | ways]
     return {name: (points | ways)[name].duration for name in order}
-
-
-def _files(
-    constraints: Constraints,
-    points: dict[str, Course],
-    fine: dict[str, Course],
-    ways: dict[str, Course],
-    settings: ExportSettings,
-) -> Iterator[tuple[str, str]]:
-    """Name and content of each file."""
-    pause, rate, notes = settings.pause or 0.0, settings.rate, constraints.arm.locked
-    if "csv" in settings.formats:
-        tables = fine | {ALL: run_of([*fine.values()], pause, rate)}
-        for name, course in (tables | {name: way.sampled(rate) for name, way in ways.items()}).items():
-            yield f"{name}.csv", csv_text(course)
-    if "ros2" in settings.formats:
-        tolerance = settings.tolerance.of(constraints.arm)
-        for name, course in (points | ways).items():
-            yield f"{name}.yaml", goal_text(course, tolerance, notes)
-    if "urscript" in settings.formats:
-        for name, course in (points | ways | {ALL: run_of([*points.values()], pause)}).items():
-            yield f"{name}.script", script_text(course, f"excite_{name}", settings.tolerance.angle, notes)
 
 
 def _of_a_run(path: Path) -> bool:

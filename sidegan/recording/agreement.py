@@ -10,7 +10,7 @@ import scipy  # its parts are imported when they are used
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.gravity import Load, load_of, orthonormal, other_columns
+from sidegan.recording.gravity import Load, load_of, other_columns, unexplained
 from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
 from sidegan.robot.mounting import direction, in_base, mount_of, straightened
@@ -141,7 +141,8 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     """Agreement of segments with an arm's description."""
     every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = (np.concatenate([segment[k][::every] for segment in segments]) for k in range(1, 5))
-    load, model = load_of(body, q, v, a, torque), body.torque(q, v, a)
+    load = load_of(body, q, v, a, torque)
+    model = body.torque(q, v, a)
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     return Agreement(
         load=load,
@@ -155,13 +156,21 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     )
 
 
+def _left(model: Array, v: Array, a: Array, torque: Array) -> Array:
+    """Share of each measured torque that a described one leaves, with that joint's friction and rotor.
+
+    Of (S, J) each; (J, J), described by measured.
+    """
+    described, measured = unexplained(v, a, model.T[..., None], torque)  # (J, S, 1), (J, S, J)
+    size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
+    cosine = (described.mT @ measured)[:, 0] / np.maximum(size, _TINY)
+    return np.maximum(1 - np.square(cosine), _TINY)
+
+
 def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """The joint whose described torque (S, J), with its friction and rotor, each measured one is, (J,)."""
     own = np.arange(model.shape[1])
-    basis = orthonormal(other_columns(v, a).swapaxes(0, 1))  # (J, S, 4) of the described
-    described, measured = (x - basis @ (basis.mT @ x) for x in (model.T[..., None], torque))  # (J, S, 1 or J)
-    size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)  # (J, J): described, measured
-    left = 1 - np.minimum(np.square((described.mT @ measured)[:, 0] / np.maximum(size, _TINY)), 1 - _TINY)
+    left = _left(model, v, a, torque)
     found = scipy.optimize.linear_sum_assignment(np.log(left).T)[1]
     other = found != own
     clear = left[found, own] < _BETTER * left.diagonal()
@@ -172,26 +181,16 @@ def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
     """Two joints with whose motions exchanged far more of the torques is explained, of (S, J) each."""
     *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
 
-    def left(order: list[int]) -> float:
+    def left(*pair: int) -> float:
         """What the description leaves of the torques, the sum over joints of logarithms."""
+        order = np.arange(body.joints)
+        order[[*pair]] = pair[::-1]
         q, v, a = (x[:, order] for x in motion)
-        basis = orthonormal(other_columns(v, a).swapaxes(0, 1))
-        described, measured = (x.T[..., None] for x in (body.torque(q, v, a), torque))
-        described, measured = (x - basis @ (basis.mT @ x) for x in (described, measured))
-        size = np.maximum(np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1), _TINY)
-        cosine = (described * measured).sum(1) / size
-        return float(np.log(np.maximum(1 - np.square(cosine), _TINY)).sum())
+        return float(np.log(_left(body.torque(q, v, a), v, a, torque).diagonal()).sum())
 
-    own = list(range(body.joints))
-    found: dict[tuple[int, int], float] = {}
-    for j, k in combinations(own, 2):
-        order = own.copy()
-        order[j], order[k] = k, j
-        found[j, k] = left(order)
-    if not found:
-        return None
-    best = min(found, key=found.__getitem__)
-    return best if found[best] < left(own) + 2 * math.log(_BETTER) else None
+    found = {pair: left(*pair) for pair in combinations(range(body.joints), 2)}
+    best = min(found, key=found.__getitem__, default=None)
+    return best if best and found[best] < left() + 2 * math.log(_BETTER) else None
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:

@@ -28,11 +28,7 @@ def is_bag(path: Path) -> bool:
 
 
 def bag_files(path: Path) -> list[Path]:
-    """Files of the folder of a bag, in the order of their names.
-
-    Raises:
-        RecordingError: when the folder is none.
-    """
+    """Files of the folder of a bag, in the order of their names."""
     inside = sorted(path.iterdir())
     if not any(one.suffix in _SUFFIXES or one.name == "metadata.yaml" for one in inside):
         raise RecordingError(f"{path} is a folder without a bag: it has neither .db3 nor .mcap files")
@@ -44,10 +40,6 @@ def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> 
 
     Time is that of the header, or that of the bag where headers have none. A message without any of the
     joints, such as a gripper's, is no row; one that lacks some of them is a corrupt one.
-
-    Raises:
-        RecordingError: when the bag cannot be read, has no joint states, several topics of them, none of
-            the arm's joints, or no positions.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore

@@ -16,11 +16,10 @@ from sidegan.recording import plausibility, refused
 from sidegan.recording.agreement import Agreement, agreement_of
 from sidegan.recording.commanded import Repeated, averaged, load_commanded
 from sidegan.recording.delay import Delay, measured, pooled
+from sidegan.recording.grid import Grid, noise_of
 from sidegan.recording.load import recording_name
-from sidegan.recording.noise import noise_of
-from sidegan.recording.rates import RATES, contradiction
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
-from sidegan.recording.segments import Grid, grid_for, preprocess, torque_of
+from sidegan.recording.segments import grid_for, preprocess, torque_of
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import load_for
 from sidegan.recording.statistics import Statistics, statistics_of
@@ -79,7 +78,8 @@ class CheckedRecording:
 
     def as_json(self) -> dict[str, Any]:
         """All of it but the samples, as plain values."""
-        raw, repeated = self.statistics, self.repeated
+        raw = self.statistics
+        repeated = self.repeated
         same = ("name", "samples", "duration", "jitter", "duplicates", "gaps", "frozen")
         return {
             **{key: getattr(raw, key) for key in same},
@@ -105,9 +105,6 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
     """The first part of a recording, to identify from, and the last share of it, which is held out.
 
     Between them as much is left out as the low-pass mixes.
-
-    Raises:
-        RecordingError: when one of them would hold next to nothing.
     """
     mixed = round(recording.grid.rate / recording.grid.cutoff)
     end = round((1 - share) * recording.kept)
@@ -120,7 +117,8 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
 
 def _part(recording: CheckedRecording, role: Role, which: str, first: int, last: int) -> CheckedRecording:
     """Kept samples of a recording from one number to another."""
-    parts, begin = [], 0
+    parts = []
+    begin = 0
     for segment in recording.segments:
         inside = slice(max(0, first - begin), max(0, last - begin))
         begin += len(segment.time)
@@ -151,7 +149,8 @@ def read_and_check(
     found = [replace(one, role=role) for one, (_, role) in zip(found, files)]
     warned = defaultdict[str, list[str]](list)
     for (file, role), checked in zip(files, found):
-        name, raw = recording_name(file) if isinstance(file, Files) else file, checked.statistics
+        name = recording_name(file) if isinstance(file, Files) else file
+        raw = checked.statistics
         log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:
             log.info("  %s", statement)
@@ -174,10 +173,6 @@ def check_recording(
 
     Its torques are compared with the arm's description. ``known`` is the delay of the torques where other
     recordings tell it too; the other arguments are those of ``preprocess``.
-
-    Raises:
-        RecordingError: when the recording cannot be used: time runs backwards, nothing moves, torques are
-            zero or constant, positions or torques are in another unit than declared.
     """
     statistics = statistics_of(recording, settings)
     refused.refuse_wrong_units(statistics, arm, settings.units)
@@ -192,14 +187,17 @@ def check_recording(
         """Segments of all parts with this delay [s] taken off."""
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
-    body, given = RigidBody(arm), settings.delay or 0.0
-    segments, remarks = kept(given), dict[str, str]()
-    for rate in [name for name in RATES if name in statistics.signals]:
-        if wrong := contradiction(recording.name, arm, rate, segments):
+    body = RigidBody(arm)
+    given = settings.delay or 0.0
+    segments = kept(given)
+    remarks: dict[str, str] = {}
+    for rate in [name for name in plausibility.RATES if name in statistics.signals]:
+        if wrong := plausibility.contradiction(recording.name, arm, rate, segments):
             none: dict[str, Any] = {rate: None}
             parts = [replace(part, **none) for part in parts]
             used = {name: x for name, x in statistics.signals.items() if name != rate}
-            segments, statistics = kept(given), replace(statistics, signals=used)
+            statistics = replace(statistics, signals=used)
+            segments = kept(given)
             remarks[rate] = wrong
     left = known or measured(body, segments, lambda more: kept(given + more))
     delay = Delay(given, given=True) if given else left

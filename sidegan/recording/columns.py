@@ -37,13 +37,11 @@ class Joints:
         chain: Sequence[str],
         sliding: Collection[str] = (),
     ) -> "Joints":
-        """The arm's joints in a file, as part of a chain in which others may be locked; no names: none are.
-
-        Raises:
-            RecordingError: when the names that are set are not as many as the joints.
-        """
-        own, every = tuple(joint_names), tuple(chain or joint_names)
-        named, slides = tuple(settings.joints or every), tuple(name in sliding for name in own)
+        """The arm's joints in a file, of a chain in which others may be locked; without names none are."""
+        own = tuple(joint_names)
+        every = tuple(chain or joint_names)
+        named = tuple(settings.joints or every)
+        slides = tuple(name in sliding for name in own)
         if len(named) == len(every):
             return cls(named, tuple(every.index(name) for name in own), own, slides)
         if len(named) == len(own):
@@ -81,13 +79,11 @@ class Finder:
         self.ambiguous = bool(others)
 
     def found(self) -> tuple[Where, list[str]]:
-        """Columns of time, or two of seconds and nanoseconds, and of each signal, and remarks on them.
-
-        Raises:
-            RecordingError: when time or positions are missing, a signal is incomplete or there in two ways.
-        """
+        """Columns of time, or two of seconds and nanoseconds, and of each signal, and remarks on them."""
         time = self._time()
-        where, patterns, guessed = {"time": time} if time else {}, dict[str, str](), []
+        where = {"time": time} if time else {}
+        patterns: dict[str, str] = {}
+        guessed = []
         for signal in [self.only] if self.only else SIGNALS:
             for pattern in filter(None, (getattr(self.settings, signal) or "").split("|")):
                 columns, found = self._called(signal) if pattern == AUTO else self._set(pattern)

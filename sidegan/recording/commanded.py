@@ -15,7 +15,6 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import bandwidth_of
-from sidegan.recording.tables import Numbers
 
 FOLDER = "trajectories"  # of a run of excite
 _RATE = 50.0  # [Hz] at which trajectories are looked for
@@ -29,10 +28,10 @@ class Commanded:
     """A trajectory that was sent to the arm."""
 
     name: str  # of its file
-    time: Numbers  # [s], (T,), from 0 on
-    position: Numbers  # [rad or m], (T, J)
+    time: Array  # [s], (T,), from 0 on
+    position: Array  # [rad or m], (T, J)
 
-    def at(self, times: Numbers) -> tuple[Numbers, Numbers]:
+    def at(self, times: Array) -> tuple[Array, Array]:
         """Positions and velocities at some times [s] within, (S, J) each."""
         curve = scipy.interpolate.PchipInterpolator(self.time, self.position)
         return curve(times), curve(times, 1)
@@ -57,11 +56,7 @@ class Repeated:
 
 
 def commanded_files(path: Path) -> list[Path]:
-    """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run.
-
-    Raises:
-        RecordingError: when there is none.
-    """
+    """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run."""
     runs = sorted(path.glob(f"*/{FOLDER}"))  # named by their time
     folder = runs[-1] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
     files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda one: one.stem.zfill(9))
@@ -72,11 +67,7 @@ def commanded_files(path: Path) -> list[Path]:
 
 
 def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
-    """The trajectories that were sent, in the columns of ``excite``.
-
-    Raises:
-        RecordingError: when there is none, or one is of other joints.
-    """
+    """The trajectories that were sent, in the columns of ``excite``."""
     found = []
     for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):
@@ -93,9 +84,6 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
 
     With a gap [s] in it a repetition does not count.
-
-    Raises:
-        RecordingError: when there is nothing of the commands in it.
     """
     fresh = np.append(True, np.diff(recording.time) > 0)
     time = recording.time[fresh]
@@ -106,11 +94,13 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
             f"{recording.name}: of {counted(len(sent), 'trajectory that was', 'trajectories that were')} "
             "sent none is in it; was it executed at another speed, or is recording.sent of another run?"
         )
-    step, names = float(np.median(np.diff(time))), recording.joint_names
+    step = float(np.median(np.diff(time)))
+    names = recording.joint_names
     curves = {name: scipy.interpolate.PchipInterpolator(time, x) for name, x in signals.items()}
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
-    found, squares, free = [], np.zeros(len(names)), 0
+    found = []
+    squares, free = np.zeros(len(names)), 0  # of what repetitions differ by, and its degrees of freedom
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
         each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
@@ -128,9 +118,7 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     return found, Repeated(counts, noise, bandwidth)
 
 
-def _starts(
-    time: Numbers, position: Numbers, sent: Sequence[Commanded], gap: float
-) -> dict[int, list[float]]:
+def _starts(time: Array, position: Array, sent: Sequence[Commanded], gap: float) -> dict[int, list[float]]:
     """Moments [s] at which trajectories begin, by their number; no two overlap."""
     step = 1 / _RATE
     grid = np.arange(time[0], time[-1], step)
@@ -151,17 +139,17 @@ def _starts(
             starts.setdefault(k, []).append(start)
 
 
-def _alike(velocity: Numbers, wanted: Numbers) -> Numbers:
+def _alike(velocity: Array, wanted: Array) -> Array:
     """Correlation, −1 to 1, of velocities (S, J) with wanted ones (T, J) that begin at each sample."""
     if len(wanted) > len(velocity):
         return np.zeros(0)
     match = sum(scipy.signal.correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
     energy = np.cumsum(np.append(0.0, (velocity**2).sum(1)))
     power = np.maximum((energy[len(wanted) :] - energy[: -len(wanted)]) * (wanted**2).sum(), 1e-300)
-    return np.asarray(match / np.sqrt(power))
+    return match / np.sqrt(power)
 
 
-def _begun(time: Numbers, position: Numbers, sent: Commanded, start: float) -> float | None:
+def _begun(time: Array, position: Array, sent: Commanded, start: float) -> float | None:
     """The moment at which a trajectory begins [s]; None where it is another one or not all of it is there.
 
     What a servo is late by is part of it: the recording is compared with itself, not with what was asked for.
@@ -171,7 +159,8 @@ def _begun(time: Numbers, position: Numbers, sent: Commanded, start: float) -> f
     for _ in range(_ROUNDS):
         now = np.stack([np.interp(grid + start, time, q) for q in position.T], 1)
         error = now - wanted
-        off, error = np.abs(error.mean(0)).max(), error - error.mean(0)
+        off = np.abs(error.mean(0)).max()
+        error -= error.mean(0)
         start -= float((error * (rate - rate.mean(0))).sum() / (rate**2).sum())
     first, last, slack = float(time[0]), float(time[-1] - sent.time[-1]), 1 / _RATE
     inside = first - slack <= start <= last + slack

@@ -181,9 +181,7 @@ def _step(columns: Array, torque: Array) -> tuple[float, float]:
 def _inverse(rows: Array) -> tuple[Array, Array]:
     """Inverse information (P, P) of rows (N, P) over the lengths of their columns, and these, (P,)."""
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    values, vectors = np.linalg.eigh((rows / scale).T @ (rows / scale))
-    kept = values > _ROUNDING * values[-1]
-    return (vectors[:, kept] / values[kept]) @ vectors[:, kept].T, scale
+    return np.linalg.pinv((rows / scale).T @ (rows / scale), _ROUNDING, hermitian=True), scale
 
 
 def _rates(segment: Segment) -> list[Array]:

@@ -45,8 +45,8 @@ class _Torques:
         static = [RigidBody(replace(body.arm, gravity=g)).torque(q, still, still) for g in np.eye(3)]
         columns = np.concatenate([inertial[..., None], np.stack(static, -1), measured[..., None]], -1)
         self.size = np.sqrt(np.square(inertial).sum(0) + np.square(columns[..., 1:4]).sum((0, 2)))
-        basis = orthonormal(other_columns(v, a).swapaxes(0, 1))  # (J, S, 4)
-        columns -= (basis @ (basis.mT @ columns.swapaxes(0, 1))).swapaxes(0, 1)
+        (columns,) = unexplained(v, a, columns.swapaxes(0, 1))
+        columns = columns.swapaxes(0, 1)
         self.inertial, self.static, self.measured = columns[..., 0], columns[..., 1:4], columns[..., 4]
         self.weight = 1 / np.maximum(np.linalg.norm(self.measured, axis=0), _TINY)
 
@@ -74,7 +74,8 @@ def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> L
     Another one is believed where both halves of the samples say the same.
     """
     states = q, v, a, measured
-    torques, described = _Torques(body, *states), body.arm.gravity
+    torques = _Torques(body, *states)
+    described = body.arm.gravity
     best = _best(torques, described)
     if best is not None:
         halves = zip(*(np.array_split(x, 2) for x in states))
@@ -86,9 +87,10 @@ def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> L
 
 def _best(torques: _Torques, described: Array) -> Load | None:
     """With the gravity [m/s²], (3,), that explains torques far better than the described one, if any does."""
-    size, as_described = float(np.linalg.norm(described)), torques.explained(described)
+    size = float(np.linalg.norm(described))
     if not size > 0:
         return None
+    as_described = torques.explained(described)
     found = _other_direction(torques, size)
     others = [torques.explained(np.zeros_like(described))]
     others += [] if _alike(found.gravity, described) else [found]
@@ -121,6 +123,8 @@ def other_columns(velocity: Array, acceleration: Array) -> Array:
     return np.stack([velocity, sign, np.ones_like(velocity), acceleration], -1)
 
 
-def orthonormal(columns: Array) -> Array:
-    """Orthonormal basis (…, S, k) of what columns (…, S, k) can explain."""
-    return np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=-2, keepdims=True), _TINY)).Q
+def unexplained(velocity: Array, acceleration: Array, *torques: Array) -> list[Array]:
+    """Torques (J or 1, S, K) without what each joint's friction, offset and rotor explain, (J, S, K) each."""
+    columns = other_columns(velocity, acceleration).swapaxes(0, 1)  # (J, S, 4)
+    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)).Q
+    return [x - basis @ (basis.mT @ x) for x in torques]

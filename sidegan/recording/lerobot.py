@@ -9,10 +9,11 @@ import pandas as pd
 
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.tables import PAUSE, Table, parquet_table
+from sidegan.recording.tables import Table, parquet_table
 
 _INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"
 _TIME, _EPISODE = "timestamp", "episode_index"
+_PAUSE = 10.0  # [s] that is put between two episodes, whose clocks begin anew
 
 
 def is_dataset(path: Path) -> bool:
@@ -21,11 +22,7 @@ def is_dataset(path: Path) -> bool:
 
 
 def dataset_files(path: Path) -> list[Path]:
-    """Files of a dataset that hold numbers: its description, and its frames in the order of episodes.
-
-    Raises:
-        RecordingError: when it has no frames.
-    """
+    """Files of a dataset that hold numbers: its description, and its frames in the order of episodes."""
     frames = sorted(path.glob(_FRAMES))
     if not frames:
         raise RecordingError(f"{path} is a LeRobot dataset without frames: there is no {_FRAMES}")
@@ -37,9 +34,6 @@ def dataset_table(path: Path) -> Table:
 
     Columns are those of its files. One that holds a vector whose elements have names is a column for each of
     them instead: ``observation.state.shoulder.pos``.
-
-    Raises:
-        RecordingError: when the description is none, or the files have no episodes on a clock.
     """
     info, *files = dataset_files(path)
     with reading(info, "JSON", RecordingError):
@@ -53,7 +47,7 @@ def dataset_table(path: Path) -> Table:
     if missing := [name for name in (_TIME, _EPISODE) if name not in frames]:
         raise RecordingError(f"{files[0]} has no column {', '.join(missing)}: is it of a LeRobot dataset?")
     steps = frames[_TIME].astype(np.float64).diff().fillna(0.0)
-    frames[_TIME] = steps.mask(frames[_EPISODE].diff().fillna(0) != 0, PAUSE).cumsum()
+    frames[_TIME] = steps.mask(frames[_EPISODE].diff().fillna(0) != 0, _PAUSE).cumsum()
     columns: dict[str, Any] = {}
     for column, values in frames.items():
         if names := named.get(str(column)):

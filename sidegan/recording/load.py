@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
@@ -18,9 +18,9 @@ from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.tables import Numbers, Table, Where, json_table, mat_table, npz_table, parquet_table
+from sidegan.recording.tables import Table, Where, json_table, mat_table, npz_table, parquet_table
 from sidegan.recording.text import text_table
-from sidegan.recording.units import Units, told
+from sidegan.recording.units import Units
 
 _MOST_CORRUPT = 0.5  # of the rows of a file
 _LARGEST = 1e12  # of any signal in SI units: what is larger is no measurement
@@ -48,18 +48,16 @@ def load_recording(
     .mcap) or a LeRobot dataset (folder). The chain are the names of the arm's joints and of those locked
     between them, from the base outwards; no names: no others. Some joints slide; the others turn, and where
     their readings jump by a turn, that is taken out. So are rows at rest without drives.
-
-    Raises:
-        RecordingError: when a file cannot be read or does not fit the arm.
     """
     name = recording_name(files)
     joints = Joints.of(name, settings, joint_names, chain, sliding)
-    if not isinstance(files, Files):
-        part = _read(Path(files), settings, joints)
-        signals, corrupt, remarks = part.signals, part.corrupt, part.remarks
-    else:
-        wanted = [(k, path) for k, path in files.signals(settings.effort).items() if getattr(settings, k)]
-        signals, corrupt, remarks = merged([_read(Path(path), settings, joints, k) for k, path in wanted])
+    each: list[tuple[str | None, Path]] = [
+        (None, Path(paths_of(files)[0]))
+    ]  # the signal of interest, and a file
+    if isinstance(files, Files):
+        paths = files.signals(settings.effort).items()
+        each = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
+    signals, corrupt, remarks = merged([_read(path, settings, joints, only) for only, path in each])
     every: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
     made = Recording(name, tuple(joint_names), **every)
     return driven(unwrapped(made, joints.slides))
@@ -71,17 +69,13 @@ def recording_name(files: Recorded | Path) -> str:
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files of a recording: itself, or those of a folder.
-
-    Raises:
-        RecordingError: when the folder is neither a bag nor a dataset.
-    """
+    """The files of a recording: itself, or those of a folder."""
     if not path.is_dir():
         return [path]
     return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None = None) -> Part:
+def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
     """The signals of a file, or the only one of interest, without rows that lack a number.
 
     Where signals come at moments of their own, each has its rows.
@@ -94,22 +88,24 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
     if settings.units.position is not None and (rates := where.keys() & {"velocity", "acceleration"}):
         where = {name: columns for name, columns in where.items() if name not in rates}
         remarks.append(f"{listed(sorted(rates))} is derived, since positions are counts of encoders")
+    signals: dict[str, Array] = {}
     with reading(path, path.suffix[1:], RecordingError):
-        stamps, odd = stamps_in_si(table, where["time"], settings.units) if "time" in where else (None, [])
-        signals = {} if stamps is None else {"time": stamps}
+        if "time" in where:
+            signals["time"], odd = stamps_in_si(table, where["time"], settings.units)
+            remarks = [*odd, *remarks]
         for name in [name for name in where if name != "time"]:
             signals[name] = _in_si(path.name, table, name, where[name], settings, joints)
             table.forget({*where[name]} - {c for one in where.keys() - signals.keys() for c in where[one]})
-    remarks = [*table.remarks, *odd, *_headed(where, settings.units, joints), *remarks]
-    _refuse_lengths(path.name, signals, where)
+    if len({len(x) for x in signals.values()}) > 1:
+        lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
+        raise RecordingError(f"{path.name}: the arrays are not of the same length: {lengths}")
     parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
-    signals, corrupt, more = merged(parts) if parts[1:] else (parts[0].signals, parts[0].corrupt, [])
-    return Part(path.name, stamps is not None, signals, [*table.skipped, *corrupt], [*remarks, *more])
+    signals, corrupt, more = merged(parts)
+    remarks = [*_headed(where, settings.units, joints), *remarks, *more]
+    return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
 
 
-def _apart(
-    signals: dict[str, Numbers], rows: NDArray[np.int64]
-) -> list[tuple[dict[str, Numbers], NDArray[np.int64]]]:
+def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array], Array]]:
     """Signals and their rows, (S,): all of them, or each, with time, at the rows where it has any numbers.
 
     The latter where one comes at moments of its own, so that many cells are blank.
@@ -123,9 +119,7 @@ def _apart(
     ]
 
 
-def _part(
-    file: str, where: Where, signals: dict[str, Numbers], rows: NDArray[np.int64], rate: float | None
-) -> Part:
+def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
     """Signals without rows that lack a number."""
     good, corrupt = _whole_rows(file, rows, where, signals)
     if not good.any():
@@ -138,10 +132,12 @@ def _part(
 
 def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
     """A sentence on the units that columns are headed with, where these count."""
-    found = [("time", units.read("time", False, where["time"][0]))] if len(where.get("time", "")) == 1 else []
-    for name in [name for name in where if name != "time"]:
-        found += [(name, units.read(name, *each)) for each in zip(joints.slides, where[name])]
-    return told(found)
+    found = []
+    for name, columns in where.items():
+        slides = (False,) if name == "time" else joints.slides
+        found += [(name, units.read(name, *each)) for each in zip(slides, columns)]
+    each = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
+    return [f"{each}, as the columns are headed; recording.units sets another unit"] if each else []
 
 
 def _open(
@@ -165,18 +161,13 @@ def _open(
 
 def _in_si(
     file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
-) -> Numbers:
+) -> Array:
     """A signal (S, J) in SI units, of columns (S,), or of one (S, J)."""
-    x = np.empty((0, 0))
-    for j, column in enumerate(where):
-        values = table.numbers(column)
-        if j == 0:  # a joint after the other in memory, as they are read
-            x = np.empty((len(where), len(values))).T if where[1:] else values.reshape(len(values), -1)
-        if values.ndim > 2 or (where[1:] and values.shape != x.shape[:1]):
-            shapes = ", ".join(f"{one} is {np.shape(table.numbers(one))}" for one in where)
-            raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
-        if where[1:]:
-            x[:, j] = values
+    columns = [table.numbers(column) for column in where]
+    if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
+        shapes = ", ".join(f"{one} is {x.shape}" for one, x in zip(where, columns))
+        raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
+    x = np.stack(columns).T if where[1:] else columns[0].reshape(len(columns[0]), -1)
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
         raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
@@ -187,43 +178,31 @@ def _in_si(
     return np.multiply(x, factors, out=x if where[1:] else None)
 
 
-def _refuse_lengths(file: str, signals: dict[str, Numbers], where: Where) -> None:
-    """Refuse arrays that are not of one length."""
-    if len({len(x) for x in signals.values()}) > 1:
-        lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
-        raise RecordingError(f"{file}: the arrays are not of the same length: {lengths}")
-
-
 def _whole_rows(
-    file: str, rows: NDArray[np.int64], where: Where, signals: dict[str, Numbers]
-) -> tuple[NDArray[np.bool_], list[tuple[int, str]]]:
+    file: str, rows: Array, where: Where, signals: dict[str, Array]
+) -> tuple[Array, list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the number and reason of the others."""
-    names = [
-        where[name][k] if x.shape[1] <= len(where[name]) else f"{where[name][0]}[{k}]"
-        for name, x in signals.items()
-        for k in range(x.shape[1])
-    ]
-    columns = [(column, _most(name, column)) for name, x in signals.items() for column in x.T]
-    wrong, shares = np.zeros(len(columns[0][0]), dtype=bool), []
-    for column, most in columns:  # a matrix of all would take as much memory as they do
-        bad = ~(np.abs(column) <= most)
-        wrong |= bad
-        shares.append(bad.mean() if len(bad) else 0.0)
+    names, lacks = [], []
+    for name, some in signals.items():
+        for k, x in enumerate(some.T):
+            one = some.shape[1] <= len(where[name])  # a column for each joint
+            names.append(where[name][k] if one else f"{where[name][0]}[{k}]")
+            lacks.append(~(np.abs(x) <= _most(name, x)))
+    missing = np.stack(lacks)  # (C, S)
+    wrong = np.asarray(missing.any(0))
     if len(wrong) and wrong.mean() > _MOST_CORRUPT:
-        worst = [name for name, share in zip(names, shares) if share > _MOST_CORRUPT / len(names)]
+        worst = [name for name, share in zip(names, missing.mean(1)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
             f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
         )
-    missing = [
-        [name for name, (column, most) in zip(names, columns) if not abs(column[k]) <= most]
-        for k in np.flatnonzero(wrong)
-    ]
-    return ~wrong, [
-        (int(row), f"no number in {listed(some, 3)}") for row, some in zip(rows[: len(wrong)][wrong], missing)
-    ]
+    corrupt = []
+    for k in np.flatnonzero(wrong).tolist():
+        lacking = [names[c] for c in np.flatnonzero(missing[:, k])]
+        corrupt.append((int(rows[k]), f"no number in {listed(lacking, 3)}"))
+    return ~wrong, corrupt
 
 
-def _most(name: str, column: Numbers) -> float:
+def _most(name: str, column: Array) -> float:
     """The largest number that a column (S,) may hold."""
     late = name == "time" and np.count_nonzero(np.abs(column) > _LARGEST) > len(column) / 2
     return _LATEST if late else _LARGEST

@@ -23,7 +23,8 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
     Steps between neighbouring samples are that which are nearly a turn, in a joint none of whose other steps
     is beyond doubt.
     """
-    near, position = np.diff(recording.time) < SLOWEST, recording.position
+    near = np.diff(recording.time) < SLOWEST
+    position = recording.position
     found: list[str] = []
     for j, name in enumerate(recording.joint_names):
         steps = np.where(near, np.diff(position[:, j]), 0.0)
@@ -44,8 +45,10 @@ def driven(recording: Recording) -> Recording:
     """A recording without rows at rest in which no torque or current of any joint changes: brakes hold it."""
     if recording.torque is recording.current is None:
         return recording
-    load, time = recording.signals()[recording.load], recording.time
-    position, kept, lost = recording.position, np.ones(len(time), dtype=bool), 0.0
+    load = recording.signals()[recording.load]
+    time = recording.time
+    kept = np.ones(len(time), dtype=bool)
+    lost = 0.0
     begins = np.append(True, np.zeros(len(time) - 1, dtype=bool))
     for column in load.T:
         begins[1:] |= np.diff(column) != 0
@@ -53,8 +56,9 @@ def driven(recording: Recording) -> Recording:
     ends = np.append(begins[1:], len(time)) - 1
     long = np.flatnonzero(time[ends] - time[begins] >= _WITHOUT_DRIVES)
     for begin, end in zip(begins[long], ends[long]):
-        if np.ptp(position[begin : end + 1], 0).max() < _AT_REST:
-            kept[begin : end + 1], lost = False, lost + time[end] - time[begin]
+        if np.ptp(recording.position[begin : end + 1], 0).max() < _AT_REST:
+            kept[begin : end + 1] = False
+            lost += time[end] - time[begin]
     if kept.all() or not kept.any():
         return recording
     rows = np.flatnonzero(kept)

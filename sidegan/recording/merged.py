@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RecordingError
 from sidegan.recording.grid import interpolated
 from sidegan.recording.statistics import clock_of
-from sidegan.recording.tables import Numbers
 
 
 class Part(NamedTuple):
@@ -17,25 +17,23 @@ class Part(NamedTuple):
 
     file: str
     stamped: bool  # whether the file has time stamps; else they are numbers of rows over a rate
-    signals: dict[str, Numbers]  # time [s], (S,), and the others in SI units, (S, J)
+    signals: dict[str, Array]  # time [s], (S,), and the others in SI units, (S, J)
     corrupt: list[tuple[int, str]]  # number and reason of rows that are left out
     remarks: list[str]  # on its columns
 
     @property
-    def time(self) -> Numbers:
+    def time(self) -> Array:
         """Time stamps [s], (S,)."""
         return self.signals["time"]
 
 
-def merged(parts: Sequence[Part]) -> tuple[dict[str, Numbers], list[tuple[int, str]], list[str]]:
+def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str]], list[str]]:
     """Time and signals at the stamps of the fastest file, corrupt rows of all files, and remarks.
 
-    Only what all files cover counts, and in none of them is interpolated over a gap.
-
-    Raises:
-        RecordingError: when time runs backwards in a file, one is without a clock, or they have no time in
-            common.
+    Only what all files cover counts, and in none of them is interpolated over a gap. One file is as it is.
     """
+    if len(parts) == 1:
+        return parts[0].signals, parts[0].corrupt, parts[0].remarks
     without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
     if without and stamped:
         raise RecordingError(

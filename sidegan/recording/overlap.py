@@ -6,27 +6,24 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
+from sidegan.recording.grid import stretches
 from sidegan.recording.recording import Recording
-from sidegan.recording.tables import Numbers
 
 _STRETCH = 32  # rows in a row that are no accident
-_AT_ONCE = 100_000  # rows that are hashed at once
 _COUNTED = ("torque", "current", "velocity", "acceleration")  # of these, what both recordings have
-
-Hashes = NDArray[np.uint64]
 
 
 class Digests(NamedTuple):
     """Hashes of a recording's rows, by which other recordings that hold the same ones are found."""
 
-    time: Numbers  # of the rows [s], (S,)
-    signals: dict[str, Hashes]  # by name, (S,) each
+    time: Array  # of the rows [s], (S,)
+    signals: dict[str, Array]  # by name, (S,) each
     load: str  # of torque and current that from which the arm is identified
 
-    def changing(self, names: Sequence[str]) -> tuple[Hashes, Numbers]:
+    def changing(self, names: Sequence[str]) -> tuple[Array, Array]:
         """Hashes of some signals together and times of rows in which the first of them changes, (K,)."""
         first = self.signals[names[0]]
         keep = np.append(True, first[1:] != first[:-1])
@@ -35,22 +32,13 @@ class Digests(NamedTuple):
 
 def digests_of(recording: Recording) -> Digests:
     """Digests of a recording's rows, by their numbers in single precision, in which some files keep them."""
-    signals = {name: _digested(x) for name, x in recording.signals().items()}
+    single = {name: x.astype(np.float32) + np.float32(0) for name, x in recording.signals().items()}
+    signals = {name: _hashes(x) for name, x in single.items()}
     return Digests(recording.time, signals, recording.load)
 
 
-def _digested(x: Numbers) -> Hashes:
-    """A hash of each row (S, J), (S,), piece by piece, which takes less memory than the numbers do."""
-    pieces = range(0, len(x), _AT_ONCE)
-    return np.concatenate([_hashes(x[k : k + _AT_ONCE].astype(np.float32) + np.float32(0)) for k in pieces])
-
-
 def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
-    """Refuse recordings of which two, given with their names, have a stretch of samples or torques in common.
-
-    Raises:
-        RecordingError: names both, and where the stretch is.
-    """
+    """Refuse recordings, given with their names, of which two share a stretch of samples or torques."""
     for (first, one), (second, other) in combinations(recordings, 2):
         common = ["position", *(n for n in _COUNTED if n in one.signals and n in other.signals)]
         (mine, _), (theirs, time) = (x.changing(common) for x in (one, other))
@@ -67,10 +55,9 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
             )
 
 
-def _stretch(common: NDArray[np.bool_], time: Numbers) -> str:
+def _stretch(common: Array, time: Array) -> str:
     """From when to when the longest stretch of common rows is; nothing where it may be an accident."""
-    edges = np.flatnonzero(np.diff(np.pad(common.astype(np.int8), 1)))
-    begins, ends = edges[::2], edges[1::2]
+    begins, ends = stretches(common)
     if not (ends - begins >= _STRETCH).any():
         return ""
     longest = int(np.argmax(ends - begins))
@@ -78,7 +65,7 @@ def _stretch(common: NDArray[np.bool_], time: Numbers) -> str:
     return f"from {begin:.6g} s to {end:.6g} s"
 
 
-def _in_order(mine: Hashes, theirs: Hashes) -> NDArray[np.bool_]:
+def _in_order(mine: Array, theirs: Array) -> Array:
     """Which of their rows follow each other as mine do; coarse currents are alike by accident."""
     order = np.argsort(mine, kind="stable")
     place = order[np.searchsorted(mine, theirs, sorter=order).clip(max=len(mine) - 1)]
@@ -87,6 +74,6 @@ def _in_order(mine: Hashes, theirs: Hashes) -> NDArray[np.bool_]:
     return np.append(False, next_) | np.append(next_, False)
 
 
-def _hashes(rows: NDArray[np.float32] | Hashes) -> Hashes:
+def _hashes(rows: Array) -> Array:
     """A hash of each row (S, C), (S,)."""
     return np.asarray(pd.util.hash_pandas_object(pd.DataFrame(rows), index=False), dtype=np.uint64)

@@ -1,11 +1,22 @@
-"""Doubts about a raw recording: clock, ranges, saturation, signals that do not change."""
+"""Doubts about a recording: clock, ranges, saturation, signals that do not change or contradict others."""
+
+import math
 
 import numpy as np
 
 from sidegan.base.names import counted
+from sidegan.errors import RecordingError
+from sidegan.recording.recording import SIGN_WIDTH, Segment
+from sidegan.recording.refused import DEGREES
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
+RATES = {"velocity": "position", "acceleration": "velocity"}  # what is the rate of what
+_MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] of a rate from which on it is compared
+_WRONG = 1.1  # times the derivative, or a part of it
+_ALIKE = 0.5  # correlation with the derivative below which it is another signal
+_SAME = 0.95  # correlation with another joint's derivative, from which on it is that one
+_NEAR = 0.3  # of the logarithm of a ratio
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
 _NOTHING = 1e-12
@@ -15,8 +26,9 @@ _OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
 
 def clock_warnings(statistics: Statistics) -> list[str]:
     """Oddities of the time stamps and the rows."""
-    gaps, corrupt, warnings = statistics.gaps, statistics.corrupt, []
-    if gaps:
+    corrupt = statistics.corrupt
+    warnings = []
+    if gaps := statistics.gaps:
         start, longest = max(gaps, key=lambda gap: gap[1])
         where = f"the longest {longest:.3g} s after {start:.6g} s"
         warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not crossed")
@@ -34,11 +46,13 @@ def clock_warnings(statistics: Statistics) -> list[str]:
 
 def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     """Oddities of the signals' ranges."""
-    signals, position = statistics.signals, statistics.signals["position"]
-    lower, upper, span = arm.position_lower, arm.position_upper, position.upper - position.lower
+    position = statistics.signals["position"]
+    span = position.upper - position.lower
+    lower, upper = arm.position_lower, arm.position_upper
     outside = (position.lower < lower - _OUTSIDE) | (position.upper > upper + _OUTSIDE)
     little = span / np.maximum(upper - lower, _NOTHING) < _LITTLE
-    name, load = statistics.load, signals[statistics.load]
+    name = statistics.load
+    load = statistics.signals[name]
     coarse = load.quantum > _COARSE * (load.upper - load.lower)
     hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
     found = [
@@ -57,3 +71,41 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
             "though it moves: take these rows out of the file"
         )
     return warnings
+
+
+def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> str | None:
+    """What is wrong with a recorded rate, a sentence; None where it is the derivative that it should be.
+
+    Noise of either only makes it look smaller than the derivative, or the derivative smaller than it.
+    """
+    signals = [getattr(segment, RATES[rate]) for segment in segments]
+    steps = [segment.time[1] - segment.time[0] for segment in segments]
+    derived = np.concatenate([(x[2:] - x[:-2]) / (2 * step) for x, step in zip(signals, steps)])
+    recorded = np.concatenate([getattr(segment, rate)[1:-1] for segment in segments])
+    products = derived.T @ recorded  # (J, J): derived, recorded
+    own = np.square(derived).sum(0)
+    other = np.square(recorded).sum(0)
+    moving = np.sqrt(np.maximum(own, other) / len(derived)) > _MOVING
+    slope = products.diagonal() / np.maximum(own, _NOTHING)
+    inverse = products.diagonal() / np.maximum(other, _NOTHING)
+    correlation = products / np.maximum(np.sqrt(own[:, None] * other), _NOTHING)
+    alike = correlation.diagonal()
+    for j in np.flatnonzero(moving).tolist():
+        ratio = abs(slope[j])
+        if abs(abs(math.log(max(ratio, _NOTHING))) - math.log(DEGREES)) < _NEAR and abs(alike[j]) > _ALIKE:
+            raise RecordingError(
+                f"{file}: the {rate} of {arm.joint_names[j]} is {ratio:.3g} times the derivative of its "
+                f"{RATES[rate]}: one of them is in degrees and the other in radians"
+            )
+    wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
+    if not wrong.any():
+        return None
+    each = []
+    for j in np.flatnonzero(wrong).tolist():
+        k = int(correlation[:, j].argmax())
+        others = f": it is that of {arm.joint_names[k]}" if k != j and correlation[k, j] > _SAME else ""
+        each.append(f"{slope[j]:.2f} ({arm.joint_names[j]}{others})")
+    return (
+        f"the {rate} is {', '.join(each)} times the derivative of the {RATES[rate]}, and is not used but "
+        f"derived: were columns exchanged, scaled or reversed? (recording.{rate}=null takes this line away)"
+    )

@@ -36,11 +36,7 @@ class Recording:
 
     @property
     def load(self) -> Literal["torque", "current"]:
-        """Which of both the arm is identified from: torques where there are any.
-
-        Raises:
-            RecordingError: when there is neither.
-        """
+        """Which of both the arm is identified from: torques where there are any."""
         if self.torque is self.current is None:
             raise RecordingError(f"{self.name} has neither torque nor current")
         return "current" if self.torque is None else "torque"

@@ -26,16 +26,14 @@ _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 
 def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
-    """Refuse positions and time stamps that make sense in another unit than the declared one only.
-
-    Raises:
-        RecordingError: naming the joint and the value.
-    """
+    """Refuse positions and time stamps that make sense in another unit than the declared one only."""
     name, position = statistics.name, statistics.signals["position"]
     if statistics.step > SLOWEST:
+        raw = statistics.step / units.factor("time")
+        likely = next((unit for unit in ("ms", "us") if raw * Units.of_time(unit) <= _USUAL), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
-            f"(recording.units.time={_time_unit(statistics.step, units)})"
+            f"(recording.units.time={likely})"
         )
     for doubt in (_angles, _lengths, _counts):
         if said := doubt(position, arm, units):
@@ -99,27 +97,17 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
     return f"{arm.joint_names[j]} reaches {reach:.4g} {unit}, its limit is {limit:.4g} {unit}"
 
 
-def _time_unit(step: float, units: Units) -> str:
-    """Unit in which stamps that are ``step`` [s] apart by the declared one would be those of a recording."""
-    raw, smaller = step / units.factor("time"), ("ms", "us", "ns")
-    return next((unit for unit in smaller if raw * Units.of_time(unit) <= _USUAL), smaller[-1])
-
-
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque, or whose velocities are none.
-
-    Raises:
-        RecordingError: saying what does not change.
-    """
+    """Refuse a recording without motion or torque, or whose velocities are none."""
     file, signals = statistics.name, statistics.signals
-    position = signals["position"]
-    span = position.upper - position.lower
+    span = signals["position"].upper - signals["position"].lower
     if (span < HARDLY).all():
         raise RecordingError(
             f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
             "from motions through a good part of its range: +experiment=excite"
         )
-    name, signal = statistics.load, signals[statistics.load]
+    name = statistics.load
+    signal = signals[name]
     if not signal.largest.max() > 0:
         raise RecordingError(f"{file}: every {name} is zero")
     if signal.constant.any():
@@ -141,9 +129,6 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     """Refuse torques far beyond the arm's limits; without limits, far beyond what its description needs.
 
     Limits that the description's own links exceed in the same motion stand for none.
-
-    Raises:
-        RecordingError: naming the joint, its torque, and the setting that is likely to be wrong.
     """
     limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
     most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description's links need")
@@ -151,8 +136,10 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     share = agreement.usual / arm.torque_limit if limited else heavier
     if not (share > most).any():
         return
-    j, measured = int(share.argmax()), statistics.load
-    smaller, unit = _THOUSANDTH[measured], "N" if arm.prismatic[j] else "N·m"
+    j = int(share.argmax())
+    unit = "N" if arm.prismatic[j] else "N·m"
+    measured = statistics.load
+    smaller = _THOUSANDTH[measured]
     if _HEAVY < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
         suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
     elif measured == "current":

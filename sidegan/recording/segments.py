@@ -1,20 +1,17 @@
 """Preprocessing: from raw recordings to filtered states and torques on a uniform grid."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, shift
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import Run, derivative, low_pass, runs
+from sidegan.recording.grid import Grid, Run, derivative, low_pass, runs, stretches
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
-from sidegan.recording.tables import Numbers
 
 _OVERSAMPLING = 10.0  # samples that are kept per period of the cut-off
 _AT_ONCE = 50_000  # points of the grid that are filtered at once
@@ -24,38 +21,8 @@ _LEAST_POINTS = 8  # of a segment
 _LEAST_PERIODS = 4.0  # of the cut-off in a recording: as long as the edges of the filter
 
 
-@dataclass(frozen=True)
-class Grid:
-    """Uniform grid and low-pass that a recording is preprocessed with; ``statement`` says it to people."""
-
-    step: float  # of the grid [s]
-    gap: float  # longest time that is interpolated over [s]
-    bandwidth: float  # of the motion [Hz]
-    source: str  # of the bandwidth, for people
-    cutoff: float  # of the low-pass [Hz]
-    stride: int  # every so manieth sample of the grid is kept
-
-    @property
-    def rate(self) -> float:
-        """Rate of the samples that are kept [Hz]."""
-        return 1 / (self.step * self.stride)
-
-    @property
-    def statement(self) -> str:
-        """The grid and the filter in words."""
-        return (
-            f"resampled to {1 / self.step:.4g} Hz (gaps over {self.gap * 1e3:.3g} ms are not crossed), "
-            f"zero-phase low-pass at {self.cutoff:.3g} Hz (bandwidth of the motion "
-            f"{self.bandwidth:.3g} Hz, {self.source}), {self.rate:.4g} samples per second kept"
-        )
-
-
 def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
-    """Grid of a recording: cut-off from the bandwidth [Hz] of the motion, or of the commands; rate from it.
-
-    Raises:
-        RecordingError: when the arm does not move, or the cut-off is so low that nothing is left.
-    """
+    """Grid of a recording: cut-off by the bandwidth [Hz] of the motion or the commands; rate by it."""
     bandwidth = sent or statistics.bandwidth
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
@@ -91,33 +58,27 @@ def preprocess(
 
     Drives have gains [N·m/A], one per joint. The smooth sign is at 76 % at a width [rad/s or m/s]. A delay
     [s] by which torques are later than states is taken off. None is the grid of the recording's statistics.
-
-    Raises:
-        RecordingError: when there is no torque, or no motion.
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
     signals, factor = _signals(recording, gains, settings.reverse)
-    options = {"sign_width": sign_width, "still": settings.still, "delay": delay}
+    edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)  # points that the filter cannot see around
     segments: list[Segment] = []
     for run in runs(recording.time, grid.step, grid.gap):
-        kept, *states, moving = _joined(
-            _thinned(run, signals, factor, grid, span, **options) for span in _spans(run.points, grid, delay)
-        )
-        states = [run.time[0] + kept * grid.step, *states]
-        segments += [
-            Segment(*(np.ascontiguousarray(x[part]) for x in states))
-            for part in _stretches(moving & _inside(kept, run.points, grid, delay))
+        pieces = [
+            _thinned(run, signals, factor, grid, span, sign_width, settings.still, delay)
+            for span in _spans(run.points, grid, delay)
         ]
+        kept, moving, *states = (np.concatenate(x) for x in zip(*pieces))
+        moving &= (kept >= edge) & (kept < run.points - edge)
+        times = run.time[0] + kept * grid.step
+        for begin, end in zip(*stretches(moving)):
+            if end - begin >= _LEAST_POINTS:
+                segments.append(Segment(*(np.ascontiguousarray(x[begin:end]) for x in (times, *states))))
     if not segments:
         raise RecordingError(
             f"{recording.name}: no joint is ever faster than {settings.still:g} rad/s for a while"
         )
     return segments
-
-
-def _joined(pieces: Iterable[tuple[NDArray[Any], ...]]) -> list[NDArray[Any]]:
-    """Arrays of pieces, one after the other."""
-    return [np.concatenate(x) for x in zip(*pieces)]
 
 
 def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, int, int]]:
@@ -131,33 +92,32 @@ def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, in
 
 def _thinned(
     run: Run,
-    signals: Mapping[str, Numbers],
-    factor: Numbers,
+    signals: Mapping[str, Array],
+    factor: Array,
     grid: Grid,
     span: tuple[int, int, int, int],
-    *,
     sign_width: float,
     still: float,
     delay: float,
-) -> tuple[NDArray[Any], ...]:
-    """Numbers of points of a piece of a run that are kept, (K,), states there, (K, J), and what is moving."""
+) -> tuple[Array, ...]:
+    """Numbers of kept points of a piece of a run, (K,), which are near a motion, and states, (K, J)."""
     first, begin, end, last = span
-    x = run.at([*signals.values()], first, last)
-    parts = dict(zip(signals, np.split(x, len(signals), 1)))
-    parts["torque"] *= factor
-    smooth = dict(zip(signals, np.split(low_pass(x, grid.cutoff, grid.step), len(signals), 1)))
+    x = low_pass(run.at([*signals.values()], first, last), grid.cutoff, grid.step)
+    smooth = dict(zip(signals, np.split(x, len(signals), 1)))
+    torque = factor * smooth["torque"]
     if delay:
-        by = (-delay / grid.step, 0.0)
-        smooth["torque"] = shift(smooth["torque"], by, order=3, mode="nearest")
+        torque = shift(torque, (-delay / grid.step, 0.0), order=3, mode="nearest")
     velocity = smooth["velocity"] if "velocity" in smooth else derivative(smooth["position"], grid.step)
     acceleration = smooth["acceleration"] if "acceleration" in smooth else derivative(velocity, grid.step)
     sign = low_pass(np.tanh(velocity / sign_width), grid.cutoff, grid.step)
-    states = smooth["position"], velocity, acceleration, smooth["torque"], sign
+    fast = np.abs(velocity).max(1) >= still
+    moving = maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1)
     kept = np.arange(-(-begin // grid.stride) * grid.stride, end, grid.stride)
-    return kept, *(one[kept - first] for one in (*states, _moving(velocity, grid, still)))
+    states = smooth["position"], velocity, acceleration, torque, sign
+    return kept, *(one[kept - first] for one in (moving, *states))
 
 
-def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Numbers:
+def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Array:
     """Torque [N·m or N] of samples, (S, J), as recorded or from the current."""
     signals, factor = _signals(recording, gains, reverse)
     return signals["torque"] * factor
@@ -165,7 +125,7 @@ def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequ
 
 def _signals(
     recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]
-) -> tuple[dict[str, Numbers], Numbers]:
+) -> tuple[dict[str, Array], Array]:
     """Signals (S, J) that count, and factors (J,) to what is the torque among them, or the current."""
     names = recording.joint_names
     signals = recording.signals()
@@ -185,25 +145,3 @@ def _signals(
         raise RecordingError(f"reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}")
     signals["torque"] = signals[recording.load]
     return {name: x for name, x in signals.items() if name != "current"}, factor
-
-
-def _moving(velocity: Numbers, grid: Grid, still: float) -> NDArray[np.bool_]:
-    """Which points are near a motion, (S,), of their velocities (S, J)."""
-    if not still:
-        return np.ones(len(velocity), dtype=bool)
-    fast = np.abs(velocity).max(1) > still
-    return np.asarray(maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1), dtype=bool)
-
-
-def _inside(kept: NDArray[np.int64], points: int, grid: Grid, delay: float) -> NDArray[np.bool_]:
-    """Which points of a run the filter can see around, and have a torque without the delay."""
-    edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)
-    return (kept >= edge) & (kept < points - edge)
-
-
-def _stretches(moving: NDArray[np.bool_]) -> Iterator[slice]:
-    """Kept points of a run in stretches that move."""
-    edges = np.flatnonzero(np.diff(np.pad(moving, 1)))
-    for begin, end in zip(edges[::2], edges[1::2]):
-        if end - begin >= _LEAST_POINTS:
-            yield slice(begin, end)

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from sidegan.base.arrays import Array
 from sidegan.recording.statistics import SLOWEST
-from sidegan.recording.tables import Numbers, Table
+from sidegan.recording.tables import Table
 from sidegan.recording.units import Units
 
 _EPOCH = pd.Timestamp("1970-01-01", tz="UTC")
@@ -22,7 +23,7 @@ _LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _DATES = 0.5  # of a column's texts that are dates at least, where it is one of dates
 
 
-def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Numbers, list[str]]:
+def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Array, list[str]]:
     """Time stamps [s], (S, 1), of a column, or of one of seconds and one of nanoseconds; and remarks on them.
 
     Dates are seconds since 1970. Numbers that are a usual time since 1970 in another unit than seconds, and
@@ -49,37 +50,29 @@ def dated(table: Table) -> list[str]:
     return [name for name, x in table.columns.items() if np.ndim(x) == 1 and _dates(x[:1]) is not None]
 
 
-def _dates(values: Any) -> Numbers | None:
+def _dates(values: Any) -> Array | None:
     """Seconds since 1970 of dates, or since midnight of times of day, (S,); None of what is neither."""
     if np.ndim(values) != 1:
         return None
     series = pd.Series(values)
+    found: Any = None
     if pd.api.types.is_datetime64_any_dtype(series):
-        return _seconds(pd.to_datetime(series, utc=True) - _EPOCH)
-    if pd.api.types.is_timedelta64_dtype(series):
-        return _seconds(series)
-    if pd.api.types.is_numeric_dtype(series) or not _are_texts(series):
-        return None
-    texts = series.astype(str).str.replace(",", ".")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
-        for read in _OF_TEXT:
-            if (found := read(texts)).notna().mean() > _DATES:
-                return _seconds(found)
-    return None
+        found = pd.to_datetime(series, utc=True) - _EPOCH
+    elif pd.api.types.is_timedelta64_dtype(series):
+        found = series
+    elif (
+        isinstance(next(iter(series), None), str)
+        and pd.to_numeric(series, errors="coerce").isna().mean() > _DATES
+    ):
+        texts = series.astype(str).str.replace(",", ".")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
+            each = (read(texts) for read in _OF_TEXT)
+            found = next((times for times in each if times.notna().mean() > _DATES), None)
+    return None if found is None else found.dt.total_seconds().to_numpy(np.float64)
 
 
-def _are_texts(series: "pd.Series[Any]") -> bool:
-    """Whether elements are texts that are no numbers."""
-    first = next(iter(series), None)
-    return isinstance(first, str) and bool(pd.to_numeric(series, errors="coerce").isna().mean() > _DATES)
-
-
-def _seconds(times: "pd.Series[Any]") -> Numbers:
-    return np.asarray(times.dt.total_seconds(), dtype=np.float64)
-
-
-def _since_1970(stamps: Numbers) -> str:
+def _since_1970(stamps: Array) -> str:
     """The unit other than seconds in which stamps (S,) are times since 1970; nothing where there is none."""
     steps = np.diff(stamps) if stamps.ndim == 1 else np.zeros(0)
     forward = steps[steps > 0]

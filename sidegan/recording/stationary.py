@@ -35,18 +35,15 @@ def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recordin
 def stationary_positions(
     arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings
 ) -> dict[str, float]:
-    """Where the joints without a torque stand [rad or m], from the positions in all recordings.
-
-    Raises:
-        RecordingError: when the arm has no such joint, or one moves.
-    """
+    """Where the joints without a torque stand [rad or m], from the positions in all recordings."""
     if unknown := [name for name in settings.without if name not in arm.joint_names]:
         raise RecordingError(
             f"recording.without names {', '.join(unknown)}; the arm has joints {', '.join(arm.joint_names)}"
         )
     places = [arm.joint_names.index(name) for name in settings.without]
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
-    lower, upper = np.full((2, len(places)), np.inf) * [[1], [-1]]
+    lower = np.full(len(places), np.inf)
+    upper = -lower
     for files in recordings:
         recording = load_for(arm, files, only)
         position = recording.position[:, places]

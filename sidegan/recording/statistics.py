@@ -1,17 +1,17 @@
 """Statistics of a raw recording: its clock, its motion's bandwidth, each signal, torques that stood still."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
+from sidegan.recording.grid import stretches
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
-from sidegan.recording.tables import Numbers
 
 SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
 HEADROOM = 12.0  # cut-off of the low-pass over the bandwidth of the motion
@@ -78,11 +78,7 @@ class Statistics(Clock):
 
 
 def statistics_of(recording: Recording, settings: RecordingSettings) -> Statistics:
-    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion.
-
-    Raises:
-        RecordingError: when there are too few samples, or time runs backwards.
-    """
+    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion."""
     name, samples, time = recording.name, len(recording), recording.time
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
@@ -106,12 +102,8 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     )
 
 
-def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
-    """The clock of time stamps [s], (S,); ``name`` is for messages.
-
-    Raises:
-        RecordingError: when time runs backwards, or stands still.
-    """
+def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
+    """The clock of time stamps [s], (S,); ``name`` is for messages."""
     steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0))
@@ -137,7 +129,7 @@ def clock_of(name: str, time: Numbers, gap: float | None = None) -> Clock:
     )
 
 
-def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> float:
+def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
     """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 where nothing moves.
 
     Of positions (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White noise of the
@@ -146,7 +138,8 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
     moved = [np.flatnonzero(np.abs(q - q[0]) > _MOVED)[:1] for q in position.T]
     if not any(map(len, moved)):
         return 0.0
-    start, rate = int(np.concatenate(moved).min()), min(_HEAD_RATE, 1 / step)
+    start = int(np.concatenate(moved).min())
+    rate = min(_HEAD_RATE, 1 / step)
     grid = np.arange(time[start], min(time[-1], time[start] + _HEAD), 1 / rate)
     if len(grid) < _LEAST_HEAD:
         raise RecordingError(f"{name} moves for {time[-1] - time[start]:.3g} s, too short to identify from")
@@ -166,12 +159,12 @@ def bandwidth_of(name: str, time: Numbers, position: Numbers, step: float) -> fl
     return float(frequency[max(index, 1)])
 
 
-def _signal(x: Numbers) -> Signal:
+def _signal(x: Array) -> Signal:
     """Statistics of a signal (S, J)."""
     return Signal(*np.array([_of_joint(column) for column in x.T]).T)
 
 
-def _of_joint(x: Numbers) -> tuple[float, float, float, float]:
+def _of_joint(x: Array) -> tuple[float, float, float, float]:
     """The same of one joint, (S,); a joint after the other, an hour of all takes little memory."""
     lower, upper, steps = x.min(), x.max(), np.abs(np.diff(x))
     quantum = steps.min(where=steps > 0, initial=np.inf)
@@ -179,15 +172,17 @@ def _of_joint(x: Numbers) -> tuple[float, float, float, float]:
     return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped if clipped >= _CLIPPED else 0.0
 
 
-def _longest_run(marked: Any) -> float:
+def _longest_run(marked: Array) -> float:
     """Most consecutive samples that are marked, of (S,)."""
-    edges = np.flatnonzero(np.diff(np.pad(marked, 1)))
-    return float(max(np.diff(edges)[::2], default=0))
+    begins, ends = stretches(marked)
+    return float((ends - begins).max(initial=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
-    found, time, load = [], recording.time, recording.signals()[recording.load]
+    found = []
+    time = recording.time
+    load = recording.signals()[recording.load]
     for j, (q, x) in enumerate(zip(recording.position.T, load.T)):
         begins = np.append(0, np.flatnonzero(np.diff(x)) + 1)
         ends = np.append(begins[1:], len(x)) - 1

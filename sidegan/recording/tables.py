@@ -8,14 +8,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 
-Numbers = NDArray[np.float64]
 Where = dict[str, list[str]]  # columns of time and of every signal; a single column may hold all joints
-
-PAUSE = 10.0  # [s] that is put between two stretches of one recording, whose clocks begin anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +20,8 @@ class Table:
     """Columns of a file as they are kept in it, of S rows; an element may be a list of all joints."""
 
     columns: Mapping[str, Any]
-    rows: NDArray[np.int64]  # their numbers as people count them, (S,)
+    rows: Array  # their numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # number and reason of rows that have no columns
-    remarks: Sequence[str] = ()  # for people, on what was made of the file
 
     def first(self, name: str) -> str:
         """A column's first element as text; nothing where there is none."""
@@ -44,12 +40,8 @@ class Table:
             return int(np.shape(values)[1])
         return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
 
-    def numbers(self, name: str) -> Numbers:
-        """A column, (S,) or, of lists, (S, J); NaN where it holds no number.
-
-        Raises:
-            RecordingError: when it holds complex numbers.
-        """
+    def numbers(self, name: str) -> Array:
+        """A column, (S,) or, of lists, (S, J); NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
         if len(values) and isinstance(values[0], list | np.ndarray):
             values = np.stack([*values])
@@ -106,11 +98,7 @@ def json_table(path: Path) -> Table:
 
 
 def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Names and values of what a value of JSON nests.
-
-    Raises:
-        ValueError: when the whole of it is no object.
-    """
+    """Names and values of what a value of JSON nests; a ValueError where the whole of it is no object."""
     if isinstance(value, dict):
         for key, one in value.items():
             yield from _leaves(one, f"{name}.{key}".lstrip("."))
@@ -130,11 +118,7 @@ def npz_table(path: Path) -> Table:
 
 
 def mat_table(path: Path) -> Table:
-    """A file of MATLAB, up to version 7: arrays as in an NPZ file; of structures, names are joined by dots.
-
-    Raises:
-        RecordingError: when it is of version 7.3.
-    """
+    """A file of MATLAB, up to version 7, as an NPZ file; names of what structures nest are joined by dots."""
     import scipy
 
     try:
@@ -154,34 +138,9 @@ def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 
 
 def _of_arrays(arrays: Mapping[str, Any]) -> Table:
-    """A table of arrays (S,), (S, J), or (J, S); of rollouts, (K, T, J), one after the other.
-
-    A clock of rollouts goes on from one to the next, after a pause.
-    """
-    stacks = [x.shape[:2] for x in arrays.values() if x.ndim == 3]
-    if len(stacks) > 1 and len({*stacks}) == 1:
-        count, length = stacks[0]
-        flat = {name: _in_a_row(x, count, length) for name, x in arrays.items()}
-        rows = np.arange(count * length) + 1
-        said = f"{count} rollouts of {length} samples each are stretches of one recording"
-        return Table(flat, rows + length * (np.arange(count * length) // length), remarks=[said])
+    """A table of arrays (S,), (S, J), or (J, S)."""
     longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
     upright = {
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()
     }
     return Table(upright, np.arange(max((len(x) for x in upright.values() if x.ndim), default=0)) + 1)
-
-
-def _in_a_row(x: Any, count: int, length: int) -> Any:
-    """An array of rollouts, (K, T, …), or one of all of them, (T,), as (K·T, …); others as they are."""
-    if x.shape == (length,):
-        x = np.tile(x, (count, 1))
-    x = x[..., 0] if x.shape[2:] == (1,) else x
-    if x.shape[:2] != (count, length):
-        return x
-    if x.ndim == 2 and x.dtype.kind in "fiu" and (np.diff(x.astype(np.float64), axis=1) > 0).all():
-        x = x.astype(np.float64)
-        if (x[1:, 0] <= x[:-1, -1]).any():  # a clock that begins anew in each
-            begins = np.append(0.0, np.cumsum(x[:-1, -1] - x[:-1, 0] + PAUSE))
-            x = x - x[:, :1] + begins[:, None]
-    return x.reshape(count * length, *x.shape[2:])

@@ -19,7 +19,6 @@ from sidegan.recording.tables import Table
 _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _LOOKED_AT = 100  # lines that tell separator and decimal mark
-_AT_ONCE = 100_000  # rows that are read at once
 _SAMPLE = 1 << 16  # bytes that tell the encoding
 _FIELDS = ("position", "velocity", "effort")  # of a joint state, in its order
 
@@ -29,9 +28,6 @@ def text_table(path: Path) -> Table:
 
     Between semicolons and tabs, numbers may have decimal commas. Joint states as ``ros2 topic echo --csv``
     writes them need no names.
-
-    Raises:
-        RecordingError: when it is empty, has no first line of column names, or one with a name twice.
     """
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
@@ -92,9 +88,6 @@ def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
     """Names for the columns of joint states without names; none where a first line is no joint state.
 
     Seconds, nanoseconds and the frame are followed by the joints' names and their values.
-
-    Raises:
-        RecordingError: when it does not tell of which signals the values are.
     """
     numbers = [_is_number(field) for field in fields]
     if len(fields) < 5 or not (fields[0].isdigit() and fields[1].isdigit()) or numbers[2] or numbers[3]:
@@ -116,43 +109,24 @@ def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
 
 def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: Any) -> Table:
     """Rows of a text from line ``first`` on, under these names."""
-    options: dict[str, Any] = {"decimal": decimal, "index_col": False, "header": None, "names": names, **form}
-    options |= {"skiprows": first - 1, "skip_blank_lines": False, "encoding_errors": "replace"}
-    columns: dict[str, Any] = {}
-    most, count = _lines_of(path), 0
+    options: dict[str, Any] = {"header": None, "names": names, "index_col": False, **form}
     # All columns are read: with a choice of them pandas does not notice a line with too many fields.
     with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
-        with pd.read_csv(path, on_bad_lines="warn", chunksize=_AT_ONCE, **options) as frames:
-            for frame in frames:
-                if decimal == ",":  # pandas leaves a column as text where one field is no number
-                    texts = frame.select_dtypes(exclude="number")
-                    frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
-                for name in names:
-                    columns[name] = _filled(columns.get(name), frame[name].to_numpy(), count, most)
-                count += len(frame)
+        frame = pd.read_csv(
+            path,
+            decimal=decimal,
+            skiprows=first - 1,
+            skip_blank_lines=False,
+            encoding_errors="replace",
+            on_bad_lines="warn",
+            **options,
+        )
+    if decimal == ",":  # pandas leaves a column as text where one field is no number
+        texts = frame.select_dtypes(exclude="number")
+        frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
     matches = [match for message in messages for match in _SKIPPED.finditer(str(message.message))]
     skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
-    lines = np.arange(count + len(skipped)) + first  # people count the header as the first
-    rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[:count]
-    return Table({name: columns.get(name, np.empty(0))[:count] for name in names}, rows, skipped)
-
-
-def _lines_of(path: Path) -> int:
-    """How many lines a text has at most."""
-    with path.open("rb") as file:
-        return 1 + sum(block.count(b"\n") for block in iter(lambda: file.read(_SAMPLE), b""))
-
-
-def _filled(column: Any, values: Any, begin: int, most: int) -> Any:
-    """A column, or a new one for so many elements, with values from a place on; of a kind that holds both.
-
-    Where numbers are kept in pieces until all are read, they take their memory twice.
-    """
-    kind = values.dtype if values.dtype.kind in "iuf" else np.dtype(object)
-    if column is None:
-        column = np.empty(most, dtype=kind)
-    elif column.dtype != kind:
-        column = column.astype(np.result_type(column.dtype, kind))
-    column[begin : begin + len(values)] = values
-    return column
+    lines = np.arange(len(frame) + len(skipped)) + first  # people count the header as the first
+    rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
+    return Table({name: frame.pop(name) for name in names}, rows, skipped)

@@ -2,13 +2,13 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 
@@ -42,12 +42,8 @@ class Counts:
     per_turn: float | list[float]  # or per metre of a joint that slides; below zero where they run backwards
     zero: float | list[float] = 0.0  # what is read where the joint's position is zero
 
-    def in_si(self, counts: NDArray[np.float64], slides: Sequence[bool]) -> NDArray[np.float64]:
-        """Positions [rad or m], (S, J), of counts (S, J).
-
-        Raises:
-            RecordingError: when there are numbers for more or fewer joints.
-        """
+    def in_si(self, counts: Array, slides: Sequence[bool]) -> Array:
+        """Positions [rad or m], (S, J), of counts (S, J)."""
         each = []
         for name, values in vars(self).items():
             if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
@@ -106,9 +102,3 @@ def without_unit(text: str) -> str:
     """The end of a heading without its unit: ``" Pos"`` of ``" Pos (deg)"``, nothing of ``"_rad"``."""
     name, _, last = text.rpartition("_")
     return name if last.lower() in _ENDS else re.sub(r"\s*[(\[][^\d)\]]+[)\]]\s*$", "", text)
-
-
-def told(units: Iterable[tuple[str, str]]) -> list[str]:
-    """A sentence on units that were read from headings, pairs of signal and unit."""
-    each = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(units) if unit)
-    return [f"{each}, as the columns are headed; recording.units sets another unit"] if each else []

@@ -16,7 +16,6 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.recording.tables import Numbers
 from sidegan.report.style import DESK
 from sidegan.robot import Arm
 from sidegan.validity.capsules import place_points
@@ -83,7 +82,7 @@ def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figu
     return figure
 
 
-def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Numbers:
+def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Array:
     """End effector's positions [m], (B, T, 3), over one period.
 
     Raises:
@@ -96,7 +95,7 @@ def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Numbers:
     return tips.T.reshape(batch, count, 3)
 
 
-def bounds(points: Sequence[Numbers]) -> Numbers:
+def bounds(points: Sequence[Array]) -> Array:
     """Corners [m], (2, 3), of a box with all points (…, 3) in it, and with the arm's foot on the desk."""
     flat = np.concatenate([np.zeros((1, 3)), *(x.reshape(-1, 3) for x in points)])
     low, high = flat.min(0), flat.max(0)
@@ -107,7 +106,7 @@ def bounds(points: Sequence[Numbers]) -> Numbers:
     return np.stack([low, high])
 
 
-def _timed(axis: Axes3D, path: Numbers) -> None:
+def _timed(axis: Axes3D, path: Array) -> None:
     """A path whose colour tells the time."""
     shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
     pieces = np.stack([path[:-1], path[1:]], 1)
@@ -115,7 +114,7 @@ def _timed(axis: Axes3D, path: Numbers) -> None:
     axis.plot(*path[:1].T, "o", color="black", markersize=3, zorder=4)
 
 
-def _panels(figure: Figure, titles: Sequence[str], limits: Numbers) -> Iterator[Axes3D]:
+def _panels(figure: Figure, titles: Sequence[str], limits: Array) -> Iterator[Axes3D]:
     """Panels in space, axes of equal scale within limits [m], the desk drawn."""
     # Without automatic layout, which knows nothing of the labels of axes in space.
     rows = -(-len(titles) // _COLUMNS)

@@ -184,9 +184,9 @@ def check_recordings(
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
         training, validated = map(list, zip(*(split(one, share) for one in training)))
+    commands = _commands(cell, arm, {"recordings": first, "validation": held_out}, share)
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
-    command = _command(cell, first, held_out, share)
-    origin = Origin(command, _excite(cell, arm), {"robot": robot, "recording": asdict(settings)})
+    origin = Origin(*commands, {"robot": robot, "recording": asdict(settings)})
     return Checked(arm, found, training, validated, origin)
 
 
@@ -219,19 +219,13 @@ def _named(given: Given, path: Path) -> Recorded:
     return given if isinstance(given, Files) else str(given)
 
 
-def _command(
-    cell: Cell, recordings: Sequence[Recorded], held_out: Sequence[Recorded], share: float | None
-) -> str:
-    """The command that identifies an arm from these recordings."""
-    lists = {"recordings": recordings, "validation": held_out}
+def _commands(
+    cell: Cell, arm: Arm, lists: Mapping[str, Sequence[Recorded]], share: float | None
+) -> tuple[str, str]:
+    """The commands that identify an arm from lists of recordings, and that excite what is left uncertain."""
     files = " ".join(f"'{name}=[{','.join(map(str, some))}]'" for name, some in lists.items() if some)
     files += "" if share is None else f" validation={share:g}"
-    arm = " ".join([f"robot.name={cell.robot}", *words(cell.setup)])
-    return f"python -m sidegan.run +experiment=identify {arm} {files}"
-
-
-def _excite(cell: Cell, arm: Arm) -> str:
-    """The command that designs trajectories for what is left uncertain, but for the model's folder."""
-    setup = replace(cell.setup, locked=arm.setup.locked)
-    which = " ".join([f"robot.name={cell.robot}", *words(setup)])
-    return f"python -m sidegan.run +experiment=excite {which} goal.count=4"
+    kept = replace(cell.setup, locked=arm.setup.locked)  # with the joints that stood still
+    which, again = (" ".join([f"robot.name={cell.robot}", *words(x)]) for x in (cell.setup, kept))
+    run = "python -m sidegan.run +experiment="
+    return f"{run}identify {which} {files}", f"{run}excite {again} goal.count=4"

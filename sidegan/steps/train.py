@@ -1,6 +1,7 @@
-"""Generators of trajectories: a variant of SIDE-GAN, trained."""
+"""Generators of trajectories, and the surrogates that they learn from: SIDE-GAN on an arm in its cell."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -10,18 +11,21 @@ from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
+from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.random import number
 from sidegan.base.typed import build
 from sidegan.cell import Cell
 from sidegan.errors import ConfigError
-from sidegan.gan.settings import RECIPES, Variant
-from sidegan.steps.surrogates import surrogates as train_surrogates
-from sidegan.steps.trained import trained
+from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
 from sidegan.steps.trajectories import TrajectorySet, coefficients_of
 
 with extra("paper"):
     from sidegan.gan.generator import TrajectoryGenerator
-    from sidegan.gan.training import Run
+    from sidegan.gan.labels import Labelled
+    from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates, negatives_count
+    from sidegan.gan.side_gan import Data
+    from sidegan.gan.training import Run, Trained, random_trajectories
+    from sidegan.gan.training import train as run_training
 
 
 class Generator:
@@ -103,7 +107,7 @@ def train(
         folder = None if surrogates is None else Path(surrogates)
         if settings.features and folder is None and c is not None:
             folder = Path(work, "surrogates")
-            train_surrogates(cell, c, folder, seed=seed, box=box, workers=workers)
+            _from_vanilla(cell, c, folder, SurrogateSettings(), seed, box, workers)
         run = Run(name, number(seed, f"gan {name}"), Path(work, name))
         own = box if settings.boxed else None
         made = trained(cell, settings, c, run, surrogates=folder, box=own)
@@ -117,3 +121,102 @@ def _settings(variant: str | Variant, changes: dict[str, Any]) -> tuple[str, Var
     recipe = RECIPES[variant] if isinstance(variant, str) else variant
     name = variant if isinstance(variant, str) else recipe.variant.lower()
     return name, build(Variant, {**asdict(recipe), **changes})
+
+
+def surrogates(
+    cell: Cell,
+    seeds: TrajectorySet | ArrayLike,
+    folder: str | Path,
+    *,
+    seed: int = 0,
+    box: float | None = None,
+    workers: int | None = None,
+    **changes: Any,
+) -> dict[str, float]:
+    """Networks that tell what is valid and how it excites, from which variants learn; left in a folder.
+
+    Args:
+        cell: the arm in its cell.
+        seeds: a set or coefficients (N, J, H, 2) [rad/s].
+        folder: which is made when it is missing; ``train(…, surrogates=folder)`` reads it.
+        seed: of all random numbers.
+        box: largest absolute coefficient [rad/s] of the generator that they learn from beside; None: any.
+        workers: processes; None: one per core.
+        **changes: of the settings, fields of ``SurrogateSettings``, such as ``samples=2000``.
+
+    Returns:
+        Held-out accuracies of the success predictor and mean R² of the converters, by their names.
+
+    Raises:
+        ConfigError: when a setting is unknown or out of range.
+        ShapeError: when the seeds do not fit the cell.
+        SideganError: when the training diverges.
+    """
+    settings = build(SurrogateSettings, changes)
+    return _from_vanilla(cell, coefficients_of(seeds), Path(folder), settings, seed, box, workers)
+
+
+def _from_vanilla(
+    cell: Cell,
+    c: Array,
+    folder: Path,
+    settings: SurrogateSettings,
+    seed: int,
+    box: float | None,
+    workers: int | None,
+) -> dict[str, float]:
+    """Surrogates in a folder, from seeds (N, J, H, 2) and a vanilla GAN that is trained for them."""
+    ((name, variant),) = settings.negatives.items()
+    with TemporaryDirectory() as work:
+        run = Run(name, number(seed, f"gan {name}"), Path(work))
+        vanilla = trained(cell, variant, c, run, box=box if variant.boxed else None).generator
+    folder.mkdir(parents=True, exist_ok=True)
+    return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
+
+
+def pretrain(
+    cell: Cell,
+    seeds: Array,
+    vanilla: TrajectoryGenerator,
+    settings: SurrogateSettings,
+    folder: Path,
+    *,
+    seed: int,
+    workers: int | None,
+) -> dict[str, float]:
+    """Surrogates from seeds (N, J, H, 2) and what a vanilla GAN makes; how good they are, by their names."""
+    faulty = vanilla.sample(negatives_count(settings.samples), number(seed, "negatives"))
+    training = Pretraining(cell.constraints, cell.trajectory, settings, seeds, faulty)
+    shares = [partial(training.label, number(seed, f"labels {share}")) for share in range(SHARES)]
+    labelled = Labelled.join(run_jobs("labels", shares, workers, settings.samples))
+    jobs: list[Job] = [partial(training.train_success, labelled, folder, number(seed, "success"))]
+    for name in ("spectrum", "diagonal", "energies"):
+        jobs.append(partial(training.train_features, name, labelled, folder, number(seed, name)))
+    parts = run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs))
+    return {key: value for part in parts for key, value in part.items()}
+
+
+def trained(
+    cell: Cell,
+    variant: Variant,
+    seeds: Array | None,
+    run: Run,
+    *,
+    surrogates: Path | None = None,
+    box: float | None = None,
+    start: Path | None = None,
+) -> Trained:
+    """A variant, trained from the start or from where its training was killed.
+
+    It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories where there are
+    none, and from the surrogates in a folder. It may yield coefficients within a box [rad/s] alone, and begin
+    with the network of a generator's file, ``start``. Errors are those of ``sidegan.gan.training.train``, and
+    an ArtifactError where a surrogate is missing, damaged, or of another arm.
+    """
+    if seeds is None:
+        seeds = random_trajectories(cell.constraints, cell.trajectory, run.seed, box)
+    data = Data(cell.constraints, cell.trajectory, seeds, box=box, start=start)
+    if surrogates is not None and variant.features:
+        predictor, converter = load_surrogates(surrogates, variant, cell.arm, cell.trajectory)
+        data = replace(data, success_predictor=predictor, converter=converter)
+    return run_training(variant, data, run)

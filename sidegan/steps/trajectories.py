@@ -20,15 +20,19 @@ from sidegan.design.criteria import condition_of
 from sidegan.design.information import information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import InfeasibleError
+from sidegan.identification.goals import Prediction
 from sidegan.identification.uncertain import Uncertain
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.recording.commanded import FOLDER
 from sidegan.robot import placeholder_links
-from sidegan.steps.worth import describe_weak_set
 from sidegan.validity import check
+from sidegan.validity.remedies import binding, remedy
 
+_LITTLE = 0.3  # share of its limits on motion that half of the joints exceed in a good set
+_CONDITION = 1e5  # of a good set at most
+_UNCERTAIN = 0.1  # share of their usual size by which torques are uncertain after a good set at most
 _LOOKED_AT = 25.0  # [Hz] at which distances are looked at
 _RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # derivatives, by order
 _UNLIMITED = np.array(np.inf)
@@ -207,6 +211,30 @@ class TrajectorySet:
         c = self.coefficients
         view = view_of(self.cell.constraints, self.family, c, titles, self.cell.whole_arm)
         write_view(view, Path(path), self.demands(rate), steps)
+
+
+def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Array, condition: float) -> str:
+    """Why a set [rad/s], (N, J, H, 2), of this condition tells little, and what helps; or nothing."""
+    use = np.median(cell.problem.limit_use(c).max(0))
+    said = []
+    if use < _LITTLE:
+        said.append(f"it uses {use:.0%} of the limits on motion")
+    if not condition <= _CONDITION:
+        said.append(f"its condition is {plain(condition)}")
+    if isinstance(aim, Uncertain) and isinstance(aim.purpose, Prediction):
+        left = np.sqrt(np.square(aim.deviations).mean())
+        if not left <= _UNCERTAIN:
+            said.append(f"it leaves torques uncertain by {left:.0%} of their usual size")
+    if not said:
+        return ""
+    where = binding(cell.constraints, cell.trajectory, c)
+    if where is None:
+        return f"the set excites the arm little: {', '.join(said)}"
+    constraint, which = where
+    return (
+        f"the set excites the arm little: {', '.join(said)}; what limits it is {constraint} of {which}: "
+        f"{remedy(cell.constraints, where)}"
+    )
 
 
 def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:

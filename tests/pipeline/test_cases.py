@@ -14,7 +14,7 @@ from sidegan.design import search as searching
 from sidegan.design.search import ConditionGoal, design_set, search
 from sidegan.pipeline.run import run_stages
 from sidegan.robot import inconsistent_links, placeholder_links, possible_links
-from sidegan.steps.worth import describe_weak_set
+from sidegan.steps.trajectories import describe_weak_set
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
 from tests.robot.arms import task_of

@@ -13,7 +13,7 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.settings import validate
 from sidegan.recording.recording import Recording
 from sidegan.robot import load_robot
-from sidegan.steps.known import known_model
+from sidegan.steps.excite import known_model
 from tests.identification.test_drive_gains import TRUE
 from tests.identification.test_payload import CENTRE, MASS, load, runs  # noqa: F401
 from tests.recording.conftest import moved

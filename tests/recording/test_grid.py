@@ -44,11 +44,3 @@ def test_derivatives_of_polynomials_are_exact_inside(power):
     time, inside = np.arange(50)[:, None] * 0.1, slice(2, -2)
     expected = power * time ** (power - 1)
     np.testing.assert_allclose(derivative(time**power, 0.1)[inside], expected[inside], atol=1e-10)
-
-
-def test_points_of_the_grid_do_not_depend_on_how_many_are_asked_for():
-    time = stamps()
-    (run,) = runs(time, 0.01, 0.1)
-    whole = run.at([signal(time)], 0, run.points)
-    for first, last in ((0, 1), (0, 50), (100, 230), (run.points - 1, run.points)):
-        np.testing.assert_array_equal(run.at([signal(time)], first, last), whole[first:last])

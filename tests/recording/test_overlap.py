@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from sidegan.errors import RecordingError
-from sidegan.recording import overlap
 from sidegan.recording.overlap import digests_of, refuse_shared
 from tests.recording.conftest import moved, part_of
 
@@ -59,10 +58,3 @@ def test_another_motion_other_noise_or_rest_in_one_place_is_not_the_same(one, pl
     for other in (made(planar, 1), replace(one, torque=one.torque + 1e-3 * noise), resting):
         assert not refused(one, other)
     assert not refused(resting, resting)
-
-
-def test_pieces_are_hashed_as_the_whole(one, monkeypatch):
-    whole = digests_of(one)
-    monkeypatch.setattr(overlap, "_AT_ONCE", 700)
-    for name, hashes in digests_of(one).signals.items():
-        np.testing.assert_array_equal(hashes, whole.signals[name])

@@ -3,7 +3,6 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from sidegan.recording import segments
 from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
@@ -49,18 +48,13 @@ def test_rest_is_left_out(planar):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.013, 0.5])
-def test_pieces_are_filtered_as_the_whole(planar, monkeypatch, delay):
-    time = np.arange(3600) * 0.01
-    rests = np.where(time < 12, time, np.where(time < 15, 12.0, time - 3))
-    q, _, _ = states(rests)
-    recording = Recording("stops", planar.joint_names, time, q, torque=q)
-    whole = preprocess(recording, of_file(), delay=delay)
-    monkeypatch.setattr(segments, "_AT_ONCE", 1)
-    pieces = preprocess(recording, of_file(), delay=delay)
-    assert len(whole) == len(pieces) == 2
-    for one, other in zip(whole, pieces):
-        for name in one._fields:
-            np.testing.assert_allclose(getattr(other, name), getattr(one, name), atol=1e-10, rtol=0)
+def test_a_long_run_is_filtered_in_pieces_without_seams(planar, delay):
+    time = np.arange(110_000) * 1e-3
+    made = Recording("long", planar.joint_names, time, states(time)[0], torque=states(time - delay)[0])
+    (segment,) = preprocess(made, of_file(), delay=delay)
+    inner = slice(500, -500)  # several seconds away from the ends
+    for x, expected in zip(segment[1:5], [*states(segment.time), states(segment.time)[0]]):
+        np.testing.assert_allclose(x[inner], expected[inner], atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize("write", [write_csv, write_parquet])

@@ -108,7 +108,7 @@ def taught(run: RunContext) -> dict[str, Any]:
 
 def _train(run: RunContext, build: Build, name: str, training: int, variant: Variant) -> None:
     from sidegan.gan.training import Run
-    from sidegan.steps.trained import trained
+    from sidegan.steps.train import trained
 
     seeds, folder = None, None
     if variant.seeded:
@@ -160,7 +160,7 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
 
 def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> None:
     from sidegan.gan.generator import TrajectoryGenerator
-    from sidegan.steps.surrogates import pretrain
+    from sidegan.steps.train import pretrain
 
     vanilla = TrajectoryGenerator.load(run.store.require(negatives(run)) / GENERATOR, run.cell.arm)
     seeds, workers = training_seeds(run).coefficients, run.cfg.parallel.workers

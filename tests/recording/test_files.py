@@ -1,0 +1,461 @@
+"""Files as programs and people have them are read as what was written, row by row; what is odd is told."""
+
+import json
+import re
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy
+
+from sidegan.errors import RecordingError
+from sidegan.recording.check import check_recording, read_and_check
+from sidegan.recording.load import load_recording
+from sidegan.recording.settings import Files
+from sidegan.recording.stationary import chain_of, stationary_positions
+from sidegan.robot import Setup, load_robot
+from tests.recording import files
+from tests.recording.conftest import of_file, part_of, recorded
+from tests.recording.files import frame, written
+
+JOINTS, LEFT, NUMBERS = ("shoulder", "elbow"), ("left_joint_1", "left_joint_2"), ("1", "2")
+DEGREES, EPOCH = 180 / np.pi, 1_690_000_000
+
+
+def table(made, **columns):
+    """Time, positions and torques of a recording; columns may be changed, added, or, as None, left out."""
+    changed = {**frame(made)[["t", "q1", "q2", "tau1", "tau2"]], **columns}
+    return pd.DataFrame({name: x for name, x in changed.items() if x is not None})
+
+
+def columns_of(pattern):
+    return [pattern.format(i=k, n=k + 1, j=joint) for k, joint in enumerate(JOINTS)]
+
+
+def named(made, time="t", q="q{n}", tau="tau{n}", **more):
+    """The table under other names, and with more columns."""
+    return table(made).set_axis([time, *columns_of(q), *columns_of(tau)], axis=1).assign(**more)
+
+
+def read(folder, table, joints=JOINTS, sliding=(), **changes):
+    table.to_csv(folder / "a.csv", index=False)
+    return load_recording(folder / "a.csv", of_file(**changes), joints, sliding=sliding)
+
+
+def assert_same(found, made, signals=("position", "torque"), start=0, late=2e-6):
+    np.testing.assert_allclose(found.time, made.time + start, atol=late, rtol=0)
+    for name in signals:
+        np.testing.assert_allclose(found.signals()[name], made.signals()[name], atol=1e-9, rtol=0)
+
+
+def alone(made, folder):
+    """A loose file of a bag."""
+    return next(files.write_mcap(made, folder).glob("*.mcap")).rename(folder / "alone.mcap")
+
+
+def scaled(table):
+    """In milliseconds, degrees and N·mm."""
+    angles = [c for c in table if c.startswith("q")]
+    return table.assign(t=1e3 * table.t, **table[angles] * 180 / np.pi, **1e3 * table[["tau1", "tau2"]])
+
+
+WHOLE = [files.write_csv, files.write_parquet, files.write_bag, files.write_mcap, alone]
+OTHER = str.maketrans({"1": ".a", "2": ".b"})  # names of joints
+ARRAYS = {"position": "q", "velocity": "qd", "torque": "tau"}
+WRITTEN = [
+    *((write, {}) for write in WHOLE),
+    (partial(files.write_bag, order=[1, 0]), {}),
+    (written(encoding="utf-8-sig"), {}),
+    (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
+    (written(lambda t: t.rename(columns=lambda c: c.translate(OTHER))), {"joints": ["a", "b"]}),
+    (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
+    *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
+    (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
+    (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
+    (written(sep=" "), {}),
+    # a comma in a name makes no decimal comma
+    *((written(lambda t: t.assign(**{"note 1,5": 1.5}), sep=separator), {}) for separator in (";", "\t")),
+]
+
+
+@pytest.mark.parametrize(("write", "changes"), WRITTEN)
+def test_what_was_written_is_read(made, tmp_path, write, changes):
+    path = write(made, tmp_path)
+    bag = path.suffix in ("", ".mcap")
+    found = load_recording(path, of_file(**changes), made.joint_names if bag else NUMBERS)
+    assert found.signals().keys() == made.signals().keys() and not found.corrupt
+    assert_same(found, made, made.signals(), start=int(bag))  # stamps of zero would be none
+
+
+def at(made):
+    """Its stamps as dates, in whole nanoseconds."""
+    return pd.to_datetime((made.time * 1e9).round().astype(np.int64) + EPOCH * 10**9)
+
+
+def since_1970(made, unit):
+    return ((made.time + EPOCH) * unit).round().astype(np.int64)
+
+
+def headed(made, time, q, tau):
+    """Times, angles and torques in milliseconds, degrees and N·mm, under headings that say so."""
+    values = made.position * DEGREES, made.torque * 1e3
+    columns = {p.format(k + 1): x[:, k] for p, x in zip((q, tau), values) for k in range(2)}
+    return pd.DataFrame({time: made.time * 1e3, **columns})
+
+
+def parquet(table, path):
+    table.to_parquet(path / "a.parquet")
+
+
+def text(table, path, encoding="utf-8", **options):
+    table.to_csv(path / "a.csv", **{"index": False, "encoding": encoding, **options})
+
+
+def lines(made, path):
+    """Joint states as they are nested in messages, and a line that was cut off."""
+    each = zip(made.time.tolist(), made.position.tolist(), made.torque.tolist())
+    said = [
+        json.dumps(
+            {"stamp": {"sec": 1, "nanosec": round(t * 1e9)}, "name": ["b", "a"], "position": q, "effort": x}
+        )
+        for t, q, x in each
+    ]
+    (path / "a.jsonl").write_text("\n".join(said) + '\n{"stamp": {"se')
+
+
+def echoed(made, path, signals=("position", "velocity", "torque")):
+    """What `ros2 topic echo --csv` prints of joint states."""
+    values = np.concatenate([getattr(made, name) for name in signals], 1).tolist()
+    rows = [[1, round(t * 1e9), "base", *JOINTS, *x] for t, x in zip(made.time.tolist(), values)]
+    pd.DataFrame(rows).to_csv(path / "a.csv", index=False, header=False)
+
+
+def matlab(made, path):
+    """A structure of arrays with a row for each joint."""
+    log = {"t": made.time, "q": made.position.T, "tau": made.torque.T}
+    scipy.io.savemat(path / "a.mat", {"log": log})
+
+
+def arrays(made, path):
+    np.savez(path / "a.npz", t=made.time, q=made.position.T, tau=made.torque, pose=np.ones((len(made), 6)))
+
+
+def two_arms(made, path):
+    other = {f"{name}_right_joint_{k}": 9.0 + k for name in ("q", "tau") for k in (1, 2)}
+    names = {f"{name}{k}": f"{name}_left_joint_{k}" for name in ("q", "tau") for k in (1, 2)}
+    text(table(made).rename(columns=names).assign(**other), path)
+
+
+KINDS = {  # how it is written, its first stamp beyond that of the recording [s], and what is remarked
+    "ns since 1970": (lambda m, p: text(table(m, t=since_1970(m, 1e9)), p), EPOCH, "nanoseconds since 1970"),
+    "ms since 1970": (lambda m, p: text(table(m, t=since_1970(m, 1e3)), p), EPOCH, "milliseconds since 1970"),
+    "ISO": (lambda m, p: text(table(m, t=at(m).astype(str)), p), EPOCH, ""),
+    "ISO with a zone": (lambda m, p: text(table(m, t=at(m).tz_localize("UTC").astype(str)), p), EPOCH, ""),
+    "ISO with a comma": (
+        lambda m, p: text(table(m, t=at(m).astype(str)).map(str).replace(r"\.", ",", regex=True), p, sep=";"),
+        EPOCH,
+        "",
+    ),
+    "time of day": (lambda m, p: text(table(m, t=at(m).strftime("%H:%M:%S.%f")), p), EPOCH % 86_400, ""),
+    "datetime": (lambda m, p: parquet(table(m, t=at(m)), p), EPOCH, ""),
+    "datetime with a zone": (
+        lambda m, p: parquet(table(m, t=at(m).tz_localize("UTC").tz_convert("Asia/Tokyo")), p),
+        EPOCH,
+        "",
+    ),
+    "datetime index": (lambda m, p: parquet(table(m).set_index("t"), p), 0, ""),
+    "index without a name": (lambda m, p: parquet(table(m, t=None).set_index(at(m)), p), EPOCH, ""),
+    "units and blanks": (
+        lambda m, p: text(headed(m, "Time (ms)", "J{} Pos (deg)", "J{} Torque (N·mm)"), p),
+        0,
+        "time in ms, position in deg, torque in mNm, as the columns are headed",
+    ),
+    "units": (lambda m, p: text(headed(m, "time_ms", "q{}_deg", "tau_{}_mNm"), p), 0, "position in deg"),
+    "UTF-16": (lambda m, p: text(table(m), p, "utf-16", sep="\t"), 0, ""),
+    "cp1252": (
+        lambda m, p: text(headed(m, "Zeit t [ms]", "Pos {} [°]", "tau{} [mNm]"), p, "cp1252", sep=";"),
+        0,
+        "position in deg",
+    ),
+    "echo --csv": (echoed, 1, ""),
+    "JSON lines": (lines, 1, ""),
+    "MATLAB": (matlab, 0, ""),
+    "arrays": (arrays, 0, ""),
+    "two arms": (two_arms, 0, ""),
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_kinds(made, tmp_path, kind):
+    write, start, remark = KINDS[kind]
+    write(made, tmp_path)
+    (path,), lines = tmp_path.iterdir(), kind == "JSON lines"
+    settings = of_file(joints=["b", "a"] if lines else None)
+    found = load_recording(path, settings, LEFT if kind == "two arms" else JOINTS)
+    assert_same(found, made, start=start, late=1e-3 if "ms " in kind else 2e-6)
+    assert remark in "".join(found.remarks) and bool(remark) == bool(found.remarks)
+    assert [row for row, _ in found.corrupt] == ([201] if lines else [])
+
+
+NAMES = [  # of time, positions and torques; {i} counts from 0, {n} from 1
+    *(("t", "q{i}", "tau{i}"), ("Time", "Q{n}", "TAU{n}"), ("time [s]", "q_{i}", "tau_{i}")),
+    *(("timestamp", "joint_{i}_pos", "joint_{i}_torque"), ("t", "actual_q_{i}", "motor_torque_{i}")),
+    *(("t", "- {j}_position", "- {j}_effort"), (" t", " q0{n}", " tau0{n}"), ("t", "{j}.pos", "effort.{j}")),
+    *(("state.time", "state.q[{i}]", "state.tau_J[{i}]"), ("%time", "field.pos{i}", "field.eff{i}")),
+    *(("__time", "/states/{j}/position", "/states/{j}/effort"), ("t", "current_pos_{i}", "motorTrq{i}")),
+    *(("time", ".position.{i}", ".effort.{i}"), ("timestamp", "observation.state.{j}.pos", "{j}.effort")),
+]
+FOREIGN = """q_d[{i}] tau_J_d[{i}] tau_ext_hat_filtered[{i}] target_q_{i} tau_dot_{n} O_T_EE[{i}] theta[{i}]
+action.{j}.pos finger_joint{n}_position actual_TCP_speed_{i}"""
+
+
+@pytest.mark.parametrize("names", NAMES)
+def test_columns_are_known_by_their_names(made, tmp_path, names):
+    foreign = {c: 1.0 for one in FOREIGN.split() for c in columns_of(one)}
+    found = read(tmp_path, named(made, *names, **foreign))
+    assert_same(found, made)
+    assert found.velocity is None and found.current is None and not found.remarks
+
+
+def test_joints_are_in_the_order_that_the_file_names(made, tmp_path):
+    table = named(made, "Time", "position_{i}", "effort_{i}", name_0="elbow", name_1="shoulder")
+    np.testing.assert_allclose(read(tmp_path, table).torque, made.torque[:, [1, 0]])
+
+
+LEFT_OVER = [
+    ("q{i} tau{i}", "q2 tau2", r"counted from 0.* say so: 'recording.position=\"q\{index\}\"' 'rec"),
+    ("q{n} tau{n}", "q3 tau3", "left over: q3, tau3; the arm has 2 joints"),
+]
+
+
+@pytest.mark.parametrize(("names", "more", "words"), LEFT_OVER)
+def test_a_column_that_is_left_over_is_remarked_on(made, tmp_path, names, more, words):
+    found = read(tmp_path, named(made, "t", *names.split(), **dict.fromkeys(more.split(), 1.0)))
+    assert_same(found, made)
+    assert re.search(words, "".join(found.remarks))
+
+
+REFUSED = [
+    ({"q": "theta{i}"}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
+    ({"tau": "load{n}"}, r"neither torque nor current.* fit\? 'recording.torque=\"load\{index\}\"'"),
+    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"'recording.joints=\[shoulderx,elbowx\]'"),
+]
+
+
+@pytest.mark.parametrize(("names", "words"), REFUSED)
+def test_unknown_column_names_are_refused_with_the_setting_to_type(made, tmp_path, names, words):
+    with pytest.raises(RecordingError, match=words):
+        read(tmp_path, named(made, **names))
+
+
+def garbled(lines):
+    lines[5] = lines[5] + ",7,8"
+    lines[8] = lines[8].rsplit(",", 1)[0] + ",1e300"
+    lines[9] = "garbage" + lines[9][lines[9].index(",") :]
+    lines[12] = lines[12].rsplit(",", 2)[0]
+    lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    lines[-1] = lines[-1][:-30]
+
+
+GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
+
+
+def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
+    path = files.write_csv(made, tmp_path)
+    lines = path.read_text().splitlines()
+    garbled(lines)
+    path.write_text("\n".join(lines))
+    read = load_recording(path, of_file(), NUMBERS)
+    found = dict(read.corrupt)
+    assert sorted(found) == sorted(GARBLED) and all(GARBLED[row] in found[row] for row in found)
+    kept = [k for k in range(200) if k + 2 not in GARBLED]
+    np.testing.assert_allclose(read.time, made.time[kept])
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read(made, tmp_path, separator):
+    """A line of text among them costs no more than itself."""
+    lines = files.frame(made).to_csv(index=False, sep=separator, decimal=",").splitlines()
+    lines[50] = "stopped"
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    found = load_recording(tmp_path / "a.csv", of_file(), NUMBERS)
+    ((row, _),) = found.corrupt
+    kept = part_of(made, [k for k in range(200) if k != row - 2])
+    for name in ("time", *made.signals()):
+        np.testing.assert_allclose(getattr(found, name), getattr(kept, name))
+
+
+def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):
+    """A row that is left out takes its time."""
+    table = files.frame(made).drop(columns="t")
+    table.loc[3, "tau1"] = np.nan
+    table.to_csv(tmp_path / "a.csv", index=False)
+    found = load_recording(tmp_path / "a.csv", of_file(rate=250.0), NUMBERS)
+    np.testing.assert_allclose(found.time - found.time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
+    assert [reason for _, reason in found.corrupt] == ["no number in tau1"]
+
+
+def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
+    """A gripper on the same topic, joints in turn, big-endian bytes, and a message that lacks a joint."""
+    a, b = made.joint_names
+    messages = []
+    for k in range(40):
+        names = ([a, b], [b, a, "finger"], ["finger"], [a, b])[k % 4] if k < 36 else [a]
+        values = np.array([float(k) if n == a else -float(k) for n in names])
+        messages.append(((k + 1) * 10**9, k % 4 != 3, names, values, values, values))
+    path = files.write_messages(tmp_path, messages)
+    found, expected = load_recording(path, of_file(), made.joint_names), [k for k in range(36) if k % 4 != 2]
+    assert found.position[:, 0].tolist() == expected
+    assert (found.position[:, 1] == -found.position[:, 0]).all()
+    assert found.time.tolist() == [k + 1 for k in expected] and len(found.corrupt) == 4
+
+
+@pytest.fixture
+def sliding(planar):
+    """The planar arm with a second joint that slides."""
+    lower, upper = np.array([[-2.5, -1.6], [2.5, 1.6]])
+    slides = np.array([False, True])
+    return replace(planar, prismatic=slides, position_lower=lower, position_upper=upper)
+
+
+@pytest.mark.parametrize("headings", [("q1", "q2"), ("q1_deg", "q2_mm"), ("J1 Pos (deg)", "J2 Pos (mm)")])
+def test_degrees_are_of_joints_that_turn_and_millimetres_of_those_that_slide(made, tmp_path, headings):
+    q = made.position * [DEGREES, 1e3]
+    units = {"angle": "deg", "length": "mm"} if headings == ("q1", "q2") else {}
+    renamed = table(made, **{"q1": None, "q2": None, **dict(zip(headings, q.T))})
+    found = read(tmp_path, renamed, sliding=JOINTS[1:], units=units)
+    np.testing.assert_allclose(found.position, made.position)
+
+
+@pytest.mark.parametrize(("unit", "factor", "words"), [("m", 1e3, "millimetres"), ("mm", 1e-3, "metres")])
+def test_a_joint_that_slides_in_another_unit_is_refused(sliding, clock, unit, factor, words):
+    made = recorded(sliding, clock, ("position", "torque"))
+    wrong = replace(made, position=made.position * [1.0, factor])
+    assert not any("unit" in warning for warning in check_recording(made, sliding, of_file()).warnings)
+    with pytest.raises(RecordingError, match=rf"elbow .*are these {words}\? \(recording\.units\.length="):
+        check_recording(wrong, sliding, of_file(units={"length": unit}))
+
+
+def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recording, planar, tmp_path):
+    counts = (recording.position / (2 * np.pi) * 4096 + 2048).round()
+    with pytest.raises(RecordingError, match="no unit explains: are these counts") as error:
+        check_recording(replace(recording, velocity=None, position=counts), planar, of_file())
+    per_turn, zero = map(float, re.findall(r"(?:per_turn|zero): (\d+)", str(error.value)))
+    units = {"position": {"per_turn": [per_turn, -per_turn], "zero": zero}}
+    columns = dict(zip(("q1", "q2"), counts.T))
+    found = read(tmp_path, table(recording, **columns, qd1=1.0, qd2=1.0), units=units)
+    np.testing.assert_allclose(found.position, recording.position * [1, -1], atol=np.pi / 4096, rtol=0)
+    assert found.velocity is None and "velocity is derived" in found.remarks[0]
+    with pytest.raises(RecordingError, match=r"units\.position\.zero is of 3 joints, the arm has 2"):
+        read(tmp_path, table(recording), units={"position": {"per_turn": 4096, "zero": [0, 0, 0]}})
+
+
+def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
+    """And nothing is put back of a joint that slides, or of degrees, which step by more than a turn, too."""
+    far = recording.position * [4.0, 1.0] + np.array([3.0, 0.0])
+    wrapped = (far + np.pi) % (2 * np.pi) - np.pi
+    columns = dict(zip(("q1", "q2"), wrapped.T))
+    found = read(tmp_path, table(recording, **columns))
+    turns = (found.position - far) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.broadcast_to(turns[:1].round(), turns.shape), atol=1e-9, rtol=0)
+    assert found.remarks[0].startswith("readings of shoulder jump by whole turns")
+    slid = read(tmp_path, table(recording, **columns), sliding=JOINTS)
+    np.testing.assert_allclose(slid.position, wrapped)
+    slow = table(recording, **dict(zip(("q1", "q2"), DEGREES * recording.position.T)))[::10]
+    assert not read(tmp_path, slow).remarks
+
+
+def test_nanoseconds_since_a_machine_was_started_are_no_milliseconds_since_1970(made, tmp_path):
+    found = read(tmp_path, table(made, t=(made.time * 1e9).round() + 1.5e12))
+    assert not found.remarks and np.diff(found.time).mean() > 1e6
+
+
+def at_rest(made, torque, seconds=4.0):
+    """A recording with some time at rest, and torques at will, before it."""
+    still = np.arange(0, seconds, 0.01)
+    first = {name: float(x) for name, x in table(made).iloc[0].items()}
+    held = pd.DataFrame({**first, "t": made.time[0].item() - seconds + still, **torque(still)})
+    return pd.concat([held, table(made)], ignore_index=True)
+
+
+def test_rows_at_rest_without_drives_are_left_out(recording, tmp_path):
+    found = read(tmp_path, at_rest(recording, lambda _: {"tau1": 0.0, "tau2": 0.0}))
+    np.testing.assert_allclose(found.torque, recording.torque)
+    assert "no torque changes while the arm rests, as without drives: 400 rows" in found.remarks[0]
+    led = table(recording)
+    led.loc[:999, ["tau1", "tau2"]] = 0.0  # somebody leads an arm without drives
+    for other in ("tau1", "tau2"):
+        held = read(tmp_path, at_rest(recording, lambda t, j=other: {"tau1": 0.0, "tau2": 0.0, j: np.sin(t)}))
+        assert len(held) == 2400 and not held.remarks
+    assert len(read(tmp_path, led)) == 2000
+
+
+def test_each_signal_is_taken_at_the_rows_that_have_it(recording, tmp_path):
+    positions, torques = table(recording, tau1=None, tau2=None), table(recording, q1=None, q2=None)
+    later = torques[1::2].assign(t=torques.t[1::2] + 3e-3)
+    found = read(tmp_path, pd.concat([positions, later]).sort_values("t"))
+    inside = np.isin(recording.time, found.time)
+    assert len(found) > 1980 and not found.corrupt
+    np.testing.assert_allclose(found.position, recording.position[inside])
+    error = np.abs(found.torque - recording.torque[inside]).mean()
+    assert error < 0.02 * np.abs(recording.torque).mean()
+    assert "the torque of a.csv: interpolated at the time stamps of the position" in found.remarks[0]
+
+
+def test_joint_states_without_names_of_two_signals_are_refused_with_the_line_to_write(made, tmp_path):
+    echoed(made, tmp_path, ("position", "torque"))
+    with pytest.raises(RecordingError, match=r"2 values of each: .* such as stamp\.sec,.*") as error:
+        load_recording(tmp_path / "a.csv", of_file(), JOINTS)
+    line = str(error.value).partition("such as ")[2]
+    (tmp_path / "a.csv").write_text(f"{line}\n{(tmp_path / 'a.csv').read_text()}")
+    np.testing.assert_allclose(load_recording(tmp_path / "a.csv", of_file(), JOINTS).torque, made.torque)
+
+
+def test_a_file_of_matlab_7_3_is_refused_with_what_to_save(tmp_path):
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(512))
+    with pytest.raises(RecordingError, match=r"MATLAB 7\.3.*-v7"):
+        load_recording(tmp_path / "a.mat", of_file(), JOINTS)
+
+
+def several(folder, made, change=lambda same: same):
+    """A file for each signal; that of the torques is changed, and calls them by the joints alone."""
+    named(made)[["t", "q1", "q2"]].to_csv(folder / "position.csv", index=False)
+    change(named(made, tau="{j}")[["t", *JOINTS]]).to_csv(folder / "effort.csv", index=False)
+    files = Files(str(folder / "position.csv"), effort=str(folder / "effort.csv"))
+    return load_recording(files, of_file(), JOINTS)
+
+
+def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
+    assert_same(several(tmp_path, recording), recording)
+    found = several(tmp_path, recording, lambda x: x.assign(t=x.t + 3e-4)[100:1900:2].drop(index=[600]))
+    # at the stamps of the faster file, where there are torques
+    inside = np.isin(recording.time, found.time)
+    np.testing.assert_allclose(found.position, recording.position[inside])
+    assert np.abs(found.torque - recording.torque[inside]).max() < 0.05 * np.abs(recording.torque).max()
+    assert "effort.csv: interpolated" in found.remarks[0] and "is in all files" in found.remarks[1]
+
+
+APART = [
+    ("effort.csv has no column like 't' or 'time'", lambda x: x.drop(columns="t")),
+    ("no moment is in all files, .* effort.csv from 100 s", lambda x: x.assign(t=x.t + 100)),
+    ("effort.csv has no torque of 1 of the arm's 2 .*without=.elbow", lambda x: x.drop(columns="elbow")),
+]
+
+
+@pytest.mark.parametrize(("words", "change"), APART)
+def test_files_that_do_not_go_together_are_refused(made, tmp_path, words, change):
+    with pytest.raises(RecordingError, match=words):
+        several(tmp_path, made, change)
+
+
+def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path, planar):
+    named(recording).assign(q1=0.3).drop(columns="tau1").to_csv(tmp_path / "a.csv", index=False)
+    path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
+    arm = load_robot("planar2", Setup(locked=stationary_positions(planar, [path], settings)))
+    (found,) = read_and_check([(path, "training")], arm, settings)
+    assert "shoulder is left out, locked at 0.3" in found.warnings and chain_of(arm) == JOINTS
+    np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
+    with pytest.raises(RecordingError, match=r"elbow, which recording\.without leaves out, moves"):
+        stationary_positions(planar, [path], of_file(without=["elbow"]))
