@@ -10,13 +10,14 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
-from sidegan.robot.drivers import higher, tighten
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
 from sidegan.robot.tree import Joint, Tree, meant
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # ranges to put where there is none
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
+# Attributes of a joint's <limit>, with whatever prefix.
+_DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
 _ROUNDED = 1e-3  # share of a limit by which another one may be wider without a word
 _TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
 _Value = TypeVar("_Value")
@@ -42,14 +43,11 @@ def limits_of(
     """Limits of the joints that move, by name, and notes on what was assumed.
 
     They are also put into the tree's XML, as Pinocchio insists on. Joints that turn without end may do so by
-    half a turn from home [rad]. Where nothing is planned, plain limits stand for those that are missing.
-
-    Raises:
-        RobotError: names all limits that are missing or impossible, with the settings that state them.
+    half a turn from home [rad]. Where nothing is planned, plain limits stand for those that are missing;
+    else all that are missing or impossible are refused at once, with the settings that state them.
     """
     given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
-    notes = [*read, *tighten(tree, moving, stated["position"])]
     described, found, wider, own = _Described(tree, home), {}, [], dict[str, list[str]]()
     for joint in moving:
         said = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
@@ -59,8 +57,8 @@ def limits_of(
             upper,
             velocity=said.get("velocity") or described.velocity(joint),
             effort=said.get("effort") or described.effort(joint),
-            acceleration=said.get("acceleration") or higher(tree, joint, "acceleration") or math.inf,
-            jerk=said.get("jerk") or higher(tree, joint, "jerk") or math.inf,
+            acceleration=said.get("acceleration") or described.derivative(joint, "acceleration"),
+            jerk=said.get("jerk") or described.derivative(joint, "jerk"),
         )
         for kind in DERIVATIVE_ORDER:
             if kind not in said and math.isfinite(getattr(found[joint.name], kind)):
@@ -68,6 +66,7 @@ def limits_of(
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
+    notes = [*read, *described.of_soft_limits()]
     if described.missing:
         lines = " ".join(
             override(f"limits.{kind}", one, stated[kind]) for kind, one in described.examples.items()
@@ -115,6 +114,8 @@ class _Described:
         self.home = home
         self.missing: list[str] = []
         self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
+        self.narrowed: dict[str, tuple[_Span, str]] = {}  # whole ranges, and soft limits in words
+        self.useless: list[str] = []  # joints whose soft limits leave no range
 
     def position(self, joint: Joint) -> _Span:
         """Lower and upper limit [rad or m]; half a turn to each side of home of a joint without end."""
@@ -127,7 +128,7 @@ class _Described:
             return self._example("position", joint, example, why)
         lower, upper = span
         if lower < upper:
-            return span
+            return self._softened(joint, span)
         example = (upper, lower) if lower > upper else example
         why = f"the position limits {lower:g} to {upper:g}, expected lower < upper"
         return self._example("position", joint, example, why)
@@ -149,6 +150,45 @@ class _Described:
             return effort or math.inf
         why = f"the effort limit {effort:g}, expected one above 0, or none"
         return self._example("effort", joint, -effort, why)
+
+    def derivative(self, joint: Joint, kind: str) -> float:
+        """Limit on acceleration or jerk [rad or m, per s² or s³]; infinite where none above 0 is stated."""
+        limit = joint.element.find("limit")
+        if limit is None:
+            return math.inf
+        keys = [key for key in limit.attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
+        values = [xml.number(limit, key, self.tree.at(joint)) for key in keys]
+        return min((value for value in values if value > 0), default=math.inf)
+
+    def of_soft_limits(self) -> list[str]:
+        """Notes on ranges that soft limits narrow."""
+        notes = []
+        if self.useless:
+            notes.append(f"soft limits that leave no range are not used: {listed(self.useless)}")
+        if self.narrowed:
+            ranges = listed([f"{name} {soft}" for name, (_, soft) in self.narrowed.items()])
+            whole = override("limits.position", {name: span for name, (span, _) in self.narrowed.items()})
+            notes.append(
+                f"soft limits hold, as drivers enforce them (safety_controller): {ranges}; "
+                f"{whole} has the whole range"
+            )
+        return notes
+
+    def _softened(self, joint: Joint, span: _Span) -> _Span:
+        """A range within a joint's soft limits, where it has any; an end that is left out is 0."""
+        safety, keys = joint.element.find("safety_controller"), ("soft_lower_limit", "soft_upper_limit")
+        if safety is None:
+            return span
+        soft = [xml.number(safety, key, self.tree.at(joint), "0") for key in keys]
+        lower, upper = max(span[0], soft[0]), min(span[1], soft[1])
+        if not any(soft) or (lower, upper) == span:
+            return span
+        if lower >= upper:
+            self.useless.append(joint.name)
+            return span
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        self.narrowed[joint.name] = span, f"{lower:.4g} to {upper:.4g} {unit}"
+        return lower, upper
 
     def _number(self, joint: Joint, key: str) -> float:
         """A number of a joint's <limit>; 0 where there is none."""

@@ -10,7 +10,6 @@ from functools import cached_property
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 
-_MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
 TURNING = ("revolute", "continuous")
 MOVABLE = (*TURNING, "prismatic")
 REFUSED = {  # kinds of joints that no arm has, and why
@@ -95,11 +94,7 @@ def meant(name: str, known: Iterable[str], setting: str = "") -> str:
 
 
 def read_tree(root: ET.Element, where: str) -> Tree:
-    """The tree of a description.
-
-    Raises:
-        RobotError: when names are missing or not unique, or the links do not form one tree.
-    """
+    """The tree of a description, whose names are unique and whose links form one tree."""
     joints = {joint.name: joint for joint in _joints(root, where)}
     links = [link.get("name", "") for link in root.findall("link")]
     children = {joint.child for joint in joints.values()}
@@ -116,8 +111,6 @@ def read_tree(root: ET.Element, where: str) -> Tree:
 
 def _joints(root: ET.Element, where: str) -> list[Joint]:
     """The joints of a description, with names of their own and links that are there."""
-    if (count := len(root.findall("link"))) > _MOST_LINKS:
-        raise RobotError(f"{where} has {count} links, expected at most {_MOST_LINKS}")
     names = {
         kind: [xml.attribute(one, "name", where) for one in root.findall(kind)] for kind in ("link", "joint")
     }

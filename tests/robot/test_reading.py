@@ -192,7 +192,7 @@ SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range i
     'k_position="20" soft_lower_limit="-1" soft_upper_limit="1.5"': (
         -1,
         1.5,
-        "joint0 -1 to 1.5 rad (slowed down 0.1 rad before); 'robot.limits.position={joint0: [-2.8, 2.8]}'",
+        "joint0 -1 to 1.5 rad; 'robot.limits.position={joint0: [-2.8, 2.8]}'",
     ),
     'soft_lower_limit="-9" soft_upper_limit="1.5"': (-2.8, 1.5, "joint0 -2.8 to 1.5 rad;"),
     'soft_lower_limit="0" soft_upper_limit="0"': (-2.8, 2.8, ""),
@@ -260,8 +260,8 @@ def test_limits_are_read_from_a_joint_limits_yaml(load, tmp_path, what):
 
 BAD = {
     "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": "limits no joint of .* but finger",
-    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": "joint0: max_jerk is 'fast'",
-    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": "is 0, expected one above 0",
+    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": "jerk.joint0 is 'fast', expected",
+    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": "joint0 is 0, expected a number",
     "limits: 3": "has no joint_limits, expected MoveIt's",
     "a: [": "cannot be read: while parsing",
 }
