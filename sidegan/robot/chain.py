@@ -13,11 +13,7 @@ _ARM, _HAND = 6, 8  # joints at least before a hand, and below these of its long
 
 
 def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
-    """The arm that is meant: its joints, from the base outwards, and where the others stand [rad or m].
-
-    Raises:
-        RobotError: when it is not one chain of joints that move on their own, with what resolves that.
-    """
+    """The arm that is meant: its joints, from the base outwards, and where the others stand [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
         check_locked(tree, name, value)

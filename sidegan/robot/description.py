@@ -2,10 +2,9 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from sidegan.robot import xml
 from sidegan.robot.arm import FilePlane
@@ -20,8 +19,6 @@ from sidegan.robot.postures import group_states, home_among
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -47,15 +44,11 @@ class Description:
 def read_description(
     path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
 ) -> Description:
-    """A checked description of an arm; arguments as of `load_robot`.
-
-    Raises:
-        RobotError: when the file is no description, or describes no arm that can be excited.
-    """
+    """A checked description of an arm; arguments as of `load_robot`."""
     source = read_source(path, setup.args)
     root, where = source.root, str(path)
-    name = root.get("name") or path.stem
-    root.set("name", name)
+    robot = root.get("name") or path.stem
+    root.set("name", robot)
     may_touch = _touching(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
@@ -63,10 +56,11 @@ def read_description(
     moving, locked = choose(tree, setup)
     for joint in moving:
         unit_axis(joint, tree.at(joint))
-    read = _of_links(root, where, read_mass)
-    notes = describe_fixed(tree, moving, locked, {name: mass for name, (mass, _) in read.items()})
-    for joint, value in ((tree.joints[name], value) for name, value in locked.items()):
-        lock(joint, value, tree.at(joint))
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    read = {link: read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
+    notes = describe_fixed(tree, moving, locked, {link: mass for link, (mass, _) in read.items()})
+    for name, value in locked.items():
+        lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
     middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
     limits, more = limits_of(tree, moving, setup.limits, middle, planning)
@@ -74,16 +68,17 @@ def read_description(
         for link in pair:
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
-    absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at, meshes=planning))
-    missing = {name: files for name, files in absent.items() if files}
-    missing |= source.missing if planning else {}
+    missing = dict(source.missing if planning else {})
+    for link, element in links.items():
+        if absent := prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
+            missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
         hang(root, tree.root, mount)
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
-    shaped = {link.get("name", "") for link in root.findall("link") if link.find("collision") is not None}
+    shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
-        name=name,
+        name=robot,
         path=path,
         xml=ET.tostring(root, encoding="unicode"),
         limits=limits,
@@ -94,16 +89,10 @@ def read_description(
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
-        home=home_among(group_states(path, name) if source.postures is None else source.postures, [*moved]),
+        home=home_among(group_states(path, robot) if source.postures is None else source.postures, [*moved]),
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
-
-
-def _of_links(root: ET.Element, where: str, read: Callable[[ET.Element, str], T]) -> dict[str, T]:
-    """Result of a function of each link, and of where it stands for messages, by its name."""
-    names = {link.get("name", ""): link for link in root.findall("link")}
-    return {name: read(link, f"{where}: link {name!r}") for name, link in names.items()}
 
 
 def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:

@@ -24,11 +24,7 @@ _log = logging.getLogger(__name__)
 
 
 def build(description: Description) -> pin.Model:
-    """Pinocchio's model of a serial chain.
-
-    Raises:
-        RobotError: when Pinocchio refuses the description.
-    """
+    """Pinocchio's model of a serial chain."""
     with _pinocchio_speaks(description):
         model = pin.buildModelFromXML(description.xml)
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
@@ -42,12 +38,12 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
     return {
         "prismatic": prismatic,
-        "rotation": _array([model.jointPlacements[i].rotation for i in joints]),
-        "translation": _array([model.jointPlacements[i].translation for i in joints]),
-        "axis": _array(np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:])),
-        "inertial_parameters": _array([model.inertias[i].toDynamicParameters() for i in joints]),
-        "gravity": _array(model.gravity.linear),
-        "tip": _array(_tip(model, tip)),
+        "rotation": np.array([model.jointPlacements[i].rotation for i in joints]),
+        "translation": np.array([model.jointPlacements[i].translation for i in joints]),
+        "axis": np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:]),
+        "inertial_parameters": np.array([model.inertias[i].toDynamicParameters() for i in joints]),
+        "gravity": np.array(model.gravity.linear),
+        "tip": np.array(_tip(model, tip)),
     }
 
 
@@ -57,9 +53,7 @@ def collision_shapes(
     """Capsules around the collision shapes that a description gives the links, and what is inside of them.
 
     Beside them pairs of links that they stand badly for: the share of free configurations that these refuse.
-
-    Raises:
-        RobotError: when Pinocchio refuses them, or they are none of an arm of this length [m].
+    Shapes of another order than an arm of this length [m] are refused.
     """
     with _pinocchio_speaks(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
@@ -116,10 +110,6 @@ def _tip(model: pin.Model, link: str | None) -> Points:
     if named:
         return named[0]
     return max((f.placement.translation for f in carried), key=lambda point: float(np.linalg.norm(point)))
-
-
-def _array(values: object) -> Array:
-    return np.array(values, dtype=np.float64)
 
 
 @contextmanager

@@ -130,7 +130,7 @@ def _round(root: ET.Element) -> None:
 
 def _inertial(parameters: Array) -> ET.Element:
     """An `<inertial>` element of parameters (10,), about the centre of mass."""
-    centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
+    centre, inertia = about_the_centre(parameters)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
     element = ET.Element("inertial")

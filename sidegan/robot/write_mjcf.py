@@ -88,7 +88,7 @@ def chain(
 def _inertials(parameters: Array) -> Iterable[dict[str, str]]:
     """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
     for row in parameters:
-        centre, inertia = (x[0] for x in about_the_centre(row[None]))
+        centre, inertia = about_the_centre(row)
         moments, axes = np.linalg.eigh(inertia)
         moments[2] = min(moments[2], moments[:2].sum())  # but for rounding, which MuJoCo refuses
         axes = axes * np.sign(np.linalg.det(axes))  # right-handed: minus one is no rotation

@@ -1,7 +1,6 @@
 """What descriptions of the field say in other ways than most: floors, units, limits, lost files."""
 
 import json
-import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,6 @@ from sidegan.errors import RobotError
 from sidegan.pipeline.compose import composed
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, words, write_mjcf, write_urdf
 from sidegan.robot.fitting import DIRECTIONS
-from sidegan.robot.meshes import metres_per_unit
 from sidegan.validity import Plane
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.floor import floor_is_known, floor_under
@@ -117,35 +115,20 @@ def test_planes_of_a_scene_are_its_floor_and_its_walls(load, world, gravity, pla
     assert [one.offset for one in own if one.unit[2] > 0.7] == [-0.5]
 
 
-def box(kind, unit):
-    """A file of a box of 200, 100, 50 units, as Collada with an element of that unit, or as AMF or 3MF."""
-    made = trimesh.creation.box((200, 100, 50))
-    if kind == "dae":
-        return made.export(file_type="dae").decode().replace("<up_axis>", f"{unit}<up_axis>")
-    points = "".join(
-        "<vertex><coordinates><x>{}</x><y>{}</y><z>{}</z></coordinates></vertex>".format(*p)
-        for p in made.vertices
-    )
-    faces = "".join(
-        "<triangle><v1>{}</v1><v2>{}</v2><v3>{}</v3></triangle>".format(*face) for face in made.faces
-    )
-    inner = f"<mesh><vertices>{points}</vertices><volume>{faces}</volume></mesh>"
-    return f'<amf unit="{unit}"><object id="0">{inner}</object></amf>'
+def box(unit):
+    """A Collada file of a box of 200, 100, 50 units, with an element of that unit."""
+    made = trimesh.creation.box((200, 100, 50)).export(file_type="dae").decode()
+    return made.replace("<up_axis>", f"{unit}<up_axis>")
 
 
 MILLIMETRES = '<unit name="millimeter" meter="0.001"/>'
-UNITS = [
-    ("dae", MILLIMETRES, 1e-3),
-    ("dae", '<unit meter="0.0254" name="inch"/>', 0.0254),
-    ("dae", "", 1.0),
-    ("amf", "inch", 0.0254),
-]
+UNITS = [(MILLIMETRES, 1e-3), ('<unit meter="0.0254" name="inch"/>', 0.0254), ("", 1.0)]
 
 
-@pytest.mark.parametrize(("kind", "unit", "metres"), UNITS)
-def test_meshes_are_in_the_units_that_their_files_state(load, tmp_path, kind, unit, metres):
-    file = tmp_path / f"box.{kind}"
-    file.write_text(box(kind, unit))
+@pytest.mark.parametrize(("unit", "metres"), UNITS)
+def test_meshes_are_in_the_unit_that_their_file_states(load, tmp_path, unit, metres):
+    file = tmp_path / "box.dae"
+    file.write_text(box(unit))
     scale = " ".join([str(0.001 / metres)] * 3)
     arm = load(arm_of({1: inertial() + mesh(file.name, 'xyz="0 0 0.15"', scale)}))
     rows, pieces = [k for k, owner in enumerate(arm.capsules.owners) if owner == "link1"], arm.capsules.pieces
@@ -157,11 +140,8 @@ def test_meshes_are_in_the_units_that_their_files_state(load, tmp_path, kind, un
             np.testing.assert_allclose(np.ptp(region.points, axis=0), np.array([0.2, 0.1, 0.05]) * factor)
 
 
-def test_a_unit_that_is_none_is_refused_and_that_of_an_archive_found(load, tmp_path):
-    with zipfile.ZipFile(tmp_path / "box.3mf", "w") as archive:
-        archive.writestr("3D/3dmodel.model", '<model unit="centimeter"><resources/></model>')
-    assert metres_per_unit(tmp_path / "box.3mf") == 0.01
-    (tmp_path / "box.dae").write_text(box("dae", '<unit meter="-1"/>'))
+def test_a_unit_that_is_none_is_refused(load, tmp_path):
+    (tmp_path / "box.dae").write_text(box('<unit meter="-1"/>'))
     with pytest.raises(RobotError, match=r"box\.dae is in units of '-1', expected a length"):
         load(arm_of({1: inertial() + mesh("box.dae")}))
 
@@ -307,7 +287,7 @@ def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog,
 
 
 def test_a_mesh_without_geometry_is_a_link_without_a_shape(load, tmp_path, caplog):
-    (tmp_path / "empty.dae").write_text(box("dae", "").partition("<library_geo")[0] + "</COLLADA>")
+    (tmp_path / "empty.dae").write_text(box("").partition("<library_geo")[0] + "</COLLADA>")
     (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
     arm = load(arm_of({1: inertial() + mesh("empty.dae"), 2: inertial() + mesh("empty.stl")}))
     assert "link1" not in arm.capsules.owners and "link2" not in arm.capsules.owners
