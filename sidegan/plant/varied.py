@@ -60,12 +60,12 @@ class VariedSettings:
     delay: NonNegative = 2e-3  # of torques behind positions [s]
 
 
-def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
+def torque_scale(body: RigidBody, floor: float) -> Array:
     """Root mean square rigid torque of each joint over random states, (J,), not below a share of the largest.
 
     Joints whose links hardly weigh anything would otherwise have no friction to speak of.
     """
-    arm, random = body.arm, np.random.default_rng(seed)
+    arm, random = body.arm, np.random.default_rng(0)
     speed, most, size = arm.velocity_limit / 2, arm.velocity_limit, (_STATES, arm.joints)
     if (limit := arm.acceleration_limit) is not None:  # infinite for a joint without one
         most = np.where(np.isfinite(limit), limit, most)
