@@ -48,7 +48,7 @@ def limits_of(
     """
     given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
-    described, found, wider, own = _Described(tree, home), {}, [], dict[str, list[str]]()
+    described, found, wider = _Described(tree, home), dict[str, JointLimits](), list[str]()
     for joint in moving:
         said = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
         lower, upper = said.get("position") or described.position(joint)
@@ -60,9 +60,6 @@ def limits_of(
             acceleration=said.get("acceleration") or described.derivative(joint, "acceleration"),
             jerk=said.get("jerk") or described.derivative(joint, "jerk"),
         )
-        for kind in DERIVATIVE_ORDER:
-            if kind not in said and math.isfinite(getattr(found[joint.name], kind)):
-                own.setdefault(kind, []).append(joint.name)
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
@@ -76,9 +73,11 @@ def limits_of(
             missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
             raise RobotError(f"{missing}; state what the arm can do, for example {lines}")
         notes.append(f"limits that the description lacks are taken for {lines}")
-    for kind, names in own.items():
-        other = f"'robot.limits.{kind}={{{names[0]}: …}}' states others"
-        notes.append(f"limits of {kind} are the description's of {listed(names)}; {other}")
+    for kind in DERIVATIVE_ORDER:
+        finite = [name for name, one in found.items() if math.isfinite(getattr(one, kind))]
+        if own := [name for name in finite if name not in stated[kind]]:
+            other = f"'robot.limits.{kind}={{{own[0]}: …}}' states others"
+            notes.append(f"limits of {kind} are the description's of {listed(own)}; {other}")
     if planning and not any(math.isfinite(one.effort) for one in found.values()):
         _log.warning(
             "%s states no torque limits: torques are not checked; 'robot.limits.effort={%s: …}' states them",
@@ -138,10 +137,8 @@ class _Described:
         velocity = self._number(joint, "velocity")
         if velocity > 0:
             return velocity
-        limit = joint.element.find("limit")
-        text = None if limit is None else limit.get("velocity")
-        example = _EXAMPLE_SPEED.get(joint.kind, 1.0)
-        return self._example("velocity", joint, example, f"the velocity limit {text}, expected one above 0")
+        has = f"the velocity limit {joint.part('limit').get('velocity')}, expected one above 0"
+        return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
     def effort(self, joint: Joint) -> float:
         """Limit on torque or force [N·m or N]; infinite where none is stated."""
@@ -153,11 +150,8 @@ class _Described:
 
     def derivative(self, joint: Joint, kind: str) -> float:
         """Limit on acceleration or jerk [rad or m, per s² or s³]; infinite where none above 0 is stated."""
-        limit = joint.element.find("limit")
-        if limit is None:
-            return math.inf
-        keys = [key for key in limit.attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
-        values = [xml.number(limit, key, self.tree.at(joint)) for key in keys]
+        keys = [key for key in joint.part("limit").attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
+        values = [self._number(joint, key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
 
     def of_soft_limits(self) -> list[str]:
@@ -176,10 +170,8 @@ class _Described:
 
     def _softened(self, joint: Joint, span: _Span) -> _Span:
         """A range within a joint's soft limits, where it has any; an end that is left out is 0."""
-        safety, keys = joint.element.find("safety_controller"), ("soft_lower_limit", "soft_upper_limit")
-        if safety is None:
-            return span
-        soft = [xml.number(safety, key, self.tree.at(joint), "0") for key in keys]
+        safety, at = joint.part("safety_controller"), self.tree.at(joint)
+        soft = [xml.number(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
         lower, upper = max(span[0], soft[0]), min(span[1], soft[1])
         if not any(soft) or (lower, upper) == span:
             return span
@@ -192,8 +184,7 @@ class _Described:
 
     def _number(self, joint: Joint, key: str) -> float:
         """A number of a joint's <limit>; 0 where there is none."""
-        limit = joint.element.find("limit")
-        return 0.0 if limit is None else xml.number(limit, key, self.tree.at(joint), "0")
+        return xml.number(joint.part("limit"), key, self.tree.at(joint), "0")
 
     def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
         self.missing.append(f"{self.tree.at(joint)} has {has}")
@@ -203,9 +194,9 @@ class _Described:
 
 def _refuse_degrees(tree: Tree, joint: Joint, stated: dict[str, _Span]) -> None:
     """Refuse a range in degrees of a joint whose own is in radians and within a turn."""
-    limit, span = joint.element.find("limit"), stated.get(joint.name)
-    if joint.kind == "revolute" and limit is not None and span:
-        own = max(abs(_plain(limit.get(key, ""))) for key in ("lower", "upper"))
+    span = stated.get(joint.name)
+    if joint.kind == "revolute" and span:
+        own = max(abs(_plain(joint.part("limit").get(key, ""))) for key in ("lower", "upper"))
         if 0 < own <= _TURN < _NEVER < max(map(abs, span)):
             meant = {joint.name: tuple(map(math.radians, span))}
             raise RobotError(
@@ -220,9 +211,9 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     units = {"velocity": f"{length}/s", "effort": force}
     if joint.kind != "continuous":
         units |= {"lower": length, "upper": length}
-    limit, wider = joint.element.find("limit"), []
+    wider = []
     for kind, unit in units.items():
-        value, own = getattr(limits, kind), 0.0 if limit is None else _plain(limit.get(kind, ""))
+        value, own = getattr(limits, kind), _plain(joint.part("limit").get(kind, ""))
         if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
@@ -242,9 +233,8 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
     if endless:
         spans = {name: (found[name].lower, found[name].upper) for name in endless}
-        more = override(
-            "limits.position", {k: [low - math.pi, up + math.pi] for k, (low, up) in spans.items()}
-        )
+        wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
+        more = override("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may go half a turn from home: {ranges} rad ({more} for more)")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]

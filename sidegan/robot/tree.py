@@ -33,6 +33,11 @@ class Joint:
         """Joint that it follows, if it follows another one."""
         return self.element.find("mimic")
 
+    def part(self, tag: str) -> ET.Element:
+        """An element of the joint, such as its limit; an empty one where it has none."""
+        found = self.element.find(tag)
+        return ET.Element(tag) if found is None else found
+
 
 @dataclass(frozen=True)
 class Tree:
@@ -74,8 +79,8 @@ class Tree:
 
     def span(self, joint: Joint) -> tuple[float, float] | None:
         """A joint's own range [rad or m], an end that is left out being 0; None where it states none."""
-        limit = joint.element.find("limit")
-        if joint.kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
+        limit = joint.part("limit")
+        if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
             return None
         lower, upper = (xml.number(limit, key, self.at(joint), "0") for key in ("lower", "upper"))
         return lower, upper
