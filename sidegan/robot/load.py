@@ -14,9 +14,11 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
+from sidegan.robot.collision import collision_shapes, length_of
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.orders import length_of
+from sidegan.robot.model import build, kinematics_and_inertias
 from sidegan.robot.setup import PLAIN, Setup, allowed
+from sidegan.robot.shapes import VERSION, capsules_of
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -66,17 +68,13 @@ def load_robot(
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})
     description = read_description(path, setup, home, planning)
-
-    from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
-    from sidegan.robot.shapes import VERSION, capsules_of
-
-    model = pin_model.build(description)
-    chain = pin_model.kinematics_and_inertias(model, setup.tip)
+    model = build(description)
+    chain = kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
     drives = description.drives
     stated = {} if drives is None else vars(drives)
-    shapes, refused = pin_model.collision_shapes(model, description, length_of(numbers))
+    shapes, refused = collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # other trajectories are valid then

@@ -16,6 +16,7 @@ from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
 from sidegan.robot.locking import from_rpy
+from sidegan.robot.model import build, kinematics_and_inertias
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words
@@ -142,11 +143,9 @@ def _inertial(parameters: Array) -> ET.Element:
 
 def _check(arm: Arm, parameters: Array, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
-    from sidegan.robot import model as pin_model
-
     setup = replace(arm.setup, args=None, mount=arm.mount)
-    model = pin_model.build(read_description(file, setup, planning=False))
-    chain = pin_model.kinematics_and_inertias(model, setup.tip)
+    model = build(read_description(file, setup, planning=False))
+    chain = kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it
     same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():
