@@ -2,7 +2,8 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,10 +16,13 @@ from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
-from sidegan.robot.postures import group_states, home_among
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
+
+Posture = Mapping[str, float]  # positions of joints by name [rad or m]
+_HOMES = "home", "ready"  # names of the posture that is meant, the first before the second
+_FOLDERS = ".", "../srdf", "../config"  # where an SRDF lies, from the folder of its URDF
 
 
 @dataclass(frozen=True)
@@ -76,6 +80,7 @@ def read_description(
     if any(mount):
         hang(root, tree.root, mount)
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
+    postures = _group_states(path, robot) if source.postures is None else source.postures
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
         name=robot,
@@ -89,7 +94,7 @@ def read_description(
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
-        home=home_among(group_states(path, robot) if source.postures is None else source.postures, [*moved]),
+        home=_home_among(postures, [*moved]),
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
@@ -102,3 +107,31 @@ def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
         one, other = (xml.attribute(pair, key, where) for key in ("link1", "link2"))
         found.append((one, other, pair.get("reason") or "the description"))
     return tuple(found)
+
+
+def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple[float, ...] | None:
+    """Positions of the joints, (J,), in the posture that is named home, or in the only one; or None."""
+    whole = {name.lower(): x for name, x in postures.items() if set(joints) <= set(x)}
+    named = [whole[name] for name in _HOMES if name in whole]
+    found = named or ([*whole.values()] if len(whole) == 1 else [])
+    return tuple(found[0][joint] for joint in joints) if found else None
+
+
+def _group_states(urdf: Path, robot: str) -> dict[str, Posture]:
+    """Postures of a robot by name, of all groups, by the SRDF files of that robot beside its URDF."""
+    found: dict[str, dict[str, float]] = {}
+    for state in _states(urdf, robot):
+        posture = found.setdefault(state.get("name", ""), {})
+        for joint in state.findall("joint"):
+            with suppress(ValueError):  # what has several values is no joint of an arm
+                posture[joint.get("name", "")] = float(joint.get("value", ""))
+    return dict(found)
+
+
+def _states(urdf: Path, robot: str) -> Iterator[ET.Element]:
+    for folder in _FOLDERS:
+        for file in sorted((urdf.parent / folder).glob("*.srdf")):
+            with suppress(ET.ParseError, OSError):
+                root = ET.parse(file).getroot()
+                if root.get("name") == robot:
+                    yield from root.findall("group_state")

@@ -26,8 +26,6 @@ if TYPE_CHECKING:  # slow to import
 
 _log = logging.getLogger(__name__)
 _CAPSULE = 8, 16  # rings of a capsule's half spheres, and points around it
-
-
 _FLAT = 1e-3  # [m] from z = 0 that a foot's points lie
 
 

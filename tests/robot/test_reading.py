@@ -16,13 +16,9 @@ from sidegan.validity.constraints import Constraints
 from sidegan.validity.floor import floor_is_known, floor_under
 from tests.pipeline.test_workspace import workspace
 from tests.robot.test_cases import LIMIT, arm_of, inertial
-from tests.robot.urdf import collision, joint, link, mesh, more
+from tests.robot.urdf import collision, joint, link, mesh, more, visual
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
-
-
-def visual(shape, place='xyz="0 0 0"'):
-    return f"<visual><origin {place}/><geometry>{shape}</geometry></visual>"
 
 
 @pytest.fixture
@@ -286,12 +282,13 @@ def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog,
         load(mjcf(asset=ASSET, geom=HULL, inertial=""), SPEED, name="c.xml")
 
 
-def test_a_mesh_without_geometry_is_a_link_without_a_shape(load, tmp_path, caplog):
+def test_a_mesh_that_is_empty_or_not_there_is_a_link_without_a_shape(load, tmp_path, caplog):
     (tmp_path / "empty.dae").write_text(box("").partition("<library_geo")[0] + "</COLLADA>")
     (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
-    arm = load(arm_of({1: inertial() + mesh("empty.dae"), 2: inertial() + mesh("empty.stl")}))
-    assert "link1" not in arm.capsules.owners and "link2" not in arm.capsules.owners
-    assert "unnoticed: link1, link2 (not found: a surface in empty.dae, a surface in empty.stl" in caplog.text
+    arm = load(arm_of({1: mesh("empty.dae"), 2: mesh("empty.stl"), 3: mesh("package://gone/box.stl")}))
+    assert {*arm.capsules.owners} == {"base", "link0"}
+    said = "a surface in empty.dae, a surface in empty.stl, package://gone/box.stl"
+    assert f"unnoticed: link1, link2, link3 (not found: {said};" in caplog.text
 
 
 def test_files_that_a_xacro_file_includes_are_relative_to_it(tmp_path, monkeypatch):
