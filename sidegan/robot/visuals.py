@@ -114,11 +114,7 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
 
 
 def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
-    """The surface of one shape in its joint's frame.
-
-    Raises:
-        RobotError: when it is none of this arm.
-    """
+    """The surface of one shape in its joint's frame; one of another order than the arm is refused."""
     origin = visual.find("origin")
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))

@@ -47,9 +47,11 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         StorageError: when the file cannot be written.
     """
     require_consistent(arm, parameters)
-    carriers = _carriers(arm)
-    inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
+    if not arm.urdf.is_file():
+        raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
     source = read_source(arm.urdf, arm.setup.args)
+    carriers = _carriers(arm, source.root)
+    inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
     for prefix, uri in (pair for _, pair in ET.iterparse(io.BytesIO(source.text), ("start-ns",))):
         ET.register_namespace(prefix, uri)
     root = ET.fromstring(source.text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -72,15 +74,9 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         _check(arm, parameters, draft)
 
 
-def _carriers(arm: Arm) -> dict[str, str | None]:
-    """Which moved link each link is part of; None for those on the base.
-
-    Raises:
-        RobotError: when the file's joints are not the arm's.
-    """
-    if not arm.urdf.is_file():
-        raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
-    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
+def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:
+    """Which moved link each link is part of; None for those on the base. The joints must be the arm's."""
+    tree = read_tree(root, str(arm.urdf))
     moved = {joint.child: name for name, joint in tree.joints.items() if name in arm.joint_names}
     if moved != dict(zip(arm.link_names, arm.joint_names)):
         raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
