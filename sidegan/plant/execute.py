@@ -1,11 +1,14 @@
 """Execution of a motion: servos and physics."""
 
+from collections.abc import Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import write_parquet
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, concatenate
@@ -29,6 +32,20 @@ class Executed(NamedTuple):
     position: Array
     velocity: Array
     torque: Array
+
+
+def save_recording(executed: Executed, joint_names: Sequence[str], path: Path) -> None:
+    """Write a recording as Parquet: ``time`` [s], then ``q_<joint>``, ``dq_``, ``tau_`` in SI units.
+
+    Raises:
+        StorageError: when the file cannot be written.
+    """
+    import pyarrow as pa
+
+    columns = {"time": executed.time}
+    for letter, values in zip(("q", "dq", "tau"), executed[1:]):
+        columns |= {f"{letter}_{name}": values[:, i] for i, name in enumerate(joint_names)}
+    write_parquet(path, pa.table(columns))
 
 
 class Plant:
@@ -103,11 +120,9 @@ class Plant:
         spec = mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mj_stateSize(self.model, spec))
         mj_getState(self.model, data, start, spec)
-        # The solver starts from rest, whatever was simulated before.
-        warm = np.zeros(self.model.nv)
-        given = self.model, data, start, target[None]
+        warm = np.zeros(self.model.nv)  # the solver starts from rest, whatever was simulated before
         with mujoco_logged(self.arm.name):
-            states, _ = rollout.rollout(*given, initial_warmstart=warm)
+            states, _ = rollout.rollout(self.model, data, start, target[None], initial_warmstart=warm)
         joints = self.arm.joints  # a state is time, positions, velocities
         states = np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints]
         position, velocity = states[:, :joints], states[:, joints:]

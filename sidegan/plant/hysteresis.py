@@ -13,20 +13,16 @@ from sidegan.base.arrays import Array
 RADII = np.array([0.125, 0.25, 0.5])  # of the stops, in shares of the range: an assumption
 
 
-def stops(load: Array, radii: Array) -> Array:
-    """What stops hold of a load (B, T, J) that begins at zero, (R, B, T, J), of radii (R, J) in its unit."""
-    held, bound = np.empty((len(radii), *load.shape)), radii[:, None]
-    now, before = np.zeros((len(radii), *load[:, 0].shape)), np.zeros_like(load[:, 0])
-    for i in range(load.shape[1]):
-        now = np.clip(now + (load[:, i] - before), -bound, bound)
-        held[:, :, i], before = now, load[:, i]
-    return held
-
-
 def lagging(load: Array, full: Array, share: float) -> Array:
-    """A load (B, T, J) as a sensor of range ±``full``, (J,), tells it, in the load's unit.
+    """A load (B, T, J) from zero on as a sensor of range ±``full``, (J,), tells it, in the load's unit.
 
     ``share`` of the range is half the width, at zero, of the loop over all of it, and the largest error.
     """
-    held = stops(load, RADII[:, None] * full)
-    return load - share / RADII.sum() * held.sum(0)
+    bound = (RADII[:, None] * full)[:, None]
+    told, before = np.empty_like(load), np.zeros_like(load[:, 0])
+    held = np.zeros((len(RADII), *before.shape))
+    for i in range(load.shape[1]):
+        held = np.clip(held + (load[:, i] - before), -bound, bound)  # of the stops, (R, B, J)
+        before = load[:, i]
+        told[:, i] = before - share / RADII.sum() * held.sum(0)
+    return told

@@ -60,12 +60,12 @@ class VariedSettings:
     delay: NonNegative = 2e-3  # of torques behind positions [s]
 
 
-def torque_scale(body: RigidBody, floor: float, seed: int = 0) -> Array:
+def torque_scale(body: RigidBody, floor: float) -> Array:
     """Root mean square rigid torque of each joint over random states, (J,), not below a share of the largest.
 
     Joints whose links hardly weigh anything would otherwise have no friction to speak of.
     """
-    arm, random = body.arm, np.random.default_rng(seed)
+    arm, random = body.arm, np.random.default_rng(0)
     speed, most, size = arm.velocity_limit / 2, arm.velocity_limit, (_STATES, arm.joints)
     if (limit := arm.acceleration_limit) is not None:  # infinite for a joint without one
         most = np.where(np.isfinite(limit), limit, most)
@@ -83,6 +83,7 @@ class VariedPlant:
         law: friction of motors and gears.
         bearings: friction behind the sensors.
         rotor: inertia at the joints [kg·m²], (J,).
+        gains: of the servos, stiffness [N·m/rad] and damping [N·m·s/rad], (J,) each.
         range: of the torque sensors, which their errors are shares of [N·m or N], (J,).
         offset: of the torque sensors [N·m or N], (J,).
     """
@@ -110,7 +111,7 @@ class VariedPlant:
         )
         self.rotor = np.maximum(settings.rotor * largest, _STIFF * slope / settings.rate)
         speed = 2 * np.pi * settings.bandwidth
-        self._gains = (largest + self.rotor) * speed**2, 2 * (largest + self.rotor) * speed
+        self.gains = (largest + self.rotor) * speed**2, 2 * (largest + self.rotor) * speed
 
     @cached_property
     def model(self) -> "mujoco.MjModel":
@@ -137,17 +138,17 @@ class VariedPlant:
         if abs((motion.time[1] - motion.time[0]) * self.settings.rate - 1) > 1e-3:
             raise ShapeError(f"the motion is not at the plant's {self.settings.rate:g} Hz")
         ahead = self.body.torque(*motion[1:]) + self.rotor * motion.acceleration
-        q, motor, load = self._simulate(motion.position, motion.velocity, ahead)
+        q, motor, load = self.simulate(motion.position, motion.velocity, ahead)
         late = np.abs(q - motion.position).max((0, 1)) if np.isfinite(q).all() else [np.inf]
         if max(late) > self.settings.tolerance:
             raise InfeasibleError(f"joints of a plant do not follow: they are up to {max(late):.3g} rad off")
         return self._sensed(q, motor, load)
 
-    def _simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
+    def simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """Positions, motor torques and those behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
 
-        (stiffness, damping), limit = self._gains, self.arm.torque_limit
+        (stiffness, damping), limit = self.gains, self.arm.torque_limit
         machines = [MjData(self.model) for _ in q]
         for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
             machine.qpos[:], machine.qvel[:] = start, speed

@@ -4,21 +4,16 @@ import re
 
 from sidegan.errors import RobotError
 from sidegan.robot.fixed_joints import check_locked, fixed_positions
-from sidegan.robot.setup import Setup, choice, override
+from sidegan.robot.setup import Setup, override, setting
 from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
-_MOST_JOINTS = 32  # time grows with their third power: 60 take minutes before the first trajectory
 _MOST_TIPS = 6  # that are offered
 _ARM, _HAND = 6, 8  # joints at least before a hand, and below these of its longest finger
 
 
 def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
-    """The arm that is meant: its joints, from the base outwards, and where the others stand [rad or m].
-
-    Raises:
-        RobotError: when it is not one chain of joints that move on their own, with what resolves that.
-    """
+    """The arm that is meant: its joints, from the base outwards, and where the others stand [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
         check_locked(tree, name, value)
@@ -34,11 +29,6 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
         unlocked = " and are not locked" if given else ""
         raise RobotError(
             f"{tree.where} has no joints that move{unlocked}, expected at least one, revolute or prismatic"
-        )
-    if len(moving) > _MOST_JOINTS:
-        raise RobotError(
-            f"{tree.where} has {len(moving)} joints that move, expected at most {_MOST_JOINTS}: with "
-            f"their number the work grows; {choice('tip', moving[_MOST_JOINTS - 1].child)} ends the arm there"
         )
     return moving, fixed_positions(tree, moving, given)
 
@@ -117,4 +107,4 @@ def _offered(chain: list[Joint]) -> str:
     """An end of the arm to choose, for a message: the setting, and the joints up to there."""
     first, last = chain[0].name, chain[-1].name
     joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
-    return f"{choice('tip', chain[-1].child)} ({joints})"
+    return f"{setting('tip', chain[-1].child)} ({joints})"

@@ -39,17 +39,18 @@ FROM_PSEUDO_INERTIA = np.linalg.pinv(pseudo_inertia(np.eye(10)).reshape(10, 16).
 
 
 def inertia_matrices(parameters: Array) -> Array:
-    """Inertia about the joint's frame [kg·m²], (J, 3, 3), of parameters (J, 10)."""
-    xx, xy, yy, xz, yz, zz = parameters[:, 4:].T
-    return np.stack([xx, xy, xz, xy, yy, yz, xz, yz, zz], 1).reshape(-1, 3, 3)
+    """Inertia about the joint's frame [kg·m²], (…, 3, 3), of parameters (…, 10)."""
+    xx, xy, yy, xz, yz, zz = np.moveaxis(parameters[..., 4:], -1, 0)
+    rows = [xx, xy, xz, xy, yy, yz, xz, yz, zz]
+    return np.stack(rows, -1).reshape(*parameters.shape[:-1], 3, 3)
 
 
 def about_the_centre(parameters: Array) -> tuple[Array, Array]:
-    """Centre of mass [m], (J, 3), and inertia about it [kg·m²], (J, 3, 3); the masses must not be zero."""
-    mass, first = parameters[:, :1], parameters[:, 1:4]
-    centre = first / mass
-    square = (first * centre).sum(1)[:, None, None] * np.eye(3)
-    return centre, inertia_matrices(parameters) - square + first[:, :, None] * centre[:, None, :]
+    """Centre of mass [m], (…, 3), and inertia about it [kg·m²], (…, 3, 3); the masses must not be zero."""
+    first = parameters[..., 1:4]
+    centre = first / parameters[..., :1]
+    square = (first * centre).sum(-1)[..., None, None] * np.eye(3)
+    return centre, inertia_matrices(parameters) - square + first[..., :, None] * centre[..., None, :]
 
 
 def doubtful_links(arm: Arm) -> dict[str, str]:
@@ -57,8 +58,8 @@ def doubtful_links(arm: Arm) -> dict[str, str]:
 
     They are not physically consistent, weigh next to nothing, or have their mass far from any link.
     """
-    mass, place = _masses(arm)
-    each = zip(arm.link_names, mass.tolist(), place.tolist(), _located(arm))
+    mass, place, located = _masses(arm)
+    each = zip(arm.link_names, mass.tolist(), place.tolist(), located)
     found = {name: f"{m:.3g} kg at {x:.3g} m from its joint" for name, m, x, known in each if not known}
     return found | dict(inconsistent_links(arm))
 
@@ -78,7 +79,8 @@ def possible_links(arm: Arm) -> Array:
     Second moments of a link become the nearest possible about its centre of mass. A link whose mass is not
     known, or not where, becomes a plain one half-way to the next joint, as heavy as the others usually are.
     """
-    links, known, length = arm.inertial_parameters.copy(), _known(arm), _length(arm)
+    links, length = arm.inertial_parameters.copy(), _length(arm)
+    known = _masses(arm)[2] & ~_placeholders(arm)
     usual = np.median(links[known, 0]) if known.any() else _DENSITY * length**3
     plain = (_PLAIN * length) ** 2 * np.eye(3)
     for i, ahead in enumerate([*arm.translation[1:], arm.tip]):
@@ -91,11 +93,14 @@ def _length(arm: Arm) -> float:
     return float(np.linalg.norm(np.concatenate([arm.translation[1:], arm.tip[None]]), axis=1).mean()) or 1.0
 
 
-def _masses(arm: Arm) -> tuple[Array, Array]:
-    """Masses of the links [kg], and how far from their joints these are [m], (J,) each."""
-    mass = arm.inertial_parameters[:, 0]
+def _masses(arm: Arm) -> tuple[Array, Array, Array]:
+    """Masses of the links [kg], how far out they are [m], and whether they can be there, (J,) each."""
+    links = arm.inertial_parameters
+    mass = links[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):  # a link may weigh nothing
-        return mass, np.linalg.norm(arm.inertial_parameters[:, 1:4], axis=1) / mass
+        place = np.linalg.norm(links[:, 1:4], axis=1) / mass
+    heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
+    return mass, place, heavy & (place < _FARTHEST * _length(arm)) & np.isfinite(links).all(1)
 
 
 def placeholder_links(arm: Arm) -> list[str]:
@@ -122,21 +127,9 @@ def _placeholders(arm: Arm) -> Array:
     return most if enough else np.zeros_like(heavy)
 
 
-def _known(arm: Arm) -> Array:
-    """Whether a link's mass is known, and where it is, (J,) bool."""
-    return _located(arm) & ~_placeholders(arm)
-
-
-def _located(arm: Arm) -> Array:
-    """Whether a link's mass can be, and is where it can be, (J,) bool."""
-    mass, place = _masses(arm)
-    heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
-    return heavy & (place < _FARTHEST * _length(arm)) & np.isfinite(arm.inertial_parameters).all(1)
-
-
 def _thickened(link: Array, length: float) -> Array:
     """A link (10,); with the nearest second moments about its centre where it is too thin."""
-    (centre,), (inertia,) = about_the_centre(link[None])
+    centre, inertia = about_the_centre(link)
     spread = (inertia.trace() / 2 * np.eye(3) - inertia) / link[0]
     values, axes = np.linalg.eigh(spread)
     if values[0] > (_TOO_THIN * length) ** 2:
@@ -164,8 +157,7 @@ def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[
     links = arm.inertial_parameters if parameters is None else parameters
     if links.shape != (arm.joints, 10):
         raise ShapeError(f"inertial parameters are {links.shape}, expected ({arm.joints}, 10)")
-    reasons = [_reason(link[None]) for link in links]
-    return [(name, reason) for name, reason in zip(arm.link_names, reasons) if reason]
+    return [(name, reason) for name, link in zip(arm.link_names, links) if (reason := _reason(link))]
 
 
 def require_consistent(arm: Arm, parameters: Array | None = None) -> None:
@@ -182,18 +174,17 @@ def require_consistent(arm: Arm, parameters: Array | None = None) -> None:
 
 
 def _reason(parameters: Array) -> str:
-    """Why a link (1, 10) cannot exist; empty when it can."""
+    """Why a link (10,) cannot exist; empty when it can."""
     if not np.isfinite(parameters).all():
         return "a parameter is not finite"
-    mass = float(parameters[0, 0])
+    mass = float(parameters[0])
     if not mass > 0:
         return f"its mass is {mass:.4g} kg, expected more than 0"
-    centre, inertia = (x[0] for x in about_the_centre(parameters))
+    centre, inertia = about_the_centre(parameters)
     low, middle, high = np.linalg.eigvalsh(inertia).tolist()
     moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg·m² about the centre of mass"
     if not low > 0:
-        about_joint = np.linalg.eigvalsh(inertia_matrices(parameters)[0])
-        if about_joint[0] > 0:
+        if np.linalg.eigvalsh(inertia_matrices(parameters))[0] > 0:
             place = ", ".join(f"{x:.4g}" for x in centre.tolist())
             return f"its centre of mass ({place}) m is too far out for its inertia: {moments}"
         return f"{moments}, expected more than 0"

@@ -2,10 +2,10 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from sidegan.robot import xml
 from sidegan.robot.arm import FilePlane
@@ -16,12 +16,13 @@ from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.links import prepare_shapes, read_mass
 from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
-from sidegan.robot.postures import group_states, home_among
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 
-T = TypeVar("T")
+Posture = Mapping[str, float]  # positions of joints by name [rad or m]
+_HOMES = "home", "ready"  # names of the posture that is meant, the first before the second
+_FOLDERS = ".", "../srdf", "../config"  # where an SRDF lies, from the folder of its URDF
 
 
 @dataclass(frozen=True)
@@ -47,15 +48,11 @@ class Description:
 def read_description(
     path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
 ) -> Description:
-    """A checked description of an arm; arguments as of `load_robot`.
-
-    Raises:
-        RobotError: when the file is no description, or describes no arm that can be excited.
-    """
+    """A checked description of an arm; arguments as of `load_robot`."""
     source = read_source(path, setup.args)
     root, where = source.root, str(path)
-    name = root.get("name") or path.stem
-    root.set("name", name)
+    robot = root.get("name") or path.stem
+    root.set("name", robot)
     may_touch = _touching(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
@@ -63,10 +60,11 @@ def read_description(
     moving, locked = choose(tree, setup)
     for joint in moving:
         unit_axis(joint, tree.at(joint))
-    read = _of_links(root, where, read_mass)
-    notes = describe_fixed(tree, moving, locked, {name: mass for name, (mass, _) in read.items()})
-    for joint, value in ((tree.joints[name], value) for name, value in locked.items()):
-        lock(joint, value, tree.at(joint))
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    read = {link: read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
+    notes = describe_fixed(tree, moving, locked, {link: mass for link, (mass, _) in read.items()})
+    for name, value in locked.items():
+        lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
     middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
     limits, more = limits_of(tree, moving, setup.limits, middle, planning)
@@ -74,16 +72,18 @@ def read_description(
         for link in pair:
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
-    absent = _of_links(root, where, lambda link, at: prepare_shapes(link, path, at, meshes=planning))
-    missing = {name: files for name, files in absent.items() if files}
-    missing |= source.missing if planning else {}
+    missing = dict(source.missing if planning else {})
+    for link, element in links.items():
+        if absent := prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
+            missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
         hang(root, tree.root, mount)
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
-    shaped = {link.get("name", "") for link in root.findall("link") if link.find("collision") is not None}
+    postures = _group_states(path, robot) if source.postures is None else source.postures
+    shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
-        name=name,
+        name=robot,
         path=path,
         xml=ET.tostring(root, encoding="unicode"),
         limits=limits,
@@ -94,16 +94,10 @@ def read_description(
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
-        home=home_among(group_states(path, name) if source.postures is None else source.postures, [*moved]),
+        home=_home_among(postures, [*moved]),
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
     )
-
-
-def _of_links(root: ET.Element, where: str, read: Callable[[ET.Element, str], T]) -> dict[str, T]:
-    """Result of a function of each link, and of where it stands for messages, by its name."""
-    names = {link.get("name", ""): link for link in root.findall("link")}
-    return {name: read(link, f"{where}: link {name!r}") for name, link in names.items()}
 
 
 def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
@@ -113,3 +107,31 @@ def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
         one, other = (xml.attribute(pair, key, where) for key in ("link1", "link2"))
         found.append((one, other, pair.get("reason") or "the description"))
     return tuple(found)
+
+
+def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple[float, ...] | None:
+    """Positions of the joints, (J,), in the posture that is named home, or in the only one; or None."""
+    whole = {name.lower(): x for name, x in postures.items() if set(joints) <= set(x)}
+    named = [whole[name] for name in _HOMES if name in whole]
+    found = named or ([*whole.values()] if len(whole) == 1 else [])
+    return tuple(found[0][joint] for joint in joints) if found else None
+
+
+def _group_states(urdf: Path, robot: str) -> dict[str, Posture]:
+    """Postures of a robot by name, of all groups, by the SRDF files of that robot beside its URDF."""
+    found: dict[str, dict[str, float]] = {}
+    for state in _states(urdf, robot):
+        posture = found.setdefault(state.get("name", ""), {})
+        for joint in state.findall("joint"):
+            with suppress(ValueError):  # what has several values is no joint of an arm
+                posture[joint.get("name", "")] = float(joint.get("value", ""))
+    return dict(found)
+
+
+def _states(urdf: Path, robot: str) -> Iterator[ET.Element]:
+    for folder in _FOLDERS:
+        for file in sorted((urdf.parent / folder).glob("*.srdf")):
+            with suppress(ET.ParseError, OSError):
+                root = ET.parse(file).getroot()
+                if root.get("name") == robot:
+                    yield from root.findall("group_state")

@@ -47,11 +47,7 @@ def described_drives(moving: Sequence["Joint"], where: str) -> Drives | None:
     """Friction and rotors that a description states of the joints that move; None where it states none."""
     rows = []
     for joint in moving:
-        element = joint.element.find("dynamics")
-        values = [
-            0.0 if element is None else xml.number(element, key, f"{where}: joint {joint.name!r}", "0")
-            for key in _STATED
-        ]
-        rows.append([max(value, 0.0) for value in values])
+        at = f"{where}: joint {joint.name!r}"
+        rows.append([max(xml.number(joint.part("dynamics"), key, at, "0"), 0.0) for key in _STATED])
     columns = np.array(rows, dtype=float).T
     return Drives(*columns) if columns.any() else None

@@ -12,11 +12,7 @@ from sidegan.robot.tree import MOVABLE, Joint, Tree, meant
 
 
 def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
-    """Positions of all joints that do not move [rad or m]: as given, as what they mimic, or mid-range.
-
-    Raises:
-        RobotError: names the joints that mimic one that moves, or none, with what resolves it.
-    """
+    """Positions of all joints that do not move [rad or m]: as given, as what they mimic, or mid-range."""
     free = {joint.name for joint in moving}
     locked: dict[str, float] = {}
     wrong: dict[str, str] = {}  # joints that follow what they cannot, and why

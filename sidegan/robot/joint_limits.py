@@ -1,12 +1,13 @@
 """Limits in a joint_limits.yaml, as MoveIt and the descriptions of ROS have them."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from sidegan.base.names import listed
-from sidegan.errors import RobotError
+from sidegan.base.typed import build
+from sidegan.errors import ConfigError, RobotError
 from sidegan.robot.setup import Limits
 from sidegan.robot.tree import Tree
 
@@ -16,36 +17,35 @@ _KINDS = ("velocity", "acceleration", "jerk", "effort")
 def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
     """Limits of which those of a file are part, before which others go, and notes on what it says.
 
-    Joints that the description does not have are left out.
-
-    Raises:
-        RobotError: when the file cannot be read, or has no limit of any of the joints.
+    Joints that the description does not have are left out; a file that limits none of the others is refused.
     """
     if given.file is None:
         return given, []
+    said = _read(Path(given.file).expanduser())
+    others = [name for name in said if name not in tree.joints]
     found: dict[str, dict[str, Any]] = {}
-    others = []
-    for name, limits in _joints(Path(given.file).expanduser()):
-        if name not in tree.joints:
-            others.append(name)
-            continue
-        for kind, value in _stated(limits, f"{given.file}: {name}"):
+    for name in filter(tree.joints.__contains__, said):
+        for kind, value in _stated(said[name]).items():
             found.setdefault(kind, {})[name] = value
     if not found:
         raise RobotError(
             f"robot.limits={given.file} limits no joint of {tree.where}, but {listed(others) or 'none'}; "
             f"expected some of {listed([*tree.joints])}"
         )
+    try:
+        read = build(Limits, found)
+    except ConfigError as error:
+        raise RobotError(f"robot.limits={given.file}: {error}") from error
     more = f", beside joints that are not here: {listed(others)}" if others else ""
     note = f"limits of {' and '.join(sorted(found))} are those of {given.file}{more}"
     every: dict[str, Any] = {
-        kind: found.get(kind, {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
+        kind: (getattr(read, kind) or {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
     }
     return Limits(**every), [note]
 
 
-def _joints(file: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Names of joints in a file, and what it says of their limits."""
+def _read(file: Path) -> dict[str, Mapping[str, Any]]:
+    """What a file says of the limits of each joint, by its name."""
     import yaml
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]  # which has no types
@@ -62,22 +62,12 @@ def _joints(file: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
     limits = inner.get("joint_limits") if isinstance(inner, Mapping) else None
     if not isinstance(limits, Mapping):
         raise RobotError(f"robot.limits={file} has no joint_limits, expected MoveIt's joint_limits.yaml")
-    yield from ((str(name), one) for name, one in limits.items() if isinstance(one, Mapping))
+    return {str(name): one for name, one in limits.items() if isinstance(one, Mapping)}
 
 
-def _stated(limits: Mapping[str, Any], where: str) -> Iterator[tuple[str, Any]]:
-    """Kinds of limits that count, and their values."""
-    for kind in _KINDS:
-        if limits.get(f"has_{kind}_limits") and f"max_{kind}" in limits:
-            yield kind, _number(limits, f"max_{kind}", where)
+def _stated(limits: Mapping[str, Any]) -> dict[str, Any]:
+    """Limits of a joint that count, by kind."""
+    found = {kind: limits.get(f"max_{kind}") for kind in _KINDS if limits.get(f"has_{kind}_limits")}
     if limits.get("has_position_limits") and {"min_position", "max_position"} <= {*limits}:
-        yield "position", tuple(_number(limits, name, where) for name in ("min_position", "max_position"))
-
-
-def _number(limits: Mapping[str, Any], key: str, where: str) -> float:
-    value = limits[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RobotError(f"{where}: {key} is {value!r}, expected a number")
-    if key.startswith("max_") and key != "max_position" and value <= 0:
-        raise RobotError(f"{where}: {key} is {value:g}, expected one above 0")
-    return float(value)
+        found["position"] = limits["min_position"], limits["max_position"]
+    return {kind: value for kind, value in found.items() if value is not None}

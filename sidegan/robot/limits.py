@@ -10,13 +10,14 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import DERIVATIVE_ORDER
-from sidegan.robot.drivers import higher, tighten
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
 from sidegan.robot.tree import Joint, Tree, meant
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # ranges to put where there is none
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
+# Attributes of a joint's <limit>, with whatever prefix.
+_DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
 _ROUNDED = 1e-3  # share of a limit by which another one may be wider without a word
 _TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
 _Value = TypeVar("_Value")
@@ -42,15 +43,12 @@ def limits_of(
     """Limits of the joints that move, by name, and notes on what was assumed.
 
     They are also put into the tree's XML, as Pinocchio insists on. Joints that turn without end may do so by
-    half a turn from home [rad]. Where nothing is planned, plain limits stand for those that are missing.
-
-    Raises:
-        RobotError: names all limits that are missing or impossible, with the settings that state them.
+    half a turn from home [rad]. Where nothing is planned, plain limits stand for those that are missing;
+    else all that are missing or impossible are refused at once, with the settings that state them.
     """
     given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
-    notes = [*read, *tighten(tree, moving, stated["position"])]
-    described, found, wider, own = _Described(tree, home), {}, [], dict[str, list[str]]()
+    described, found, wider = _Described(tree, home), dict[str, JointLimits](), list[str]()
     for joint in moving:
         said = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
         lower, upper = said.get("position") or described.position(joint)
@@ -59,15 +57,13 @@ def limits_of(
             upper,
             velocity=said.get("velocity") or described.velocity(joint),
             effort=said.get("effort") or described.effort(joint),
-            acceleration=said.get("acceleration") or higher(tree, joint, "acceleration") or math.inf,
-            jerk=said.get("jerk") or higher(tree, joint, "jerk") or math.inf,
+            acceleration=said.get("acceleration") or described.derivative(joint, "acceleration"),
+            jerk=said.get("jerk") or described.derivative(joint, "jerk"),
         )
-        for kind in DERIVATIVE_ORDER:
-            if kind not in said and math.isfinite(getattr(found[joint.name], kind)):
-                own.setdefault(kind, []).append(joint.name)
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
+    notes = [*read, *described.of_soft_limits()]
     if described.missing:
         lines = " ".join(
             override(f"limits.{kind}", one, stated[kind]) for kind, one in described.examples.items()
@@ -77,9 +73,11 @@ def limits_of(
             missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
             raise RobotError(f"{missing}; state what the arm can do, for example {lines}")
         notes.append(f"limits that the description lacks are taken for {lines}")
-    for kind, names in own.items():
-        other = f"'robot.limits.{kind}={{{names[0]}: …}}' states others"
-        notes.append(f"limits of {kind} are the description's of {listed(names)}; {other}")
+    for kind in DERIVATIVE_ORDER:
+        finite = [name for name, one in found.items() if math.isfinite(getattr(one, kind))]
+        if own := [name for name in finite if name not in stated[kind]]:
+            other = f"'robot.limits.{kind}={{{own[0]}: …}}' states others"
+            notes.append(f"limits of {kind} are the description's of {listed(own)}; {other}")
     if planning and not any(math.isfinite(one.effort) for one in found.values()):
         _log.warning(
             "%s states no torque limits: torques are not checked; 'robot.limits.effort={%s: …}' states them",
@@ -115,6 +113,8 @@ class _Described:
         self.home = home
         self.missing: list[str] = []
         self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
+        self.narrowed: dict[str, tuple[_Span, str]] = {}  # whole ranges, and soft limits in words
+        self.useless: list[str] = []  # joints whose soft limits leave no range
 
     def position(self, joint: Joint) -> _Span:
         """Lower and upper limit [rad or m]; half a turn to each side of home of a joint without end."""
@@ -127,7 +127,7 @@ class _Described:
             return self._example("position", joint, example, why)
         lower, upper = span
         if lower < upper:
-            return span
+            return self._softened(joint, span)
         example = (upper, lower) if lower > upper else example
         why = f"the position limits {lower:g} to {upper:g}, expected lower < upper"
         return self._example("position", joint, example, why)
@@ -137,10 +137,8 @@ class _Described:
         velocity = self._number(joint, "velocity")
         if velocity > 0:
             return velocity
-        limit = joint.element.find("limit")
-        text = None if limit is None else limit.get("velocity")
-        example = _EXAMPLE_SPEED.get(joint.kind, 1.0)
-        return self._example("velocity", joint, example, f"the velocity limit {text}, expected one above 0")
+        has = f"the velocity limit {joint.part('limit').get('velocity')}, expected one above 0"
+        return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
     def effort(self, joint: Joint) -> float:
         """Limit on torque or force [N·m or N]; infinite where none is stated."""
@@ -150,10 +148,43 @@ class _Described:
         why = f"the effort limit {effort:g}, expected one above 0, or none"
         return self._example("effort", joint, -effort, why)
 
+    def derivative(self, joint: Joint, kind: str) -> float:
+        """Limit on acceleration or jerk [rad or m, per s² or s³]; infinite where none above 0 is stated."""
+        keys = [key for key in joint.part("limit").attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
+        values = [self._number(joint, key) for key in keys]
+        return min((value for value in values if value > 0), default=math.inf)
+
+    def of_soft_limits(self) -> list[str]:
+        """Notes on ranges that soft limits narrow."""
+        notes = []
+        if self.useless:
+            notes.append(f"soft limits that leave no range are not used: {listed(self.useless)}")
+        if self.narrowed:
+            ranges = listed([f"{name} {soft}" for name, (_, soft) in self.narrowed.items()])
+            whole = override("limits.position", {name: span for name, (span, _) in self.narrowed.items()})
+            notes.append(
+                f"soft limits hold, as drivers enforce them (safety_controller): {ranges}; "
+                f"{whole} has the whole range"
+            )
+        return notes
+
+    def _softened(self, joint: Joint, span: _Span) -> _Span:
+        """A range within a joint's soft limits, where it has any; an end that is left out is 0."""
+        safety, at = joint.part("safety_controller"), self.tree.at(joint)
+        soft = [xml.number(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
+        lower, upper = max(span[0], soft[0]), min(span[1], soft[1])
+        if not any(soft) or (lower, upper) == span:
+            return span
+        if lower >= upper:
+            self.useless.append(joint.name)
+            return span
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        self.narrowed[joint.name] = span, f"{lower:.4g} to {upper:.4g} {unit}"
+        return lower, upper
+
     def _number(self, joint: Joint, key: str) -> float:
         """A number of a joint's <limit>; 0 where there is none."""
-        limit = joint.element.find("limit")
-        return 0.0 if limit is None else xml.number(limit, key, self.tree.at(joint), "0")
+        return xml.number(joint.part("limit"), key, self.tree.at(joint), "0")
 
     def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
         self.missing.append(f"{self.tree.at(joint)} has {has}")
@@ -163,9 +194,9 @@ class _Described:
 
 def _refuse_degrees(tree: Tree, joint: Joint, stated: dict[str, _Span]) -> None:
     """Refuse a range in degrees of a joint whose own is in radians and within a turn."""
-    limit, span = joint.element.find("limit"), stated.get(joint.name)
-    if joint.kind == "revolute" and limit is not None and span:
-        own = max(abs(_plain(limit.get(key, ""))) for key in ("lower", "upper"))
+    span = stated.get(joint.name)
+    if joint.kind == "revolute" and span:
+        own = max(abs(_plain(joint.part("limit").get(key, ""))) for key in ("lower", "upper"))
         if 0 < own <= _TURN < _NEVER < max(map(abs, span)):
             meant = {joint.name: tuple(map(math.radians, span))}
             raise RobotError(
@@ -180,9 +211,9 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     units = {"velocity": f"{length}/s", "effort": force}
     if joint.kind != "continuous":
         units |= {"lower": length, "upper": length}
-    limit, wider = joint.element.find("limit"), []
+    wider = []
     for kind, unit in units.items():
-        value, own = getattr(limits, kind), 0.0 if limit is None else _plain(limit.get(kind, ""))
+        value, own = getattr(limits, kind), _plain(joint.part("limit").get(kind, ""))
         if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
@@ -202,9 +233,8 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
     if endless:
         spans = {name: (found[name].lower, found[name].upper) for name in endless}
-        more = override(
-            "limits.position", {k: [low - math.pi, up + math.pi] for k, (low, up) in spans.items()}
-        )
+        wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
+        more = override("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
         notes.append(f"continuous joints may go half a turn from home: {ranges} rad ({more} for more)")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]

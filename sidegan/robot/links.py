@@ -39,9 +39,8 @@ def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
 def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
     """Mesh files of a link's collision shapes that are not there or have no surface, taken out of the XML.
 
-    Scales of the others are in metres per unit of the file, whatever unit it states.
-
-    Without ``meshes``, all of them are taken out, and none is missing.
+    Scales of the others are in metres per unit of the file, whatever unit it states. Without ``meshes``, all
+    of them are taken out, and none is missing.
     """
     for visual in link.findall("visual"):
         link.remove(visual)

@@ -1,8 +1,10 @@
 """From a name or a path to an arm."""
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -12,10 +14,11 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, digest_of
+from sidegan.robot.collision import collision_shapes, length_of
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.named import by_name
-from sidegan.robot.orders import length_of
+from sidegan.robot.model import build, kinematics_and_inertias
 from sidegan.robot.setup import PLAIN, Setup, allowed
+from sidegan.robot.shapes import VERSION, capsules_of
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -61,21 +64,17 @@ def load_robot(
         RobotError: when there is no such robot, the file is no description, or the arm that is meant is not a
             serial chain of revolute and prismatic joints with limits on position and velocity.
     """
-    path, args = find(name_or_path)
+    path, args = _find(name_or_path)
     if args:
         setup = replace(setup, args={**args, **(setup.args or {})})
     description = read_description(path, setup, home, planning)
-
-    from sidegan.robot import model as pin_model  # Pinocchio takes a second to import
-    from sidegan.robot.shapes import VERSION, capsules_of
-
-    model = pin_model.build(description)
-    chain = pin_model.kinematics_and_inertias(model, setup.tip)
+    model = build(description)
+    chain = kinematics_and_inertias(model, setup.tip)
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
     drives = description.drives
     stated = {} if drives is None else vars(drives)
-    shapes, refused = pin_model.collision_shapes(model, description, length_of(numbers))
+    shapes, refused = collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
     if setup.may_touch:  # other trajectories are valid then
@@ -140,12 +139,8 @@ def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str],
         )
 
 
-def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
-    """The file that is meant, and arguments that it needs if it is a xacro file.
-
-    Raises:
-        RobotError: when there is none.
-    """
+def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
+    """The file that is meant, and arguments that it needs if it is a xacro file."""
     if str(name_or_path) in built_in_robots():
         return _MODELS / f"{name_or_path}.urdf", {}
     try:
@@ -157,7 +152,7 @@ def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
     except (OSError, RuntimeError) as error:  # a forbidden folder, an unknown ~user
         raise RobotError(f"cannot look for {name_or_path}: {error}") from error
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
-        if (found := by_name(name_or_path)) is not None:
+        if (found := _by_name(name_or_path)) is not None:
             return found
         more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' knows many by name"
         names = ", ".join(built_in_robots())
@@ -165,3 +160,30 @@ def find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
             f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path{more}"
         )
     raise RobotError(f"there is no URDF file {path}")
+
+
+def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:
+    """File of a description that robot_descriptions knows, and its arguments if it is a xacro file.
+
+    The name is one such as "panda" or "panda_description"; "panda_mj_description" is the MJCF. Its first use
+    fetches it from the network. None where robot_descriptions is not installed, or knows no such name.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or find_spec("robot_descriptions") is None:
+        return None
+    stem = "robot_descriptions." + name.removesuffix("_description")
+    module = next((stem + end for end in ("_description", "_mj_description") if find_spec(stem + end)), None)
+    if module is None:
+        return None
+    try:
+        found = import_module(module)
+    except Exception as error:  # git, the network, the disk
+        reason = " ".join(str(error).split())
+        raise RobotError(
+            f"robot_descriptions cannot fetch {module.partition('.')[2]}: {reason}; with a file of your own: "
+            "robot.name=arm.urdf"
+        ) from error
+    for kind in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):
+        if hasattr(found, kind):
+            args = getattr(found, "XACRO_ARGS", {}) if kind == "XACRO_PATH" else {}
+            return Path(getattr(found, kind)), dict(args)
+    return None

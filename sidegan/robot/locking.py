@@ -16,11 +16,7 @@ Matrix = NDArray[np.float64]
 
 
 def unit_axis(joint: Joint, at: str) -> Matrix:
-    """Direction of a joint's axis, (3,).
-
-    Raises:
-        RobotError: when it is none.
-    """
+    """Unit vector along a joint's axis, (3,)."""
     axis = xml.vector(joint.element.find("axis"), "xyz", at, "1 0 0")
     length = math.hypot(*axis)
     if not _AXIS[0] <= length <= _AXIS[1]:
@@ -40,7 +36,7 @@ def lock(joint: Joint, value: float, at: str) -> None:
         if joint.kind == "prismatic":
             place = place + turn @ axis * value
         else:
-            turn = turn @ rotation(axis, value)
+            turn = turn @ pin.exp3(value * axis)
         if origin is None:
             origin = ET.SubElement(element, "origin")
         write_placement(origin, turn, place)
@@ -54,11 +50,6 @@ def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
     """Write a rotation (3, 3) and a place [m], (3,), as URDF has them."""
     origin.set("xyz", xml.words(place))
     origin.set("rpy", xml.words(to_rpy(turn)))
-
-
-def rotation(axis: Matrix, angle: float) -> Matrix:
-    """Rotation (3, 3) by an angle [rad] about a unit vector (3,)."""
-    return pin.exp3(angle * axis)
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Matrix:

@@ -4,7 +4,6 @@ import hashlib
 import os
 import tempfile
 import xml.etree.ElementTree as ET
-import zipfile
 from collections.abc import Iterator
 from glob import escape
 from pathlib import Path
@@ -22,15 +21,6 @@ _DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is loo
 _POINTER = b"version https://git-lfs"  # how a file begins that stands for one which was not downloaded
 _SMALL = 100_000  # bytes; a larger file has triangles
 _TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # in Collada
-_METRES = {  # of the units that 3MF and AMF know
-    "micron": 1e-6,
-    "millimeter": 1e-3,
-    "centimeter": 1e-2,
-    "inch": 0.0254,
-    "foot": 0.3048,
-    "feet": 0.3048,
-    "meter": 1.0,
-}
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
@@ -61,27 +51,23 @@ def is_there(file: Path) -> bool:
 
 
 def metres_per_unit(file: Path) -> float:
-    """Metres per unit of a mesh file, as Collada, 3MF and AMF state it; 1 of other formats, which do not.
-
-    Raises:
-        RobotError: when what the file states is no length.
-    """
-    kind, stated = file.suffix.lower(), ""
+    """Metres per unit of a mesh file: as Collada states it, and 1 of other formats."""
+    if file.suffix.lower() != ".dae":
+        return 1.0
+    stated = "1"
     try:
-        if kind == ".dae":
-            units = (one for one in _opened(file) if one.tag.rpartition("}")[2] == "unit")
-            stated = next(units, ET.Element("")).get("meter", "1")
-            size = float(stated)
-        elif kind in (".3mf", ".amf"):
-            stated = next(_opened(file)).get("unit", "millimeter").lower()
-            size = _METRES[stated]
-        else:
-            size = 1.0
-        if not 0 < size < float("inf"):
+        with file.open("rb") as opened:
+            for _, element in ET.iterparse(opened, ("start",)):
+                kind = element.tag.rpartition("}")[2]
+                if kind == "unit":
+                    stated = element.get("meter", "1")
+                if kind == "unit" or kind.startswith("library_"):  # where geometry begins
+                    break
+        if not 0 < (size := float(stated)) < float("inf"):
             raise ValueError
-    except (ET.ParseError, OSError, StopIteration, zipfile.BadZipFile):
+    except (ET.ParseError, OSError):
         return 1.0  # readers of its shape say what is wrong with it
-    except (KeyError, ValueError):
+    except ValueError:
         raise RobotError(f"mesh file {file} is in units of {stated!r}, expected a length") from None
     return size
 
@@ -140,38 +126,22 @@ def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Pat
     return file.resolve()
 
 
-def _opened(file: Path) -> Iterator[ET.Element]:
-    """Elements of an XML file, in a ZIP archive or not, up to where its geometry begins, as they open."""
-    if zipfile.is_zipfile(file):
-        with zipfile.ZipFile(file) as archive:
-            name = next(one for one in archive.namelist() if one.lower().endswith((".model", ".amf")))
-            with archive.open(name) as opened:
-                yield from (element for _, element in ET.iterparse(opened, ("start",)))
-        return
-    with file.open("rb") as opened:
-        for _, element in ET.iterparse(opened, ("start",)):
-            if element.tag.rpartition("}")[2].startswith("library_"):
-                return
-            yield element
-
-
 def _relative(path: str, urdf: Path) -> Iterator[Path]:
     return (folder / path for folder in urdf.parents)
 
 
 def _in_package(path: str, urdf: Path) -> Iterator[Path]:
     package, _, inside = path.partition("/")
-    shares = [Path(one) for one in _entries("ROS_PACKAGE_PATH")]
-    shares += [Path(one, "share") for one in _entries("AMENT_PREFIX_PATH")]
-    for folder in [*urdf.parents, *shares]:
+    roots = _folders("ROS_PACKAGE_PATH")
+    for folder in [*urdf.parents, *roots, *(one / "share" for one in _folders("AMENT_PREFIX_PATH"))]:
         yield folder / package / inside
         if folder.name == package:
             yield folder / inside
-    for one in _entries("ROS_PACKAGE_PATH"):
+    for root in roots if package else ():
         for depth in range(1, _DEEPEST + 1):
-            yield from (found / inside for found in Path(one).glob("*/" * depth + escape(package)) if package)
+            yield from (found / inside for found in root.glob("*/" * depth + escape(package)))
     yield from _relative(inside, urdf)
 
 
-def _entries(variable: str) -> list[str]:
-    return [entry for entry in os.environ.get(variable, "").split(os.pathsep) if entry]
+def _folders(variable: str) -> list[Path]:
+    return [Path(entry) for entry in os.environ.get(variable, "").split(os.pathsep) if entry]

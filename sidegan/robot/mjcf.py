@@ -2,21 +2,24 @@
 
 import logging
 import xml.etree.ElementTree as ET
+from collections import defaultdict
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
-from sidegan.robot.locking import rotation, write_placement
-from sidegan.robot.mjcf_lost import Lost, without_lost
+from sidegan.robot.locking import write_placement
+from sidegan.robot.meshes import is_there
 from sidegan.robot.mjcf_shapes import Plane, plane_of, turn_of, write_shape
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import Source, words
 
 Vector = NDArray[np.float64]
+Lost = dict[str, list[str]]  # mesh files that are not there, by the body that they show
 _KINDS = {
     int(mujoco.mjtJoint.mjJNT_FREE): "floating",
     int(mujoco.mjtJoint.mjJNT_BALL): "floating",
@@ -36,9 +39,6 @@ def read_mjcf(path: Path) -> Source:
     Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
     of actuators. Equality constraints between joints become mimic joints. Shapes are kept, but for height
     fields; planes that stand still are told apart.
-
-    Raises:
-        RobotError: when MuJoCo refuses it.
     """
     model, missing, hidden = _compiled(path)
     writer = _Writer(model, path)
@@ -64,11 +64,49 @@ def _compiled(path: Path) -> tuple[mujoco.MjModel, Lost, Lost]:
             try:
                 return mujoco.MjModel.from_xml_path(str(path)), {}, {}
             except ValueError:
-                if found := without_lost(path):
+                if found := _without_lost(path):
                     return found
                 raise
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+
+
+def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
+    """A model without the geoms whose mesh files are not there: those that collide, and those for show.
+
+    None where no file is lost, or a lost mesh has a mass that counts.
+    """
+    spec = mujoco.MjSpec.from_file(str(path))
+
+    def lost(folder: str, *files: str) -> bool:
+        return any(file and not is_there(Path(spec.modelfiledir, folder, file)) for file in files)
+
+    meshes = {
+        mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if lost(spec.meshdir, mesh.file)
+    }
+    textures = {one.name: one for one in spec.textures if lost(spec.texturedir, one.file, *one.cubefiles)}
+    if not (meshes or textures):
+        return None
+    colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
+    for geom in [geom for geom in spec.geoms if geom.meshname in meshes]:
+        if _weighs(spec, geom):
+            return None
+        where = colliding if geom.contype or geom.conaffinity else shown
+        where[geom.parent.name].append(meshes[geom.meshname].file)
+        spec.delete(geom)
+    for material in spec.materials:
+        material.textures = ["" if name in textures else name for name in material.textures]
+    for one in (*meshes.values(), *textures.values()):
+        spec.delete(one)
+    return spec.compile(), dict(colliding), dict(shown)
+
+
+def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
+    """Whether the mass of a body comes from a geom of it."""
+    body, (first, last) = geom.parent, spec.compiler.inertiagrouprange
+    always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    own = body.explicitinertial and not always
+    return body.name != "world" and not own and geom.mass != 0 and first <= geom.group <= last
 
 
 class _Writer:
@@ -158,7 +196,7 @@ class _Writer:
             if kind == "prismatic":
                 at = at - turn @ axis * reference
             elif kind == "revolute":
-                around = turn @ rotation(axis, -reference)
+                around = turn @ pin.exp3(-reference * axis)
             element = self._joint(name, kind, parent, after, around, at)
             self._limits(element, joint)
             if direct:

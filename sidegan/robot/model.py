@@ -1,4 +1,4 @@
-"""From a checked description, through Pinocchio, to numbers."""
+"""From a checked description, through Pinocchio, to an arm's kinematics and inertias."""
 
 import logging
 import os
@@ -11,25 +11,16 @@ import numpy as np
 import pinocchio as pin
 
 from sidegan.base.arrays import Array
-from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 from sidegan.robot.fitting import Points
-from sidegan.robot.hull_conflicts import refused_pairs
-from sidegan.robot.meshes import cache_folder
-from sidegan.robot.orders import of_another_order
-from sidegan.robot.shapes import Shape, is_mesh, shapes_of
 
 _log = logging.getLogger(__name__)
 
 
 def build(description: Description) -> pin.Model:
-    """Pinocchio's model of a serial chain.
-
-    Raises:
-        RobotError: when Pinocchio refuses the description.
-    """
-    with _pinocchio_speaks(description):
+    """Pinocchio's model of a serial chain."""
+    with pinocchio_speaks(description):
         model = pin.buildModelFromXML(description.xml)
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
     return model
@@ -42,63 +33,13 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
     return {
         "prismatic": prismatic,
-        "rotation": _array([model.jointPlacements[i].rotation for i in joints]),
-        "translation": _array([model.jointPlacements[i].translation for i in joints]),
-        "axis": _array(np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:])),
-        "inertial_parameters": _array([model.inertias[i].toDynamicParameters() for i in joints]),
-        "gravity": _array(model.gravity.linear),
-        "tip": _array(_tip(model, tip)),
+        "rotation": np.array([model.jointPlacements[i].rotation for i in joints]),
+        "translation": np.array([model.jointPlacements[i].translation for i in joints]),
+        "axis": np.where(prismatic[:, None], subspaces[:, :3], subspaces[:, 3:]),
+        "inertial_parameters": np.array([model.inertias[i].toDynamicParameters() for i in joints]),
+        "gravity": np.array(model.gravity.linear),
+        "tip": np.array(_tip(model, tip)),
     }
-
-
-def collision_shapes(
-    model: pin.Model, description: Description, length: float
-) -> tuple[list[Shape], dict[tuple[str, str], float]]:
-    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
-
-    Beside them pairs of links that they stand badly for: the share of free configurations that these refuse.
-
-    Raises:
-        RobotError: when Pinocchio refuses them, or they are none of an arm of this length [m].
-    """
-    with _pinocchio_speaks(description):
-        geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
-    _refuse_other_orders(model, geometry, description, length)
-    shapes = shapes_of(geometry, model)
-    if not any(shape.digest for shape in shapes):
-        return shapes, {}
-    from joblib import Memory
-
-    scene = {"model": model, "geometry": geometry, "description": description}
-    limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
-    known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
-    refused = Memory(cache_folder(), verbose=0).cache(refused_pairs, ignore=[*scene, "shapes"])
-    hollow: dict[str, int] = {}
-    often = refused(known=(known, hollow), shapes=shapes, **scene)
-    for level in (1, 2):
-        if often:
-            hollow = hollow | {link: level for pair in often for link in pair}
-            shapes = shapes_of(geometry, model, hollow)
-            often = refused(known=(known, hollow), shapes=shapes, **scene)
-    return shapes, often
-
-
-def _refuse_other_orders(
-    model: pin.Model, geometry: pin.GeometryModel, description: Description, length: float
-) -> None:
-    """Refuse shapes that are a thousand times too large or too small for an arm of this length [m]."""
-    wrong: dict[str, str] = {}
-    for geometry_object in geometry.geometryObjects:
-        geometry_object.geometry.computeLocalAABB()
-        size = 2 * float(geometry_object.geometry.aabb_radius)
-        if why := of_another_order(size, length, bool(geometry_object.parentJoint), is_mesh(geometry_object)):
-            wrong.setdefault(model.frames[geometry_object.parentFrame].name, why)
-    if wrong:
-        shapes = listed([f"{link} {why}" for link, why in wrong.items()], 4)
-        raise RobotError(
-            f"{description.path}: shapes of another order than the arm of {length:.2g} m: {shapes} "
-            'The scale of a mesh is metres per unit of its file, such as scale="0.001 0.001 0.001"'
-        )
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:
@@ -118,12 +59,8 @@ def _tip(model: pin.Model, link: str | None) -> Points:
     return max((f.placement.translation for f in carried), key=lambda point: float(np.linalg.norm(point)))
 
 
-def _array(values: object) -> Array:
-    return np.array(values, dtype=np.float64)
-
-
 @contextmanager
-def _pinocchio_speaks(description: Description) -> Iterator[None]:
+def pinocchio_speaks(description: Description) -> Iterator[None]:
     """Turn Pinocchio's errors into ours, with what its parser writes to the terminal as the reason."""
     with tempfile.TemporaryFile() as said:
         terminal = os.dup(2)

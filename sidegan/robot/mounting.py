@@ -42,11 +42,8 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
 
 def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
     """Planes in the frame of a base as they are in a world in which it has this roll, pitch and yaw [rad]."""
-    turn, found = from_rpy(mount), list[FilePlane]()
-    for *normal, offset in planes:
-        x, y, z = (turn @ np.array(normal)).tolist()
-        found.append((x, y, z, offset))
-    return tuple(found)
+    turn = from_rpy(mount)
+    return tuple((*(turn @ np.array(normal)).tolist(), offset) for *normal, offset in planes)
 
 
 def stands(arm: Arm) -> bool:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from shlex import quote
 from typing import Any
 
@@ -51,57 +51,38 @@ _WORD = re.compile(r"[A-Za-z_/.~][\w/.~-]*")
 _NO_TEXT = {"null", "true", "false", "yes", "no", "on", "off", "nan", "inf"}
 
 
+def setting(name: str, value: object) -> str:
+    """A setting within ``robot`` as a word on the command line."""
+    return quote(f"robot.{name}={_plain(value)}")
+
+
 def override(name: str, values: Mapping[str, object], given: object = None) -> str:
-    """A setting of the robot by joint name as a word on the command line, with those that were given before.
-
-    Args:
-        name: of the setting within ``robot``.
-        values: what is to be set.
-        given: what the user has set already; by joint name, or it is replaced.
-    """
-    kept = given if isinstance(given, Mapping) else {}
-    inner = ", ".join(f"{joint}: {_plain(value)}" for joint, value in {**kept, **values}.items())
-    return f"'robot.{name}={{{inner}}}'"
-
-
-def choice(name: str, value: str) -> str:
-    """A setting of the robot as a word on the command line."""
-    return quote(f"robot.{name}={_text(value)}")
-
-
-def words(setup: Setup) -> list[str]:
-    """A whole setup as words on the command line."""
-    names = [field.name for field in fields(setup) if field.name != "limits"]
-    given = [(name, getattr(setup, name)) for name in names if getattr(setup, name) != getattr(PLAIN, name)]
-    given += [(f"limits.{field.name}", getattr(setup.limits, field.name)) for field in fields(Limits)]
-    return [_word(name, value) for name, value in given if value is not None]
+    """A setting by joint name as a word on the command line, with those joints' that were given before."""
+    return setting(name, {**(given if isinstance(given, Mapping) else {}), **values})
 
 
 def allowed(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | None = None) -> str:
     """Pairs of links that may touch as a word on the command line, with those that were given before."""
-    together = dict.fromkeys(tuple(sorted(pair)) for pair in (*(given or ()), *pairs))
-    return _word("may_touch", [*together])
+    return setting("may_touch", [*dict.fromkeys(tuple(sorted(pair)) for pair in (*(given or ()), *pairs))])
 
 
-def _word(name: str, value: object) -> str:
-    """A setting of the robot as a word on the command line."""
-    if isinstance(value, Mapping):
-        return override(name, value)
-    if isinstance(value, bool):
-        return f"robot.{name}={str(value).lower()}"
-    if isinstance(value, int | float):
-        return f"robot.{name}={_plain(value)}"
-    if isinstance(value, list | tuple):
-        return quote(f"robot.{name}=[{', '.join(map(_plain, value))}]")
-    return choice(name, str(value))
+def words(setup: Setup) -> list[str]:
+    """A whole setup as words on the command line."""
+    given = {name: x for name, x in vars(setup).items() if name != "limits" and x != getattr(PLAIN, name)}
+    given |= {f"limits.{name}": x for name, x in vars(setup.limits).items()}
+    return [setting(name, x) for name, x in given.items() if x is not None]
 
 
 def _plain(value: object) -> str:
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(map(_plain, value))}]"
-    return f"{value:.6g}" if isinstance(value, int | float) else _text(str(value))
-
-
-def _text(value: str) -> str:
-    """Text as settings have it, in quotes where it would be read as a number or as nothing."""
-    return value if _WORD.fullmatch(value) and value.lower() not in _NO_TEXT else f'"{value}"'
+    """A value as settings have it; text in quotes where it would be read as a number or as nothing."""
+    match value:
+        case Mapping():
+            return f"{{{', '.join(f'{name}: {_plain(x)}' for name, x in value.items())}}}"
+        case list() | tuple():
+            return f"[{', '.join(map(_plain, value))}]"
+        case bool():
+            return str(value).lower()
+        case int() | float():
+            return f"{value:.6g}"
+    text = str(value)
+    return text if _WORD.fullmatch(text) and text.lower() not in _NO_TEXT else f'"{text}"'

@@ -14,11 +14,7 @@ _SHALLOW = 4  # parts of a path whose folders are too many to be searched for pa
 
 
 def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
-    """A description from a URDF or MJCF file, or from a .xacro file, which is expanded with its arguments.
-
-    Raises:
-        RobotError: when the file cannot be read, or is none of these.
-    """
+    """A description from a URDF or MJCF file, or from a .xacro file, which is expanded with its arguments."""
     try:
         text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
     except OSError as error:
@@ -35,9 +31,6 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
     """The URDF of a xacro file; packages are looked for above it, beside its own one, and on the ROS paths.
 
     Names of included files are relative to the file that includes them.
-
-    Raises:
-        RobotError: when xacrodoc is not installed or refuses the file, with what resolves it.
     """
     try:
         import xacro

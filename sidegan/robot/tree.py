@@ -10,7 +10,6 @@ from functools import cached_property
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 
-_MOST_LINKS = 500  # Pinocchio goes down a tree by recursion, and some thousands end the process
 TURNING = ("revolute", "continuous")
 MOVABLE = (*TURNING, "prismatic")
 REFUSED = {  # kinds of joints that no arm has, and why
@@ -33,6 +32,11 @@ class Joint:
     def mimic(self) -> ET.Element | None:
         """Joint that it follows, if it follows another one."""
         return self.element.find("mimic")
+
+    def part(self, tag: str) -> ET.Element:
+        """An element of the joint, such as its limit; an empty one where it has none."""
+        found = self.element.find(tag)
+        return ET.Element(tag) if found is None else found
 
 
 @dataclass(frozen=True)
@@ -75,8 +79,8 @@ class Tree:
 
     def span(self, joint: Joint) -> tuple[float, float] | None:
         """A joint's own range [rad or m], an end that is left out being 0; None where it states none."""
-        limit = joint.element.find("limit")
-        if joint.kind == "continuous" or limit is None or not {"lower", "upper"} & set(limit.attrib):
+        limit = joint.part("limit")
+        if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
             return None
         lower, upper = (xml.number(limit, key, self.at(joint), "0") for key in ("lower", "upper"))
         return lower, upper
@@ -95,11 +99,7 @@ def meant(name: str, known: Iterable[str], setting: str = "") -> str:
 
 
 def read_tree(root: ET.Element, where: str) -> Tree:
-    """The tree of a description.
-
-    Raises:
-        RobotError: when names are missing or not unique, or the links do not form one tree.
-    """
+    """The tree of a description, whose names are unique and whose links form one tree."""
     joints = {joint.name: joint for joint in _joints(root, where)}
     links = [link.get("name", "") for link in root.findall("link")]
     children = {joint.child for joint in joints.values()}
@@ -116,8 +116,6 @@ def read_tree(root: ET.Element, where: str) -> Tree:
 
 def _joints(root: ET.Element, where: str) -> list[Joint]:
     """The joints of a description, with names of their own and links that are there."""
-    if (count := len(root.findall("link"))) > _MOST_LINKS:
-        raise RobotError(f"{where} has {count} links, expected at most {_MOST_LINKS}")
     names = {
         kind: [xml.attribute(one, "name", where) for one in root.findall(kind)] for kind in ("link", "joint")
     }

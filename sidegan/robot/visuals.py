@@ -7,26 +7,25 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import Arm
+from sidegan.robot.collision import length_of, of_another_order
 from sidegan.robot.description import read_description
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import find_mesh, metres_per_unit
-from sidegan.robot.orders import length_of, of_another_order
+from sidegan.robot.model import build
 from sidegan.robot.sources import read_source
 
 if TYPE_CHECKING:  # slow to import
-    import pinocchio as pin
     import trimesh
 
 _log = logging.getLogger(__name__)
 _CAPSULE = 8, 16  # rings of a capsule's half spheres, and points around it
-
-
 _FLAT = 1e-3  # [m] from z = 0 that a foot's points lie
 
 
@@ -67,7 +66,7 @@ def foot(arm: Arm) -> tuple[float, bool]:
     return min((found for found in lowest if found is not None), default=(0.0, False))
 
 
-def _foot_of(arm: Arm, link: ET.Element, frame: "pin.Frame") -> tuple[float, bool] | None:
+def _foot_of(arm: Arm, link: ET.Element, frame: pin.Frame) -> tuple[float, bool] | None:
     """Lowest point of a link that stands still [m], and whether it is known; None where it has no shape."""
     solid = link.findall("collision")
     meshes = [one for one in solid if one.find("geometry/mesh") is not None]
@@ -79,7 +78,7 @@ def _foot_of(arm: Arm, link: ET.Element, frame: "pin.Frame") -> tuple[float, boo
     return (0.0, False) if solid or link.findall("visual") else None
 
 
-def _span(arm: Arm, shapes: list[ET.Element], frame: "pin.Frame") -> tuple[float, float] | None:
+def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, float] | None:
     """Lowest and highest point [m] of some shapes; None where there are none, or one cannot be read.
 
     Lowest is z = 0 where points there enclose the origin and those below lie all on one side of it.
@@ -100,12 +99,8 @@ def _encloses(points: NDArray[np.float64]) -> bool:
     return len(angles) > 2 and bool(np.diff(angles, append=angles[0] + 2 * np.pi).max() < np.pi)
 
 
-def _links(arm: Arm) -> Iterator[tuple[ET.Element, "pin.Frame"]]:
+def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
     """Links as the description has them, and their frames; none where the file is no longer there."""
-    import pinocchio as pin  # takes a second to import
-
-    from sidegan.robot.model import build
-
     try:
         description = read_description(arm.urdf, arm.setup, planning=False)
         model, root = build(description), read_source(arm.urdf, arm.setup.args).root
@@ -118,12 +113,8 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, "pin.Frame"]]:
             yield link, model.frames[index]
 
 
-def _part(arm: Arm, visual: ET.Element, link: "pin.Frame") -> Part:
-    """The surface of one shape in its joint's frame.
-
-    Raises:
-        RobotError: when it is none of this arm.
-    """
+def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
+    """The surface of one shape in its joint's frame; one of another order than the arm is refused."""
     origin = visual.find("origin")
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))

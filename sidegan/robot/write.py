@@ -16,6 +16,7 @@ from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
 from sidegan.robot.locking import from_rpy
+from sidegan.robot.model import build, kinematics_and_inertias
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words
@@ -46,9 +47,11 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         StorageError: when the file cannot be written.
     """
     require_consistent(arm, parameters)
-    carriers = _carriers(arm)
-    inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
+    if not arm.urdf.is_file():
+        raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
     source = read_source(arm.urdf, arm.setup.args)
+    carriers = _carriers(arm, source.root)
+    inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
     for prefix, uri in (pair for _, pair in ET.iterparse(io.BytesIO(source.text), ("start-ns",))):
         ET.register_namespace(prefix, uri)
     root = ET.fromstring(source.text, ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -71,15 +74,9 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         _check(arm, parameters, draft)
 
 
-def _carriers(arm: Arm) -> dict[str, str | None]:
-    """Which moved link each link is part of; None for those on the base.
-
-    Raises:
-        RobotError: when the file's joints are not the arm's.
-    """
-    if not arm.urdf.is_file():
-        raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
-    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
+def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:
+    """Which moved link each link is part of; None for those on the base. The joints must be the arm's."""
+    tree = read_tree(root, str(arm.urdf))
     moved = {joint.child: name for name, joint in tree.joints.items() if name in arm.joint_names}
     if moved != dict(zip(arm.link_names, arm.joint_names)):
         raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
@@ -130,7 +127,7 @@ def _round(root: ET.Element) -> None:
 
 def _inertial(parameters: Array) -> ET.Element:
     """An `<inertial>` element of parameters (10,), about the centre of mass."""
-    centre, inertia = (x[0] for x in about_the_centre(parameters[None]))
+    centre, inertia = about_the_centre(parameters)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
     element = ET.Element("inertial")
@@ -142,11 +139,9 @@ def _inertial(parameters: Array) -> ET.Element:
 
 def _check(arm: Arm, parameters: Array, file: Path) -> None:
     """Raise unless the file reads as the same arm with these parameters."""
-    from sidegan.robot import model as pin_model
-
     setup = replace(arm.setup, args=None, mount=arm.mount)
-    model = pin_model.build(read_description(file, setup, planning=False))
-    chain = pin_model.kinematics_and_inertias(model, setup.tip)
+    model = build(read_description(file, setup, planning=False))
+    chain = kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it
     same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():

@@ -2,7 +2,7 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,6 @@ from sidegan.robot.xml import child, words
 
 _STEP = 1e-3  # [s] of a written model
 _STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
-_WORLD = "world"  # MuJoCo's own name for what does not move
 
 
 def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
@@ -40,11 +39,10 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
         StorageError: when the file cannot be written.
     """
     require_consistent(arm, parameters)
-    links = [f"{name} link" if name == _WORLD else name for name in arm.link_names]
-    root = chain(arm, parameters, drives, _STEP, (links, arm.joint_names))
+    root = chain(arm, parameters, drives, _STEP, (arm.link_names, arm.joint_names))
     for joint, limits in zip(root.iter("joint"), _limits(arm)):
         joint.attrib |= limits
-    _draw(arm, root, dict(zip(arm.link_names, links)))
+    _draw(arm, root)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
     _check(arm, text)
@@ -88,7 +86,7 @@ def chain(
 def _inertials(parameters: Array) -> Iterable[dict[str, str]]:
     """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
     for row in parameters:
-        centre, inertia = (x[0] for x in about_the_centre(row[None]))
+        centre, inertia = about_the_centre(row)
         moments, axes = np.linalg.eigh(inertia)
         moments[2] = min(moments[2], moments[:2].sum())  # but for rounding, which MuJoCo refuses
         axes = axes * np.sign(np.linalg.det(axes))  # right-handed: minus one is no rotation
@@ -107,24 +105,22 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
         yield limits | ({"actuatorfrcrange": words([-effort, effort])} if np.isfinite(effort) else {})
 
 
-def _draw(arm: Arm, root: ET.Element, names: Mapping[str, str]) -> None:
-    """Give the bodies of the links, which have such names, and of what is fixed to them their shapes."""
+def _draw(arm: Arm, root: ET.Element) -> None:
+    """Give the bodies of the links and of what is fixed to them their shapes."""
     world, assets, moving = child(root, "worldbody", ""), ET.Element("asset"), [*root.iter("body")]
-    bodies = {one.get("name"): one for one in moving}
+    bodies = {"world": world} | {one.get("name", ""): one for one in moving}
     for k, (link, owner) in enumerate(zip(arm.capsules.link.tolist(), arm.capsules.owners)):
-        name = names.get(owner, f"{owner} link" if owner == _WORLD else owner)
-        if name not in bodies:
-            bodies[name] = ET.SubElement(world if link < 0 else moving[link], "body", name=name)
-        ET.SubElement(bodies[name], "geom", {"group": "1"} | _shape(arm, k, assets))
+        if owner not in bodies:
+            bodies[owner] = ET.SubElement(world if link < 0 else moving[link], "body", name=owner)
+        ET.SubElement(bodies[owner], "geom", {"group": "1"} | _shape(arm, k, assets))
     before = dict(arm.parents or ()).get(arm.link_names[0])
     if before is not None:  # neighbours are bodies one of which is in the other
-        bodies[names.get(before, before)].append(moving[0])
         world.remove(moving[0])
+        bodies[before].append(moving[0])
     if len(assets):
         root.insert(1, assets)
     contact = ET.Element("contact")
-    for pair in arm.may_touch:
-        one, other = (names.get(name, name) for name in pair[:2])
+    for one, other, _ in arm.may_touch:
         if {one, other} <= {*bodies}:
             ET.SubElement(contact, "exclude", body1=one, body2=other)
     if len(contact):

@@ -1,29 +1,10 @@
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sidegan.motion.trajectory import Motion, Trajectory
-from sidegan.plant import PlantSettings
 from sidegan.robot import Arm
-from tests.chains import random_chain, real_links
-
-
-@pytest.fixture(scope="session")
-def chain() -> Callable[..., Arm]:
-    """A random chain whose links can exist."""
-
-    def make(joints: int, seed: int) -> Arm:
-        return replace(random_chain(joints, seed)[0], inertial_parameters=real_links(joints, seed))
-
-    return make
-
-
-@pytest.fixture(scope="session")
-def standard() -> PlantSettings:
-    """The usual friction, drives and servos."""
-    return PlantSettings()
 
 
 @pytest.fixture(scope="session")

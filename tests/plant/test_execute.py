@@ -7,8 +7,9 @@ import pytest
 
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
-from sidegan.plant import IDEAL, Plant, save_recording
+from sidegan.plant import IDEAL, Plant, PlantSettings, save_recording
 from sidegan.recording.load import load_recording
+from tests.chains import random_chain, real_links
 from tests.recording.conftest import of_file
 
 RATE = 1000.0  # Hz
@@ -29,8 +30,9 @@ def rms(x):
 
 
 @pytest.mark.parametrize("joints", [1, 4, 7])
-def test_any_chain_obeys_its_equations_of_motion(chain, motions, joints):
-    arm = replace(chain(joints, 1), torque_limit=np.full(joints, np.inf))
+def test_any_chain_obeys_its_equations_of_motion(motions, joints):
+    own = {"inertial_parameters": real_links(joints, 1), "torque_limit": np.full(joints, np.inf)}
+    arm = replace(random_chain(joints, 1)[0], **own)
     settings = replace(IDEAL, viscous=[1.5], rotor_inertia=[0.3])
     executed = Plant(arm, settings).follow(motions(arm))
     wanted = rigid(arm, executed) + 0.3 * accelerations(executed) + 1.5 * executed.velocity[1:]
@@ -61,19 +63,19 @@ def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
         np.testing.assert_allclose(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
 
 
-def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions, standard):
+def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions):
     motion = motions(arm, period=8.0)
     known = [replace(IDEAL, feed_forward=share) for share in (1.0, 0.9, 0.5)]
     exact, less, least, usual = (
-        Plant(arm, one).follow(motion).position - motion.position[0] for one in (*known, standard)
+        Plant(arm, one).follow(motion).position - motion.position[0] for one in (*known, PlantSettings())
     )
     assert np.abs(exact).max() < 1e-4 < rms(usual) < 1e-2
     assert rms(exact) < rms(less) < rms(least)
 
 
-def test_motions_are_executed_one_after_another(planar, motions, standard):
+def test_motions_are_executed_one_after_another(planar, motions):
     several = motions(planar, count=3, period=2.0)
-    plant = Plant(planar, standard)
+    plant = Plant(planar, PlantSettings())
     executed = plant.follow(several)
     once = plant.follow(concatenate(several))
     assert executed.time.shape == (6001,)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sidegan.plant.hysteresis import RADII, lagging, stops
+from sidegan.plant.hysteresis import RADII, lagging
 
 FULL, SHARE = np.array([100.0, 20.0]), 0.01  # N·m of two joints
 WEIGHT = SHARE / RADII.sum()
@@ -52,5 +52,4 @@ def test_the_loop_over_the_whole_range_is_as_wide_as_is_said_and_no_error_larger
         np.testing.assert_allclose(told[zero], sign * SHARE * FULL, rtol=1e-9)
     walk = np.random.default_rng(0).uniform(-1, 1, (3, 200, 2)) * FULL
     assert (np.abs(lagging(walk, FULL, SHARE) - walk) <= SHARE * FULL * (1 + 1e-12)).all()
-    assert (np.abs(stops(walk, RADII[:, None] * FULL)) <= RADII[:, None, None, None] * FULL).all()
     np.testing.assert_array_equal(lagging(walk, FULL, 0.0), walk)

@@ -20,16 +20,11 @@ SENSORS = ("compliance", "backlash", "encoder", "resolution", "delay", "hysteres
 SEED = 3
 
 
-@pytest.fixture(scope="module")
-def settings():
-    return VariedSettings()
-
-
-@pytest.fixture(scope="module")
-def plain(settings):
-    """Friction of one law alone, sensors without errors."""
-    sensors = dict.fromkeys(SENSORS, 0.0)
-    return replace(settings, friction=replace(settings.friction, **OFF), bearings=(0.0, 0.0), **sensors)
+USUAL = VariedSettings()
+# Friction of one law alone, sensors without errors.
+PLAIN = replace(
+    USUAL, friction=replace(USUAL.friction, **OFF), bearings=(0.0, 0.0), **dict.fromkeys(SENSORS, 0.0)
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +43,7 @@ def ahead(made, motion):
 
 def simulated(made, motion):
     """Positions, velocities and accelerations of a plant's steps along a motion, motor torques and loads."""
-    q, motor, load = made._simulate(motion.position, motion.velocity, ahead(made, motion))
+    q, motor, load = made.simulate(motion.position, motion.velocity, ahead(made, motion))
     end = np.diff(q, axis=1) * made.settings.rate  # semi-implicit steps: the speed at the end of each
     return q[:, 1:-1], end[:, :-1], np.diff(end, axis=1) * made.settings.rate, motor[:, 1:-1], load[:, 1:-1]
 
@@ -66,78 +61,78 @@ def inverse(arm, *states):
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_a_sensor_at_the_link_without_errors_tells_what_moves_the_true_links(name, plain, motions):
+def test_a_sensor_at_the_link_without_errors_tells_what_moves_the_true_links(name, motions):
     arm = load_robot(name)
-    made, motion = plant(arm, plain), motions(arm, 2, rate=500.0)
+    made, motion = plant(arm, PLAIN), motions(arm, 2, rate=500.0)
     assert np.abs(made.true.inertial_parameters - arm.inertial_parameters).max() > 0.01
     *states, motor, _ = simulated(made, motion)
     told, links = made.follow(motion)[1][:, 1:-1], inverse(made.true, *states)
     np.testing.assert_allclose(told, links, rtol=0, atol=1e-5)  # N·m
     assert (np.abs(told - motor) > 0.05 * made.scale).any((0, 1)).all()  # gears and rotors take their part
-    rubbing = plant(arm, replace(plain, bearings=(0.003, 0.013)))
+    rubbing = plant(arm, replace(PLAIN, bearings=(0.003, 0.013)))
     *states, _, load = simulated(rubbing, motion)
     friction = load - inverse(made.true, *states)
     np.testing.assert_allclose(friction, rubbing.bearings(*states[:2], np.zeros(1)), rtol=0, atol=1e-5)
     assert np.median(np.abs(friction), (0, 1)) == pytest.approx(rubbing.bearings.coulomb, rel=0.9)
 
 
-def test_motors_overcome_gears_and_rotors_besides(planar, plain, motion):
-    made = plant(planar, replace(plain, sensor="motor"))
+def test_motors_overcome_gears_and_rotors_besides(planar, motion):
+    made = plant(planar, replace(PLAIN, sensor="motor"))
     *states, motor, load = simulated(made, motion)
     friction = motor - load - made.rotor * states[2]
     np.testing.assert_array_equal(made.follow(motion)[1][:, 1:-1], motor)
     np.testing.assert_allclose(friction[:, 1:], made.law(*states[:2], 0 * load)[:, 1:], rtol=0, atol=1e-5)
 
 
-def test_sensors_err_by_no_more_than_is_stated(planar, plain, motion):
-    _, exact = plant(planar, plain).follow(motion)
+def test_sensors_err_by_no_more_than_is_stated(planar, motion):
+    _, exact = plant(planar, PLAIN).follow(motion)
     for name, share, most in (
         ("hysteresis", 0.01, 0.01),
         ("offset", 0.02, 0.02),
         ("resolution", 0.004, 0.002),
     ):
-        made = plant(planar, replace(plain, **{name: share}))
+        made = plant(planar, replace(PLAIN, **{name: share}))
         error = np.abs(made.follow(motion)[1] - exact).max((0, 1)) / planar.torque_limit
         assert (error > 0).all() and (error <= most * (1 + 1e-9)).all(), name
 
 
-def test_one_seed_is_one_plant(planar, settings, motion):
-    one, again = (plant(planar, settings) for _ in range(2))
+def test_one_seed_is_one_plant(planar, motion):
+    one, again = (plant(planar, USUAL) for _ in range(2))
     assert np.array_equal(one.follow(motion)[1], again.follow(motion)[1])
-    assert not np.array_equal(plant(planar, settings, seed=4).law.coulomb, one.law.coulomb)
+    assert not np.array_equal(plant(planar, USUAL, seed=4).law.coulomb, one.law.coulomb)
 
 
 @pytest.mark.parametrize("switch", [*OFF, *SENSORS, "bearings", "sensor"])
-def test_every_misfit_is_a_switch_of_its_own(planar, plain, settings, motion, switch):
+def test_every_misfit_is_a_switch_of_its_own(planar, motion, switch):
     if switch in OFF:
-        size = getattr(settings.friction, switch)
-        changed = replace(plain, friction=replace(plain.friction, **{switch: size}))
+        size = getattr(USUAL.friction, switch)
+        changed = replace(PLAIN, friction=replace(PLAIN.friction, **{switch: size}))
     else:
-        size = "motor" if switch == "sensor" else getattr(settings, switch)
-        changed = replace(plain, **{switch: size})
-    one, other = (plant(planar, x).follow(motion) for x in (plain, changed))
+        size = "motor" if switch == "sensor" else getattr(USUAL, switch)
+        changed = replace(PLAIN, **{switch: size})
+    one, other = (plant(planar, x).follow(motion) for x in (PLAIN, changed))
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
 
 
-def test_servos_and_friction_follow_their_laws(planar, settings, motion):
+def test_servos_and_friction_follow_their_laws(planar, motion):
     """The law of friction at every step, given the load of the step before; the servos give the rest."""
-    made = plant(planar, settings)
+    made = plant(planar, USUAL)
     q, dq, acceleration, motor, load = simulated(made, motion)
     friction = motor - load - made.rotor * acceleration
     expected = made.law(q[:, 1:], dq[:, 1:], load[:, :-1])
     np.testing.assert_allclose(friction[:, 1:], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
     wanted, speed = motion.position[:, 1:-1], motion.velocity[:, 1:-1]
-    stiffness, damping = made._gains
+    stiffness, damping = made.gains
     servo = ahead(made, motion)[:, 1:-1] + stiffness * (wanted - q) + damping * (speed - dq)
     limit = planar.torque_limit
     np.testing.assert_allclose(motor, servo.clip(-limit, limit), rtol=0, atol=1e-6 * np.abs(motor).max())
 
 
 @pytest.mark.parametrize("correlation", [1e-6, 0.05])
-def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, correlation):
+def test_recorded_noise_has_the_stated_size_and_correlation(planar, correlation):
     family = Trajectory(2, 3, 40.0)
     sensors = Sensors(noise=0.1, correlation=correlation, cutoff=20.0, rate=100.0)
-    made, c = plant(planar, plain), np.zeros((1, 2, 3, 2))
+    made, c = plant(planar, PLAIN), np.zeros((1, 2, 3, 2))
     c[..., 0, 0] = 0.3
     exact, noisy = (recorded(made, family, c, sensors, random) for random in (None, np.random.default_rng(0)))
     assert all(np.array_equal(*pair) for pair in zip(exact[:3], noisy[:3]))
@@ -150,8 +145,8 @@ def test_recorded_noise_has_the_stated_size_and_correlation(planar, plain, corre
         assert np.abs((slope - above)[:, 50:-50]).max() < 0.02 * np.abs(above).max()
 
 
-def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, settings, motion, motions):
+def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, motion, motions):
     with pytest.raises(InfeasibleError, match="do not follow"):
-        plant(planar, replace(settings, tolerance=1e-9)).follow(motion)
+        plant(planar, replace(USUAL, tolerance=1e-9)).follow(motion)
     with pytest.raises(ShapeError, match="500 Hz"):
-        plant(planar, settings).follow(motions(planar, rate=100.0))
+        plant(planar, USUAL).follow(motions(planar, rate=100.0))

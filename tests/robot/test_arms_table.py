@@ -13,12 +13,10 @@ import pandas as pd
 import pytest
 
 from sidegan.errors import RobotError
-from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
 from sidegan.report.export import markdown
-from sidegan.robot import Setup
+from sidegan.robot import Setup, load_robot
 from sidegan.robot.description import Description, read_description
-from sidegan.robot.load import _MODELS
 from sidegan.robot.model import build
 from tests.robot.arms import ROBOTS, outcome, remedied
 from tests.robot.judge import Facts, Judge
@@ -78,46 +76,32 @@ def test_no_collision_is_missed_and_every_trajectory_is_valid(name, rows, tmp_pa
     assert len(found.verdicts) == 3 and found.verdicts.valid.all(), found.verdicts
 
 
-FILE, JOINTS = _MODELS / "planar2.urdf", ["shoulder", "elbow"]
+FILE, JOINTS = load_robot("planar2").urdf, ["shoulder", "elbow"]
+PAIRS = [["forearm", "base"], ["upper_arm", "base"], ["upper_arm", "forearm"]]
+TIGHT = {
+    kind: Facts(limits={kind: {"elbow": [-1e-3, 1e-3] if kind == "position" else 1e-2}})
+    for kind in ("position", "velocity", "acceleration", "jerk", "effort")
+}
+JUDGED = [
+    *((1.0, facts, kind) for kind, facts in TIGHT.items()),
+    (2.85, Facts(), "colliding"),
+    (2.85, Facts(exempt=PAIRS), ""),
+    (1.5, Facts(floor=0.6), "colliding"),
+    (1.5, Facts(floor=0.6, standing=["forearm", "upper_arm"]), ""),
+]
 
 
-def motion(angle=None):
-    """Time and states of planar2: a small random motion, or the elbow's alone to an angle [rad] and back."""
-    family = Trajectory(2, 3, 8.0)
-    c = 0.2 * np.random.default_rng(1).standard_normal((1, 2, 3, 2))
-    time, *states = (x for x in family.roll_out(c, family.times(1000.0)))
-    if angle is None:
-        return time, *(x[0] for x in states)
+@pytest.mark.parametrize(("angle", "facts", "wrong"), JUDGED)
+def test_the_judge_finds_what_is_wrong(angle, facts, wrong):
+    """Of the elbow's motion to an angle [rad] and back: exceeded limits, links and a floor that touch."""
+    time = np.arange(8001) / 1000
     q = np.stack([0 * time, angle * np.sin(np.pi * time / 8) ** 4], 1)
     dq = np.gradient(q, time, axis=0)
-    return time, q, dq, np.gradient(dq, time, axis=0)
-
-
-@pytest.mark.parametrize("kind", ["position", "velocity", "acceleration", "jerk", "effort"])
-def test_the_judge_finds_every_limit_that_is_exceeded(kind):
-    least = [-1e-3, 1e-3] if kind == "position" else 1e-2
-    verdict = Judge(FILE, JOINTS, Facts(limits={kind: {"elbow": least}}))(*motion())
-    assert not verdict["valid"] and verdict[kind] > 1
-
-
-def test_the_judge_finds_lying_rates_collisions_and_the_floor():
-    time, q, dq, ddq = motion()
-    assert not Judge(FILE, JOINTS, Facts())(time, q, 0.9 * dq, ddq)["valid"]
-    assert Judge(FILE, JOINTS, Facts())(*motion(2.85))["colliding"] > 5
-    pairs = [["forearm", "base"], ["upper_arm", "base"], ["upper_arm", "forearm"]]
-    assert Judge(FILE, JOINTS, Facts(exempt=pairs))(*motion(2.85))["colliding"] == 0
-    assert Judge(FILE, JOINTS, Facts(floor=0.6))(*motion(1.5))["colliding"] > 5
-    standing = Facts(floor=0.6, standing=["forearm", "upper_arm"])
-    assert Judge(FILE, JOINTS, standing)(*motion(1.5))["valid"]
-
-
-def test_a_xacro_file_has_a_row_too(tmp_path):
-    pytest.importorskip("xacro")
-    file = tmp_path / "arm.urdf.xacro"
-    file.write_text(FILE.read_text().replace('velocity="3.0"', 'velocity="${2 * 1.5}"'))
-    found = outcome(file, ["robot.limits.effort=0.5", "robot.effort=0.6"], tmp_path)
-    assert found.verdicts.valid.all() and found.row["missed"] == "0.00%"
-    assert found.verdicts.effort.max() == pytest.approx(0.6, abs=0.1)  # of what was said, not of the file's
+    ddq = np.gradient(dq, time, axis=0)
+    judge = Judge(FILE, JOINTS, facts)
+    verdict = judge(time, q, dq, ddq)
+    assert verdict["valid"] == (not wrong) and (not wrong or verdict[wrong] > 1)
+    assert not judge(time, q, 0.9 * dq, ddq)["valid"]  # rates that are another motion's
 
 
 # Joints of the arms of humanoids whose hands branch: where the refusals' own remedies end the arm.

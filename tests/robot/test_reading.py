@@ -1,7 +1,6 @@
 """What descriptions of the field say in other ways than most: floors, units, limits, lost files."""
 
 import json
-import zipfile
 from dataclasses import replace
 
 import numpy as np
@@ -12,19 +11,14 @@ from sidegan.errors import RobotError
 from sidegan.pipeline.compose import composed
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, words, write_mjcf, write_urdf
 from sidegan.robot.fitting import DIRECTIONS
-from sidegan.robot.meshes import metres_per_unit
 from sidegan.validity import Plane
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.floor import floor_is_known, floor_under
 from tests.pipeline.test_workspace import workspace
 from tests.robot.test_cases import LIMIT, arm_of, inertial
-from tests.robot.urdf import collision, joint, link, mesh, more
+from tests.robot.urdf import collision, joint, link, mesh, more, visual
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
-
-
-def visual(shape, place='xyz="0 0 0"'):
-    return f"<visual><origin {place}/><geometry>{shape}</geometry></visual>"
 
 
 @pytest.fixture
@@ -117,35 +111,20 @@ def test_planes_of_a_scene_are_its_floor_and_its_walls(load, world, gravity, pla
     assert [one.offset for one in own if one.unit[2] > 0.7] == [-0.5]
 
 
-def box(kind, unit):
-    """A file of a box of 200, 100, 50 units, as Collada with an element of that unit, or as AMF or 3MF."""
-    made = trimesh.creation.box((200, 100, 50))
-    if kind == "dae":
-        return made.export(file_type="dae").decode().replace("<up_axis>", f"{unit}<up_axis>")
-    points = "".join(
-        "<vertex><coordinates><x>{}</x><y>{}</y><z>{}</z></coordinates></vertex>".format(*p)
-        for p in made.vertices
-    )
-    faces = "".join(
-        "<triangle><v1>{}</v1><v2>{}</v2><v3>{}</v3></triangle>".format(*face) for face in made.faces
-    )
-    inner = f"<mesh><vertices>{points}</vertices><volume>{faces}</volume></mesh>"
-    return f'<amf unit="{unit}"><object id="0">{inner}</object></amf>'
+def box(unit):
+    """A Collada file of a box of 200, 100, 50 units, with an element of that unit."""
+    made = trimesh.creation.box((200, 100, 50)).export(file_type="dae").decode()
+    return made.replace("<up_axis>", f"{unit}<up_axis>")
 
 
 MILLIMETRES = '<unit name="millimeter" meter="0.001"/>'
-UNITS = [
-    ("dae", MILLIMETRES, 1e-3),
-    ("dae", '<unit meter="0.0254" name="inch"/>', 0.0254),
-    ("dae", "", 1.0),
-    ("amf", "inch", 0.0254),
-]
+UNITS = [(MILLIMETRES, 1e-3), ('<unit meter="0.0254" name="inch"/>', 0.0254), ("", 1.0)]
 
 
-@pytest.mark.parametrize(("kind", "unit", "metres"), UNITS)
-def test_meshes_are_in_the_units_that_their_files_state(load, tmp_path, kind, unit, metres):
-    file = tmp_path / f"box.{kind}"
-    file.write_text(box(kind, unit))
+@pytest.mark.parametrize(("unit", "metres"), UNITS)
+def test_meshes_are_in_the_unit_that_their_file_states(load, tmp_path, unit, metres):
+    file = tmp_path / "box.dae"
+    file.write_text(box(unit))
     scale = " ".join([str(0.001 / metres)] * 3)
     arm = load(arm_of({1: inertial() + mesh(file.name, 'xyz="0 0 0.15"', scale)}))
     rows, pieces = [k for k, owner in enumerate(arm.capsules.owners) if owner == "link1"], arm.capsules.pieces
@@ -157,11 +136,8 @@ def test_meshes_are_in_the_units_that_their_files_state(load, tmp_path, kind, un
             np.testing.assert_allclose(np.ptp(region.points, axis=0), np.array([0.2, 0.1, 0.05]) * factor)
 
 
-def test_a_unit_that_is_none_is_refused_and_that_of_an_archive_found(load, tmp_path):
-    with zipfile.ZipFile(tmp_path / "box.3mf", "w") as archive:
-        archive.writestr("3D/3dmodel.model", '<model unit="centimeter"><resources/></model>')
-    assert metres_per_unit(tmp_path / "box.3mf") == 0.01
-    (tmp_path / "box.dae").write_text(box("dae", '<unit meter="-1"/>'))
+def test_a_unit_that_is_none_is_refused(load, tmp_path):
+    (tmp_path / "box.dae").write_text(box('<unit meter="-1"/>'))
     with pytest.raises(RobotError, match=r"box\.dae is in units of '-1', expected a length"):
         load(arm_of({1: inertial() + mesh("box.dae")}))
 
@@ -192,7 +168,7 @@ SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range i
     'k_position="20" soft_lower_limit="-1" soft_upper_limit="1.5"': (
         -1,
         1.5,
-        "joint0 -1 to 1.5 rad (slowed down 0.1 rad before); 'robot.limits.position={joint0: [-2.8, 2.8]}'",
+        "joint0 -1 to 1.5 rad; 'robot.limits.position={joint0: [-2.8, 2.8]}'",
     ),
     'soft_lower_limit="-9" soft_upper_limit="1.5"': (-2.8, 1.5, "joint0 -2.8 to 1.5 rad;"),
     'soft_lower_limit="0" soft_upper_limit="0"': (-2.8, 2.8, ""),
@@ -260,8 +236,8 @@ def test_limits_are_read_from_a_joint_limits_yaml(load, tmp_path, what):
 
 BAD = {
     "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": "limits no joint of .* but finger",
-    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": "joint0: max_jerk is 'fast'",
-    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": "is 0, expected one above 0",
+    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": "jerk.joint0 is 'fast', expected",
+    "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": "joint0 is 0, expected a number",
     "limits: 3": "has no joint_limits, expected MoveIt's",
     "a: [": "cannot be read: while parsing",
 }
@@ -306,12 +282,13 @@ def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog,
         load(mjcf(asset=ASSET, geom=HULL, inertial=""), SPEED, name="c.xml")
 
 
-def test_a_mesh_without_geometry_is_a_link_without_a_shape(load, tmp_path, caplog):
-    (tmp_path / "empty.dae").write_text(box("dae", "").partition("<library_geo")[0] + "</COLLADA>")
+def test_a_mesh_that_is_empty_or_not_there_is_a_link_without_a_shape(load, tmp_path, caplog):
+    (tmp_path / "empty.dae").write_text(box("").partition("<library_geo")[0] + "</COLLADA>")
     (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
-    arm = load(arm_of({1: inertial() + mesh("empty.dae"), 2: inertial() + mesh("empty.stl")}))
-    assert "link1" not in arm.capsules.owners and "link2" not in arm.capsules.owners
-    assert "unnoticed: link1, link2 (not found: a surface in empty.dae, a surface in empty.stl" in caplog.text
+    arm = load(arm_of({1: mesh("empty.dae"), 2: mesh("empty.stl"), 3: mesh("package://gone/box.stl")}))
+    assert {*arm.capsules.owners} == {"base", "link0"}
+    said = "a surface in empty.dae, a surface in empty.stl, package://gone/box.stl"
+    assert f"unnoticed: link1, link2, link3 (not found: {said};" in caplog.text
 
 
 def test_files_that_a_xacro_file_includes_are_relative_to_it(tmp_path, monkeypatch):

@@ -79,10 +79,6 @@ HANDS = joint("left", "base", "thumb") + link("thumb") + joint("right", "base", 
 TWO_ARMS = robot(HANDS + link("base", ""))
 LOOP = more(two_joints(), joint("third", "base", "upper"))
 RING = robot(joint("a", "x", "y"), joint("b", "y", "x"), link("x"), link("y"))
-BOMB = '<!DOCTYPE bomb [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]>' + one_joint()
-SNAKE = robot(link("0"), *(joint(f"j{k}", str(k - 1), str(k)) + link(str(k)) for k in range(1, 34)))
-FIXED = (joint(f"j{k}", str(k - 1), str(k), "fixed", limit="") + link(str(k), "") for k in range(1, 6001))
-LONG = robot(link("0", ""), *FIXED)
 ELSEWHERE = one_joint(origin='xyz="9 9 9" rpy="0.4 -0.5 0.6"')
 NO_MASS = '<inertial><mass value="0"/><inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial>'
 TWO, THREE = np.zeros(2), np.zeros(3)
@@ -96,8 +92,6 @@ REFUSED = {
         ("<robot name='cut", "is not well-formed XML: unclosed token"),
         ("<?xml version='1.0' encoding='klingon'?><robot/>", "is not well-formed XML"),
         ("<sdf/>", "root element is <sdf>, expected <robot> or <mujoco>"),
-        (BOMB, "declares a document type (bomb), expected plain XML"),
-        (f"<robot>{'<a>' * 200_000}", "nests elements more than 50 deep, expected a URDF"),
         (one_joint().replace("<robot", '<robot version="9"'), "robot.urdf: Pinocchio refuses it: … version"),
         (lambda at: load_robot(at.folder / "gone.urdf"), "no URDF file … gone.urdf"),
         (lambda at: load_robot(at.folder), "is a folder, expected a URDF file"),
@@ -118,8 +112,6 @@ REFUSED = {
         (one_joint().replace('child link="arm"', 'child link="leg"'), "joins the link 'leg'"),
         (one_joint().replace('<child link="arm"/>', ""), "joint 'turn': <joint> has no <child>"),
         (one_joint().replace('<link name="arm"', "<link"), "<link> has no 'name'"),
-        (LONG, "has 6001 links, expected at most 500"),
-        (SNAKE, 'has 33 joints that move, expected at most 32: … robot.tip="32"\' ends the arm there'),
         # Numbers.
         (two_joints(limit=""), "joint 'second' has no position limits"),
         (limits(lower="1"), "position limits 1 to 1, expected lower < upper"),

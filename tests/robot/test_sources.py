@@ -12,7 +12,7 @@ import trimesh
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Limits, Setup, load_robot, write_urdf
+from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf, write_urdf
 from sidegan.robot.meshes import find_mesh
 from sidegan.robot.mjcf_shapes import write_shape
 from sidegan.validity.capsules import capsule_axes, place_points
@@ -101,11 +101,8 @@ class TestMjcf:
         bare = load_robot(mjcf, replace(arm.setup, friction=False))
         assert bare.drives is None and bare.digest != arm.digest
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)  # N·m, N
-
-    def test_a_mount_that_is_given_goes_before_the_files_gravity(self, mjcf):
-        mjcf.write_text(MJCF.replace("<default>", '<option gravity="9.81 0 0"/><default>'))
-        arm = load_robot(mjcf, Setup(limits=SPEEDS, mount=(0.0, 0.0, 0.0)))
-        assert not any(arm.mount) and not any("mounted" in note for note in arm.notes)
+        upright = load_robot(mjcf, replace(arm.setup, mount=(0.0, 0.0, 0.0)))  # before the file's gravity
+        assert not any(upright.mount) and not any("mounted" in note for note in upright.notes)
 
     def test_shapes_are_where_mujoco_has_them(self, mjcf):
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
@@ -168,13 +165,18 @@ class TestMjcf:
         limit = float(load_robot(mjcf, Setup(limits=SPEEDS)).torque_limit[1])
         assert limit == pytest.approx(min(pushed) if min(pushed) < 1e5 else np.inf)
 
-    def test_an_identified_arm_is_written_as_urdf(self, mjcf):
+    def test_an_identified_arm_is_written_as_urdf_and_mjcf(self, mjcf):
+        mjcf.write_text(MJCF.replace("<worldbody>", '<worldbody><geom type="box" size="0.1 0.1 0.02"/>'))
         arm = load_robot(mjcf, Setup(limits=SPEEDS, tip="b", locked={"one": 0.2, "slide": 0.1}))
         assert arm.joint_names == ("two",)
         path, heavier = mjcf.parent / "identified.urdf", 1.5 * arm.inertial_parameters
         write_urdf(arm, heavier, path)
         again = load_robot(path, arm.setup)
         np.testing.assert_allclose(again.inertial_parameters, heavier, rtol=0, atol=1e-11)
+        whole = load_robot(mjcf, Setup(limits=SPEEDS))
+        write_mjcf(whole, possible_links(whole), path.with_suffix(".xml"), Drives.none(3))
+        again = load_robot(path.with_suffix(".xml"), Setup(limits=SPEEDS))
+        assert {*again.capsules.owners} == {*whole.capsules.owners} > {"world"}
 
 
 XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">

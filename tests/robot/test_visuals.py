@@ -8,12 +8,7 @@ import trimesh
 from sidegan.robot import load_robot
 from sidegan.robot.visuals import visual_parts
 
-from .urdf import INERTIA, ball, joint, link, robot
-
-
-def visual(shape: str, origin: str = 'xyz="0 0 0"') -> str:
-    return f"<visual><origin {origin}/><geometry>{shape}</geometry></visual>"
-
+from .urdf import INERTIA, ball, joint, link, robot, visual
 
 BOX = visual('<box size="0.2 0.3 0.4"/>')
 ROD = visual('<cylinder radius="0.05" length="0.4"/>', 'xyz="0 0.1 0.2" rpy="1 0.5 0.2"')

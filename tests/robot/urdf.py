@@ -51,6 +51,10 @@ def collision(shape: str, origin: str = 'xyz="0 0 0"', name: str = "") -> str:
     return f"<collision{name}><origin {origin}/><geometry>{shape}</geometry></collision>"
 
 
+def visual(shape: str, origin: str = 'xyz="0 0 0"') -> str:
+    return f"<visual><origin {origin}/><geometry>{shape}</geometry></visual>"
+
+
 def mesh(file: object, origin: str = 'xyz="0 0 0"', scale: str = "1 1 1") -> str:
     return collision(f'<mesh filename="{file}" scale="{scale}"/>', origin)
 

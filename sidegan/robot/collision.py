@@ -1,0 +1,174 @@
+"""Collision shapes of an arm: none of another order than it, cut further where hulls conflict.
+
+Hulls of hollow links often touch another link's where no meshes do: these are made of more parts.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from sidegan.base.arrays import Array
+from sidegan.base.names import listed
+from sidegan.errors import RobotError
+from sidegan.robot.description import Description
+from sidegan.robot.fitting import hull_of
+from sidegan.robot.meshes import cache_folder
+from sidegan.robot.model import pinocchio_speaks
+from sidegan.robot.shapes import Shape, is_mesh, shapes_of
+
+_LARGE, _LARGE_BASE, _AT_LEAST = 5.0, 50.0, 3.0  # arm's lengths, and [m], from which on shapes are too large
+_SMALL = 0.002  # of an arm's length, below which a mesh is too small
+_MOST, _FEWEST, _QUESTIONS = 1_000, 200, 1_000_000  # configurations, and pairs of hulls in all of them
+_SHARE = 0.01  # of the configurations that two links' hulls may refuse though they are free
+_OUT = 1.5  # corners are moved outwards by so many radii of what hulls are rounded with
+
+
+def collision_shapes(
+    model: pin.Model, description: Description, length: float
+) -> tuple[list[Shape], dict[tuple[str, str], float]]:
+    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
+
+    Beside them pairs of links that they stand badly for: the share of free configurations that these refuse.
+    Shapes of another order than an arm of this length [m] are refused.
+    """
+    with pinocchio_speaks(description):
+        geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
+    _refuse_other_orders(model, geometry, description, length)
+    shapes = shapes_of(geometry, model)
+    if not any(shape.digest for shape in shapes):
+        return shapes, {}
+    from joblib import Memory
+
+    scene = {"model": model, "geometry": geometry, "description": description}
+    limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
+    known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
+    refused = Memory(cache_folder(), verbose=0).cache(_refused_pairs, ignore=[*scene, "shapes"])
+    hollow: dict[str, int] = {}
+    often = refused(known=(known, hollow), shapes=shapes, **scene)
+    for level in (1, 2):
+        if often:
+            hollow = hollow | {link: level for pair in often for link in pair}
+            shapes = shapes_of(geometry, model, hollow)
+            often = refused(known=(known, hollow), shapes=shapes, **scene)
+    return shapes, often
+
+
+def _refuse_other_orders(
+    model: pin.Model, geometry: pin.GeometryModel, description: Description, length: float
+) -> None:
+    """Refuse shapes that are a thousand times too large or too small for an arm of this length [m]."""
+    wrong: dict[str, str] = {}
+    for geometry_object in geometry.geometryObjects:
+        geometry_object.geometry.computeLocalAABB()
+        size = 2 * float(geometry_object.geometry.aabb_radius)
+        if why := of_another_order(size, length, bool(geometry_object.parentJoint), is_mesh(geometry_object)):
+            wrong.setdefault(model.frames[geometry_object.parentFrame].name, why)
+    if wrong:
+        shapes = listed([f"{link} {why}" for link, why in wrong.items()], 4)
+        raise RobotError(
+            f"{description.path}: shapes of another order than the arm of {length:.2g} m: {shapes} "
+            'The scale of a mesh is metres per unit of its file, such as scale="0.001 0.001 0.001"'
+        )
+
+
+def length_of(arm: Mapping[str, Array]) -> float:
+    """How far an arm reaches at most from its first joint, about [m], by its numbers as in `Arm`.
+
+    Centres of mass count where nothing else does: one that is far out is a mistake of another kind.
+    """
+    mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
+    centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
+    slides = np.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
+    offsets = np.linalg.norm(arm["translation"][1:], axis=1).sum() + slides.sum()
+    return float(offsets + max(np.linalg.norm(arm["tip"]), np.median(centres)))
+
+
+def of_another_order(size: float, length: float, moves: bool, mesh: bool) -> str:
+    """Why a shape of this size [m] is none of an arm's of this length [m]; empty where it may be one.
+
+    What stands still may be a hall, and what has stated sizes a floor or a mark.
+    """
+    if not (moves or mesh):
+        return ""
+    if size > max(_AT_LEAST, (_LARGE if moves else _LARGE_BASE) * length):
+        return f"{size:.2g} m large: is it in millimetres?"
+    if mesh and moves and size < _SMALL * length:
+        return f"{size:.2g} m large: are its millimetres made metres twice?"
+    return ""
+
+
+def _refused_pairs(
+    known: object,
+    model: pin.Model,
+    geometry: pin.GeometryModel,
+    description: Description,
+    shapes: Sequence[Shape],
+) -> dict[tuple[str, str], float]:
+    """Links whose hulls refuse too many random configurations, the same on every call.
+
+    Of each pair the share of free configurations that are refused. For a cache, ``known`` tells scenes apart.
+    """
+    hulls, owners = _hulls(shapes)
+    _pair(hulls, owners, description)
+    if not hulls.collisionPairs:
+        return {}
+    geometry.removeAllCollisionPairs()
+    _pair(
+        geometry,
+        [model.frames[geometry_object.parentFrame].name for geometry_object in geometry.geometryObjects],
+        description,
+    )
+    state, found, meshes = model.createData(), hulls.createData(), geometry.createData()
+    for request in meshes.collisionRequests:
+        request.enable_contact = True  # else coal 3.0 misses some contacts of cylinders
+    links = [(owners[pair.first], owners[pair.second]) for pair in hulls.collisionPairs]
+    configurations, alone, free = _sampled(model, description, len(links)), Counter[tuple[str, str]](), 0
+    for q in configurations:
+        touching = set[tuple[str, str]]()
+        if pin.computeCollisions(model, state, hulls, found, q, False):
+            touching = {pair for pair, one in zip(links, found.collisionResults) if one.isCollision()}
+        if not (touching and pin.computeCollisions(model, state, geometry, meshes, q, True)):
+            alone.update(touching)
+            free += 1
+    often = {pair: times / free for pair, times in alone.items() if times > _SHARE * len(configurations)}
+    return dict(sorted(often.items()))
+
+
+def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
+    """The hulls of fitted shapes, but for flat ones, and the links that they belong to."""
+    hulls, owners = pin.GeometryModel(), list[str]()
+    for shape in shapes:
+        corners = shape.part.corners
+        if (hull := hull_of(corners)) is None:
+            continue
+        out = corners - corners.mean(0)
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
+        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points.extend(list(corners + _OUT * shape.part.rounding * out))  # coal rounds no hulls
+        triangles.extend([coal.Triangle(*face) for face in hull.simplices.tolist()])
+        name, body = str(len(owners)), coal.Convex(points, triangles)
+        hulls.addGeometryObject(pin.GeometryObject(name, shape.link + 1, pin.SE3.Identity(), body))
+        owners.append(shape.owner)
+    return hulls, owners
+
+
+def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Description) -> None:
+    """Have hulls of links that are kept apart collide."""
+    spared = {frozenset(pair) for *pair, _ in description.may_touch}
+    parents = {frozenset(pair) for pair in description.parents}
+    for (i, one), (k, other) in combinations(enumerate(hulls.geometryObjects), 2):
+        links, between = frozenset((owners[i], owners[k])), abs(one.parentJoint - other.parentJoint)
+        if between > (links in parents) and links not in spared:
+            hulls.addCollisionPair(pin.CollisionPair(i, k))
+
+
+def _sampled(model: pin.Model, description: Description, pairs: int) -> np.ndarray:
+    """Random configurations within the limits, (N, J)."""
+    limits = [description.limits[name] for name in list(model.names)[1:]]
+    lower, upper = (np.array([getattr(limit, side) for limit in limits]) for side in ("lower", "upper"))
+    count = int(np.clip(_QUESTIONS / pairs, _FEWEST, _MOST))
+    return lower + np.random.default_rng(0).random((count, len(limits))) * (upper - lower)
