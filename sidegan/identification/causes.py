@@ -7,9 +7,8 @@ from functools import reduce
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.estimate import estimate
-from sidegan.identification.fit import reweighted
+from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
@@ -28,7 +27,6 @@ from sidegan.identification.verdict import (
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of
 
-_LEAST = 1e-6  # information on each parameter beside the samples'
 _ROUNDING = 1e-10
 _EXPLAINED = 0.5  # of an error is left at most where a fault in the recordings is believed
 _SURE = 5.0  # deviations of a mass or an offset that is one
@@ -152,7 +150,7 @@ def _load(
     parts = [*without[:k], with_load[k], *without[k + 1 :]]
     sums = reduce(Sums.plus, (part.sums for part in parts))
     plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
-    fit, before = reweighted(sums, _LEAST), reweighted(plain, _LEAST)
+    fit, before = reweighted(sums), reweighted(plain)
     whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].samples, parts[k].reach)
     deviation = float(np.sqrt(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD]))
     empty = np.concatenate([before.parameters, np.zeros(LOAD)])

@@ -7,7 +7,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
-from sidegan.identification.accuracy import spread_of
+from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, pieces
 from sidegan.identification.model import TorqueModel, torques_of
 from sidegan.recording.check import CheckedRecording

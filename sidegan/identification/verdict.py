@@ -165,8 +165,7 @@ def _misfits(quality: Quality) -> Iterator[Finding]:
         elif error > _GOOD_JOINT:
             level = BAD if error > _USABLE_JOINT else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
-            text = left if math.isfinite(error) else "the torque is constant"
-            yield Finding(level, f"{text} on {where}", j)
+            yield Finding(level, f"{left} on {where}", j)
 
 
 def _drowned(quality: Quality, j: int) -> Finding:

@@ -5,7 +5,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estimate
+from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estimate, quality, score
 from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.motion.dynamics import RigidBody
 
@@ -56,6 +56,13 @@ def half_still(arm, noise, elbow=1e-2):
     model = model_of(arm)
     data = measured(model, [x * np.array([1.0, elbow]) for x in multisine(2, 1000)], noise)
     return model, estimate("weighted", model, data), data
+
+
+def quality_of(model, found, data, validation=None, folds=None):
+    """Quality of an estimate from data, on measurements that were held out."""
+    train = score(model, found.parameters, data)
+    tested = None if validation is None else score(model, found.parameters, validation)
+    return quality(model, found, validation or [data], train=train, validation=tested, folds=folds)
 
 
 class Fixed:

@@ -76,7 +76,7 @@ def test_gravity_along_another_direction_is_named_with_the_mount_that_mends_it(a
     turned = load_robot("kuka_lwr4", Setup(mount=tuple(said)))
     again = judged(turned, truth=load_robot("kuka_lwr4", Setup(mount=tuple(mount))))
     assert again.quality.verdict == GOOD
-    assert again.tests.errors["consistent"].nmse_mean < 0.5 * result.tests.errors["consistent"].nmse_mean
+    assert again.tested["consistent"].nmse_mean < 0.5 * result.tested["consistent"].nmse_mean
 
 
 def test_torques_without_gravity_are_named(arm):

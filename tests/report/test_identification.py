@@ -69,7 +69,7 @@ def test_what_there_is_nothing_to_say_of_is_left_out(identified, monkeypatch):
     pulled = replace(identified.quality, other_gravity="gravity is another one")
     text = Page(
         report_html(
-            replace(identified, quality=pulled, tests=replace(identified.tests, errors=identified.trained)),
+            replace(identified, quality=pulled, tested=identified.trained),
             ORIGIN,
         ).decode()
     ).text

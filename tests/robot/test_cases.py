@@ -79,7 +79,7 @@ def test_an_arm_is_identified_whatever_its_masses_are(load, content):
     truth, arm = load(arm_of()), load(arm_of(content))
     training, validation = recordings(arm, lambda made: made.torque, truth)
     found = identified(arm, [training], [validation])
-    assert found.use == "consistent" and found.tests.errors["consistent"].nmse_mean < 2e-3
+    assert found.use == "consistent" and found.tested["consistent"].nmse_mean < 2e-3
     assert inconsistent_links(arm, found.links) == []
 
 

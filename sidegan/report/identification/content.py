@@ -33,8 +33,8 @@ class Origin(NamedTuple):
 
 def headline(identified: IdentifiedArm) -> str:
     """The verdict, and the error that it rests on."""
-    error = shown(identified.tests.errors[identified.use].nmse_mean)
-    return f"{identified.quality.verdict}: mean nMSE {error} ({identified.tests.kind})"
+    error = shown(identified.tested[identified.use].nmse_mean)
+    return f"{identified.quality.verdict}: mean nMSE {error} ({identified.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
@@ -52,16 +52,13 @@ def _use(identified: IdentifiedArm) -> str:
         return "Use none of these models: none predicts better than the mean torque does."
     if quality.verdict == BAD:
         return f"Use none of these models: {_needed(quality)}."
-    if use == CONSISTENT == method:
-        return f"Use the consistent model. {_held(identified)}"
-    errors = {name: float(error.mean()) for name, error in identified.choice.errors.items()}
-    if not errors:
+    if identified.tested is identified.trained:
         return (
-            "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
-            f"recordings hold too little to predict each other. {_held(identified)}"
+            "Use the consistent model, whose bodies can exist: nothing was held out by which others could be "
+            f"compared with it. {_held(identified)}"
         )
-    compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
-    compared += f", {identified.choice.kind}"
+    consistent, other = (shown(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
+    compared = f"mean nMSE {consistent} against {other} of the {method} one, {identified.kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
@@ -111,7 +108,7 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
     quality, chosen, use = identified.quality, identified.chosen, identified.use
-    errors = {name: shown(one.nmse_mean) for name, one in identified.tests.errors.items()}
+    errors = {name: shown(one.nmse_mean) for name, one in identified.tested.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
@@ -137,8 +134,8 @@ def treatment(recording: CheckedRecording) -> str:
 def error_table(identified: IdentifiedArm) -> pd.DataFrame:
     """Errors of the model to use, a row per joint: ``nMSE, training``, and so on."""
     uses = {"training": identified.trained}
-    if identified.tests.errors is not identified.trained:
-        uses["validation"] = identified.tests.errors
+    if identified.tested is not identified.trained:
+        uses["validation"] = identified.tested
     errors = {use: scores[identified.use] for use, scores in uses.items()}
     columns = {f"nMSE, {use}": one.nmse.tolist() for use, one in errors.items()}
     columns |= {f"RMSE, {use}": one.rmse.tolist() for use, one in errors.items()}

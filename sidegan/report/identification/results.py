@@ -62,9 +62,9 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "reasons": quality.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
-            "kind": identified.tests.kind,
+            "kind": identified.kind,
             "recordings": [recording.name for recording in identified.validation],
-            **_all_errors(identified.tests.errors, use, chosen.method),
+            **_all_errors(identified.tested, use, chosen.method),
             "description": _errors(quality.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),
