@@ -1,9 +1,10 @@
 """Words and tables of the report of an identification."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from sidegan.base.names import listed
@@ -129,6 +130,32 @@ def treatment(recording: CheckedRecording) -> str:
     )
     derived = f"; {' and '.join(recording.derived)} derived" if recording.derived else ""
     return use + derived
+
+
+def check_table(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
+    """What each joint did in recordings: ranges, noise, saturation and sign."""
+    rows = []
+    for recording in recordings:
+        load = recording.statistics.load
+        position, effort = (recording.statistics.signals[name] for name in ("position", load))
+        noise = None if recording.repeated is None else recording.repeated.noise
+        fastest = np.abs(np.concatenate([segment.velocity for segment in recording.segments])).max(0)
+        for j, name in enumerate(recording.joint_names):
+            rows.append(
+                {
+                    "recording": recording.name,
+                    "joint": name,
+                    "position": f"{position.lower[j]:.3g} … {position.upper[j]:.3g}",
+                    "fastest": f"{fastest[j]:.3g}",
+                    load: f"{effort.lower[j]:.3g} … {effort.upper[j]:.3g}",
+                    "between repetitions": "—" if noise is None else f"{noise[j]:.2g}",
+                    "quantum": f"{effort.quantum[j]:.2g}",
+                    "saturated": int(effort.clipped[j]),
+                    "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
+                    "multiple of it": f"{recording.agreement.load.scale[j]:.2g}",
+                }
+            )
+    return pd.DataFrame(rows).set_index(["recording", "joint"])
 
 
 def error_table(identified: IdentifiedArm) -> pd.DataFrame:
