@@ -38,7 +38,7 @@ def compare(
     tests: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
-    progress: Report | None = None,
+    progress: Report,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """NMSE of every set, weighting, repeat and joint, and facts about every set.
 
@@ -49,7 +49,8 @@ def compare(
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         samples, condition of the stacked YᵀY, duration [s]).
     """
-    judge, parts = _Judge(body, tests, settings), list[tuple[pd.DataFrame, pd.DataFrame]]()
+    judge = _Judge(body, tests, settings)
+    parts: list[tuple[pd.DataFrame, pd.DataFrame]] = []
     children = random.spawn(settings.repeats)
     for name, family in sets.items():
         facts = {"condition": _stacked_condition(body, family), "duration": family[0].period * len(family[1])}
@@ -59,8 +60,7 @@ def compare(
             noisy = (disturbed(one, settings.noise, generator) for one in exact)
             errors, norms = judge(gather(judge.model, noisy).sums, set=name, repeat=repeat)
             parts.append((errors, norms.assign(**facts)))
-            if progress is not None:
-                progress(len(parts), len(sets) * settings.repeats)
+            progress(len(parts), len(sets) * settings.repeats)
     return _joined(parts)
 
 
@@ -69,13 +69,14 @@ def measured_sums(
     family: MotionSet,
     settings: StudySettings,
     randoms: Sequence[np.random.SeedSequence],
-    progress: Report | None = None,
+    progress: Report,
 ) -> list[Sums]:
     """Sums of least squares over all N trajectories of a set, once for each draw of noise; progress is of N.
 
     Draws of noise on torques alone share the regressor.
     """
-    model, count, done = TorqueModel(body, RIGID), len(family[1]), 0
+    model = TorqueModel(body, RIGID)
+    count, done = len(family[1]), 0
     generators = [np.random.default_rng(one) for one in randoms]
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for some in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
@@ -87,8 +88,7 @@ def measured_sums(
             parts = sums_of_draws(model.regressor(*exact.states), np.stack([one.torque for one in noisy]))
         sums = [before.plus(new) for before, new in zip(sums, parts)]
         done += len(some)
-        if progress is not None:
-            progress(done, count)
+        progress(done, count)
     return sums
 
 
@@ -110,9 +110,12 @@ def expected_errors(
     Yⱼ turns it into errors of expected square tr(Yⱼᵀ Yⱼ C), besides those that the prior makes. The weights
     of joints follow from the noise alone. No rows where states are noisy.
     """
-    model, noise, rows = TorqueModel(body, RIGID), settings.noise, list[tuple[object, ...]]()
-    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
-    sums, judged, spread = gather(model, exact).sums, gather(model, truth).sums, _noise(model, exact, noise)
+    model, noise = TorqueModel(body, RIGID), settings.noise
+    exact = list(_measured(body, family, settings.rate))
+    sums = gather(model, exact).sums
+    spread = _noise(model, exact, noise)
+    judged = gather(model, _measured(body, tests, settings.rate)).sums
+    rows: list[tuple[object, ...]] = []
     for weighted in () if noise.state and noise.level else (False, True):
         weights = np.ones_like(sums.energy)
         if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
@@ -127,7 +130,8 @@ def expected_errors(
 
 def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
     """Sums over equations that count with the variance of their noise, which the energy has, too."""
-    sums, share = no_sums(model.joints, model.count), noise.level**2 / 3 * noise.torque
+    sums = no_sums(model.joints, model.count)
+    share = noise.level**2 / 3 * noise.torque
     for part in pieces(exact):
         variance = share * np.square(part.torque)
         one = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
@@ -151,7 +155,8 @@ class _Judge:
 
     def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""
-        fits, errors = [least_squares(sums, self._least), reweighted(sums, self._least)], []
+        fits = [least_squares(sums, self._least), reweighted(sums, self._least)]
+        errors = []
         for weighted, fit in enumerate(fits):
             nmse = score(self.model, fit.parameters, self._truth).nmse.tolist()
             columns = {"weighted": bool(weighted), "joint": self.model.arm.joint_names, "nmse": nmse}

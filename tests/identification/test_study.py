@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.identification import RIGID, TorqueModel, measure, study
+from sidegan.identification import RIGID, TorqueModel, disturbed, measure, study
 from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -32,7 +32,12 @@ def families():
 
 
 def compare(body, families, seed=0, **changes):
-    return study.compare(body, *families, study_settings(**changes), np.random.SeedSequence(seed))
+    random = np.random.SeedSequence(seed)
+    return study.compare(body, *families, study_settings(**changes), random, lambda *_: None)
+
+
+def summed(body, family, settings, randoms):
+    return study.measured_sums(body, family, settings, randoms, lambda *_: None)
 
 
 def test_there_is_a_row_for_everything(body, families, planar):
@@ -63,7 +68,8 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
     exact = study_settings(noise=EXACT, prior=1e12)
     random = np.random.SeedSequence(0)
     (seeds,), (long,) = (
-        study.measured_sums(body, sets[name], exact, [random]) for name in ("seeds", "long-6")
+        study.measured_sums(body, sets[name], exact, [random], lambda *_: None)
+        for name in ("seeds", "long-6")
     )
     results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
     assert results.nmse.max() < 1e-8 and len(results) == 2 * 2 * 2
@@ -73,15 +79,12 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
 
 
 def test_draws_that_share_a_regressor_have_the_sums_of_each_alone(body, families):
-    noisy, draws = (
-        study_settings(noise=replace(NOISE, torque=True, state=False)),
-        np.random.SeedSequence(3).spawn(3),
-    )
-    together = study.measured_sums(body, families[0]["seeds"], noisy, draws)
+    noisy, draws = study_settings(), np.random.SeedSequence(3).spawn(3)
+    together = summed(body, families[0]["seeds"], noisy, draws)
     family, c = families[0]["seeds"]
-    motion = family.roll_out(c, family.times(noisy.rate))
+    exact = measure(body, family.roll_out(c, family.times(noisy.rate)))
     for sums, draw in zip(together, draws, strict=True):
-        samples = measure(body, motion, noisy.noise, np.random.default_rng(draw))
+        samples = disturbed(exact, noisy.noise, np.random.default_rng(draw), len(c))
         for found, wanted in zip(sums, gather(TorqueModel(body, RIGID), samples).sums):
             np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
@@ -90,7 +93,7 @@ def test_errors_over_many_draws_are_those_expected(body, families):
     sets, (trajectory, c) = families
     tests = trajectory, c[:1]
     settings = study_settings(repeats=150)
-    drawn, _ = study.compare(body, {"seeds": sets["seeds"]}, tests, settings, np.random.SeedSequence(1))
+    drawn, _ = compare(body, ({"seeds": sets["seeds"]}, tests), seed=1, repeats=150)
     nmse = drawn.groupby(["weighted", "joint"]).nmse
     expected = (
         study.expected_errors(body, sets["seeds"], tests, settings).set_index(["weighted", "joint"]).nmse
