@@ -23,7 +23,7 @@ from sidegan.robot import write_mjcf, write_urdf
 VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
 _TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
-_CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
+_CLASS, _SOURCE = "model.py", Path(__file__).with_name("arm_dynamics.py")  # copied, never imported
 # How MLflow loads that class from its folder.
 _LOADED = {
     "loader_module": Path(_CLASS).stem,
