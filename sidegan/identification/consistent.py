@@ -132,9 +132,6 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
     """Parameters x of K bodies that can exist and then of terms, (F,), with least ½ |R x − z|² and pulls.
 
     Terms at ``signed`` places are not negative.
-
-    Raises:
-        InfeasibleError: when the solver finds no such bodies.
     """
     import cvxpy as cp
 

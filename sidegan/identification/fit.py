@@ -68,11 +68,7 @@ def reweighted(sums: Sums, least: float = LEAST) -> Fit:
 
 
 def least_residual(sums: Sums) -> Array:
-    """Smallest residual [N·m or N] of each joint that is taken seriously, (J,).
-
-    Raises:
-        ShapeError: when there is no torque at all.
-    """
+    """Smallest residual [N·m or N] of each joint that is taken seriously, (J,)."""
     torque = np.sqrt(sums.energy / sums.weight)
     if not torque.max() > 0:
         raise ShapeError("all torques are zero: their residuals give no weights")

@@ -117,11 +117,7 @@ Purpose: TypeAlias = Parameters | Tool | Prediction
 
 
 def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, identified: bool) -> Purpose:
-    """Goal by its name, or by those of links, for a model whose parameters count in units (P,).
-
-    Raises:
-        ConfigError: when links are not the arm's, or torques of one without masses are asked for.
-    """
+    """Goal by its name, or by those of links, for a model whose parameters count in units (P,)."""
     if objective == "payload":
         return Tool(model, unit, identified)
     if objective == "prediction":
@@ -130,11 +126,7 @@ def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, iden
 
 
 def usual_torque(body: RigidBody) -> Array:
-    """Root mean square torque of each joint within the limits [N·m or N], (J,).
-
-    Raises:
-        ConfigError: when no link has a mass.
-    """
+    """Root mean square torque of each joint within the limits [N·m or N], (J,)."""
     if not body.arm.inertial_parameters.any():
         raise ConfigError(
             f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "

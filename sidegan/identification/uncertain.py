@@ -79,13 +79,9 @@ class Uncertain:
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
-    """Uncertainty of an arm of which there is a description and nothing else.
-
-    Raises:
-        ConfigError: when a setting does not fit the arm.
-    """
+    """Uncertainty of an arm of which there is a description and nothing else."""
     model, usual = TorqueModel(body, terms), usual_torque(body)
-    covariance = np.linalg.inv(belief(model, usual, goal.believed))
+    covariance = np.linalg.inv(belief(model, usual))
     return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, goal.objective)
 
 

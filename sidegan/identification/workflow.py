@@ -29,11 +29,7 @@ def identify_arm(
     terms: Terms,
     settings: EstimationSettings,
 ) -> IdentifiedArm:
-    """Model identified from recordings and tested on what was held out, or else on the recordings in turn.
-
-    Raises:
-        RecordingError: when there are fewer equations than parameters.
-    """
+    """Model identified from recordings and tested on what was held out, or else on the recordings in turn."""
     samples, held_out = measurements_of(training), measurements_of(validation)
     model = TorqueModel(RigidBody(arm), terms)
     if (count := sum(map(len, samples))) * model.joints < model.count:

@@ -174,11 +174,7 @@ def _script_json(value: object) -> str:
 
 @cache
 def _three_js() -> str:
-    """The library three.js with its licence, as trimesh's own viewer carries it.
-
-    Raises:
-        ArtifactError: when this trimesh has none.
-    """
+    """The library three.js with its licence, as trimesh's own viewer carries it."""
     try:
         package = find_spec("trimesh")  # which takes half a second to import
         folder = Path((package and package.origin) or "").parent
