@@ -6,32 +6,16 @@ import numpy as np
 import pytest
 
 from sidegan.errors import RecordingError
-from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import CONSISTENT
 from sidegan.identification.score import Score
-from sidegan.identification.workflow import identify_arm, preferred
-from sidegan.recording.check import check_recording
+from sidegan.identification.workflow import preferred
 from sidegan.report.identification.content import advice
-from tests.recording.conftest import moved, of_file
-
-VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])
-
-
-def checked(truth, arm, seed):
-    """A recording of a quarter of a minute at 200 Hz of a true arm, checked against a description."""
-    time, generator = np.arange(15 * 200) / 200, np.random.default_rng(seed)
-    return check_recording(moved(truth, time, VISCOUS, COULOMB, generator), arm, of_file())
+from tests.identification.recordings import checked, identified
 
 
 @pytest.fixture(scope="module")
 def recordings(planar):
-    return [checked(planar, planar, seed) for seed in range(3)]
-
-
-def identified(arm, training, validation=(), method="weighted", **others):
-    terms = Terms(sign_width=0.01)
-    options = EstimationSettings(method=method, **others)
-    return identify_arm(arm, list(training), list(validation), terms, options)
+    return [checked(planar, seed) for seed in range(3)]
 
 
 @pytest.mark.parametrize("method", ["weighted", "ols"])
@@ -78,7 +62,7 @@ def test_the_model_to_use_predicts_better(planar):
     """The true arm's second link has a moment of inertia below zero."""
     links = planar.inertial_parameters.copy()
     links[1, 4:] *= -2
-    strange = [checked(replace(planar, inertial_parameters=links), planar, seed) for seed in (0, 1)]
+    strange = [checked(planar, seed, replace(planar, inertial_parameters=links)) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:])
     errors = {method: one.nmse_mean for method, one in result.tested.items()}
     assert result.use == "weighted" and errors["weighted"] < errors[CONSISTENT] / 1.1
