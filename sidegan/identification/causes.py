@@ -52,7 +52,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     agreement = agreement_of(model.body, [segment for each in found.training for segment in each.segments])
     if exchanged := agreement.exchanged(arm):
         return [Finding(BAD, exchanged), *told], False
-    causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
+    causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
+    gravity = agreement.gravity(arm)
     if gravity is None and (against := agreement.reversed(arm, driven=True)):
         causes.insert(0, Finding(USABLE, against))
     if not causes and gravity is None:
@@ -66,7 +67,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         causes += implausible_mass(*masses)
     if gravity is not None:
         turned = RigidBody(replace(arm, gravity=agreement.load.gravity))
-        error, now = _error_of(found, TorqueModel(turned, model.terms)), found.quality.judged.nmse_mean
+        error = _error_of(found, TorqueModel(turned, model.terms))
+        now = found.quality.judged.nmse_mean
         gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, links) if torques_tell[finding.joint]]
@@ -106,9 +108,11 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
     free = squares * sums.energy - (turned * moments).sum(1)  # of each scale, beside all parameters, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
-    times, deviation = free / shared, np.sqrt(chosen.inflation / free) * np.square(free / shared)
-    off, same = np.abs(times - 1), np.abs(times - agreement.load.scale)
-    odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & (same < _SCALE) & (agreement.sign > _ALIKE)
+    times = free / shared
+    deviation = np.sqrt(chosen.inflation / free) * np.square(times)
+    off = np.abs(times - 1)
+    as_described = (np.abs(times - agreement.load.scale) < _SCALE) & (agreement.sign > _ALIKE)
+    odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & as_described
     if not odd.any():
         return []
     j = int(np.where(odd, off, 0.0).argmax())

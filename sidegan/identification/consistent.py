@@ -137,8 +137,10 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
 
     unit, nominal, strength = pull
     bodies = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
-    outer, back = (unit[:, :, None] * unit[:, None]).reshape(-1, 16), FROM_PSEUDO_INERTIA
-    parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, bodies)]
+    outer = (unit[:, :, None] * unit[:, None]).reshape(-1, 16)
+    parts: list[cp.Expression] = [
+        FROM_PSEUDO_INERTIA @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, bodies)
+    ]
     terms = rows.shape[1] - 10 * len(bodies)
     x = cp.hstack([*parts, cp.Variable(terms)] if terms else parts)
     constraints = [p >> _MARGIN * np.eye(4) for p in bodies] + [x[where] >= 0 for where in signed]

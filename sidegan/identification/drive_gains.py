@@ -33,7 +33,8 @@ class Gains:
 
     def doubts(self, arm: Arm) -> list[str]:
         """Why some gains may not be used, a sentence each, with the joints by name."""
-        against, doubts = self.gains < -_SURE * self.deviation, []
+        doubts = []
+        against = self.gains < -_SURE * self.deviation
         if unseen := arm.named(~self.certain & ~against):
             doubts.append(
                 f"the load is not seen in the current of {unseen}: the gain has a σ of more than "

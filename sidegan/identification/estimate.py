@@ -63,18 +63,18 @@ def estimate(
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
     data = gather(model, measurements)
-    fit, sums = METHODS[method](data, strength), data.sums
+    fit = METHODS[method](data, strength)
     errors = fit.errors or torque_errors(data, fit)
     return Estimate(
         method=method,
         names=tuple(model.names),
         parameters=fit.parameters,
-        covariance=covariance_of(sums, fit, errors),
+        covariance=covariance_of(data.sums, fit, errors),
         weights=fit.weights,
         inflation=errors.inflation,
-        condition=condition(sums.weighted(fit.weights)[0]),
+        condition=condition(data.sums.weighted(fit.weights)[0]),
         samples=data.samples,
         reach=data.reach,
-        sums=sums,
+        sums=data.sums,
         standard=fit.standard,
     )

@@ -36,9 +36,10 @@ def gather(model: TorqueModel, measurements: Samples) -> Gathered:
     Raises:
         ShapeError: when there are no samples, or they do not fit the model, or are too large.
     """
-    sums, parts = no_sums(model.joints, model.count), list(pieces(measurements))
+    parts = list(pieces(measurements))
     if not parts:
         raise ShapeError("there are no samples to identify from")
+    sums = no_sums(model.joints, model.count)
     with np.errstate(over="ignore"):  # is refused below
         for part in parts:
             sums = sums.plus(_sums(model, part))

@@ -38,7 +38,8 @@ class Parameters:
                 f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
             )
         ours = [links is None or place in links for place in places]
-        self._ours, self._links = np.array(ours), links
+        self._ours = np.array(ours)
+        self._links = links
         self.names = tuple(name for name, mine in zip(model.names, ours) if mine)
         self._unit = unit[self._ours]
         self.goal = Goal("volume", targets=np.eye(model.count)[self._ours])
@@ -68,7 +69,8 @@ class Tool:
         self._typical = _TOOL * _ARM**POWERS
         columns = model.mapping[:, last] * self._typical
         self._columns = columns / unit[:, None]  # the tool's among the parameters', (P, 10)
-        self._runs, self._doubt = 1 if identified else 2, np.eye(10) / _DOUBT**2
+        self._runs = 1 if identified else 2
+        self._doubt = np.eye(10) / _DOUBT**2
         self.goal = Goal("tool", targets=columns.T, doubt=self._doubt, runs=self._runs)
 
     def deviations(self, known: Array, motion: Array) -> Array:

@@ -72,8 +72,8 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     residuals = [residual_of(part.model, x, fit.parameters) for part in parts for x in part.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
-    load, empty = fit.parameters[-LOAD:], fit.parameters.copy()
-    empty[-LOAD:] = 0
+    load = fit.parameters[-LOAD:]
+    empty = np.concatenate([fit.parameters[:-LOAD], np.zeros(LOAD)])
     without, explained = (parts[1].sums.nmse(x) for x in (empty, fit.parameters))
     body = _possible(load, covariance)
     return Payload(model.arm.link_names[-1], load, covariance, body, without, explained)
@@ -97,7 +97,10 @@ class Loaded:
     kinds = ("load",)  # a model with more than rigid base parameters
 
     def __init__(self, model: TorqueModel, carried: bool) -> None:
-        self._model, self._carried, self.joints, self.count = model, carried, model.joints, model.count + LOAD
+        self._model = model
+        self._carried = carried
+        self.joints = model.joints
+        self.count = model.count + LOAD
 
     def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
         """Regressor, (S, J, P + 10), of states (S, J)."""

@@ -59,7 +59,8 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Array, Array, Arra
 
 def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Array:
     """The description's link parameters with everything else fitted, (P,)."""
-    r, nominal = model.rigid, model.nominal.copy()
+    r = model.rigid
+    nominal = model.nominal.copy()
     information, moment = estimate.sums.weighted(estimate.weights)
     rest = moment[r:] - information[r:, :r] @ nominal[:r]
     if len(rest):

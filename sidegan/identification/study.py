@@ -32,36 +32,29 @@ _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
 _TRAJECTORIES_AT_ONCE = 10
 
 
-def compare(
+def drawn_errors(
     body: RigidBody,
-    sets: Mapping[str, MotionSet],
+    name: str,
+    family: MotionSet,
     tests: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
     progress: Report,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """NMSE of every set, weighting, repeat and joint, and facts about every set.
+    """NMSE by repeat, weighting and joint of what is identified from a set, and facts about it.
 
-    The same repeat draws the same noise for every set. Test torques are exact, so that an nMSE is the
-    error of the model and not of its judge. Progress receives (done, total) after every identification.
+    The same repeat draws the same noise, whatever the set. Test torques are exact, so that an nMSE is the
+    error of the model and not of its judge. Progress is that of ``measured_sums``.
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         samples, condition of the stacked YᵀY, duration [s]).
     """
     judge = _Judge(body, tests, settings)
-    parts: list[tuple[pd.DataFrame, pd.DataFrame]] = []
-    children = random.spawn(settings.repeats)
-    for name, family in sets.items():
-        facts = {"condition": _stacked_condition(body, family), "duration": family[0].period * len(family[1])}
-        exact = list(_measured(body, family, settings.rate))
-        for repeat, child in enumerate(children):
-            generator = np.random.default_rng(child)
-            noisy = (disturbed(one, settings.noise, generator) for one in exact)
-            errors, norms = judge(gather(judge.model, noisy).sums, set=name, repeat=repeat)
-            parts.append((errors, norms.assign(**facts)))
-            progress(len(parts), len(sets) * settings.repeats)
-    return _joined(parts)
+    draws = measured_sums(body, family, settings, random.spawn(settings.repeats), progress)
+    results, facts = _joined([judge(sums, set=name, repeat=k) for k, sums in enumerate(draws)])
+    duration = family[0].period * len(family[1])
+    return results, facts.assign(condition=_stacked_condition(body, family), duration=duration)
 
 
 def measured_sums(
@@ -95,7 +88,7 @@ def measured_sums(
 def combined(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """As ``compare``, of sums that are identified from together: no repeat, condition and duration."""
+    """As ``drawn_errors``, of sets of sums that count together: no repeat, condition and duration."""
     judge = _Judge(body, tests, settings)
     return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 
@@ -103,14 +96,15 @@ def combined(
 def expected_errors(
     body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings
 ) -> pd.DataFrame:
-    """NMSE that ``compare`` finds on average over noise, by weighting and joint, in closed form.
+    """NMSE that ``drawn_errors`` are on average over noise, by weighting and joint, in closed form.
 
     An estimate is linear in noise on torques. With the information M = Σ wⱼ² Yⱼᵀ Yⱼ + 1/P₀ and
     S = Σ wⱼ⁴ σ² yᵀ y over equations y with noise of variance σ², the covariance is C = M⁻¹ S M⁻¹. The tests'
     Yⱼ turns it into errors of expected square tr(Yⱼᵀ Yⱼ C), besides those that the prior makes. The weights
     of joints follow from the noise alone. No rows where states are noisy.
     """
-    model, noise = TorqueModel(body, RIGID), settings.noise
+    model = TorqueModel(body, RIGID)
+    noise = settings.noise
     exact = list(_measured(body, family, settings.rate))
     sums = gather(model, exact).sums
     spread = _noise(model, exact, noise)
@@ -150,7 +144,8 @@ class _Judge:
     """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
 
     def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
-        self.model, self._least = TorqueModel(body, RIGID), 1 / settings.prior
+        self.model = TorqueModel(body, RIGID)
+        self._least = 1 / settings.prior
         self._truth = list(_measured(body, tests, settings.rate))
 
     def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:

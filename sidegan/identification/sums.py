@@ -60,7 +60,8 @@ def sums_of(y: Array, tau: Array) -> Sums:
 
 def sums_of_draws(y: Array, torques: Array) -> list[Sums]:
     """Sums of each of R draws of torques, (R, S, J), over samples that share one regressor (S, J, P)."""
-    rows, count = y.transpose(1, 2, 0), np.array(float(len(y)))
+    rows = y.transpose(1, 2, 0)
+    count = np.array(float(len(y)))
     information = rows @ rows.mT
     moments = rows @ torques.transpose(2, 1, 0)  # (J, P, R)
     each = zip(np.moveaxis(moments, -1, 0), np.square(torques).sum(1), torques.sum(1))

@@ -35,10 +35,13 @@ def identify_arm(
     if (count := sum(map(len, samples))) * model.joints < model.count:
         few = f"{count} samples of {model.joints} joints are left"
         raise RecordingError(f"{few}, too few for {model.count} parameters")
-    methods, strength = dict.fromkeys((settings.method, EQUAL_WEIGHTS, CONSISTENT)), settings.strength
+    strength = settings.strength
+    methods = dict.fromkeys((settings.method, EQUAL_WEIGHTS, CONSISTENT))
     estimates = {method: estimate(method, model, samples, strength) for method in methods}
     trained = {method: score(model, one.parameters, samples) for method, one in estimates.items()}
-    kind, tested, turns = "in sample: nothing was held out", trained, dict[str, Score]()
+    kind = "in sample: nothing was held out"
+    tested = trained
+    turns: dict[str, Score] = {}
     if held_out:
         kind = "held out"
         tested = {method: score(model, one.parameters, held_out) for method, one in estimates.items()}
