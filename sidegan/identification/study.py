@@ -6,7 +6,7 @@ replications costs no more than its parts.
 Source: Jegorova et al. 2020, experiments 1 and 2.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import TypeAlias
 
@@ -73,7 +73,7 @@ def measured_sums(
     generators = [np.random.default_rng(one) for one in randoms]
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for some in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
-        exact = measure(body, family[0].roll_out(some, family[0].times(settings.rate)))
+        exact = _measured(body, (family[0], some), settings.rate)
         noisy = (disturbed(exact, settings.noise, generator, len(some)) for generator in generators)
         if settings.noise.state:
             parts = [gather(model, one).sums for one in noisy]
@@ -105,7 +105,7 @@ def expected_errors(
     """
     model = TorqueModel(body, RIGID)
     noise = settings.noise
-    exact = list(_measured(body, family, settings.rate))
+    exact = _measured(body, family, settings.rate)
     sums = gather(model, exact).sums
     spread = _noise(model, exact, noise)
     judged = gather(model, _measured(body, tests, settings.rate)).sums
@@ -122,7 +122,7 @@ def expected_errors(
     return pd.DataFrame(rows, columns=["weighted", "joint", "nmse"])
 
 
-def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
+def _noise(model: TorqueModel, exact: Measurements, noise: Noise) -> Sums:
     """Sums over equations that count with the variance of their noise, which the energy has, too."""
     sums = no_sums(model.joints, model.count)
     share = noise.level**2 / 3 * noise.torque
@@ -133,11 +133,10 @@ def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
     return sums
 
 
-def _measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
-    """Measurements without noise along each trajectory of a set."""
+def _measured(body: RigidBody, family: MotionSet, rate: float) -> Measurements:
+    """Measurements without noise along all trajectories of a set, one after another."""
     trajectory, coefficients = family
-    times = trajectory.times(rate)
-    return (measure(body, trajectory.roll_out(c, times)) for c in split(coefficients, 1))
+    return measure(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
 
 
 class _Judge:
@@ -146,7 +145,7 @@ class _Judge:
     def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
         self.model = TorqueModel(body, RIGID)
         self._least = 1 / settings.prior
-        self._truth = list(_measured(body, tests, settings.rate))
+        self._truth = _measured(body, tests, settings.rate)
 
     def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""
