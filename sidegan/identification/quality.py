@@ -20,9 +20,9 @@ def quality(
     samples: list[Measurements],
     *,
     train: Score,
-    validation: Score | None = None,
-    folds: Score | None = None,
-    noise: Array | None = None,
+    validation: Score | None,
+    folds: Score | None,
+    noise: Array,
 ) -> Quality:
     """Quality of an estimate of a model, from which its verdict follows.
 

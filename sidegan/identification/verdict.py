@@ -56,9 +56,9 @@ class Quality:
     torque_deviation: Array  # deviation of predicted torques within the limits, over the usual ones, (J,)
     usual: Array  # these: torques within the limits, root mean square [N·m or N], (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
+    noise: Array  # whether what is left of a joint's torque is noise, (J,)
     causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
     other_gravity: bool = False  # whether another one than the description's explains the torques better
-    noise: Array | None = None  # whether what is left of a joint's torque is noise, (J,); None: not known
 
     @property
     def verdict(self) -> str:
@@ -102,8 +102,7 @@ class Quality:
     @property
     def drowned(self) -> Array:
         """Joints whose torque noise drowns, so that nMSE tells nothing about the model, (J,)."""
-        large = self.judged.nmse > _GOOD_JOINT
-        drowned = large & self.noise if self.noise is not None else np.zeros_like(large)
+        drowned = self.noise & (self.judged.nmse > _GOOD_JOINT)
         return drowned & ~drowned.all()
 
     def mean(self, errors: Score) -> float:

@@ -86,5 +86,5 @@ def test_a_joint_that_noise_drowns_is_judged_in_torque_and_the_others_by_themsel
     assert result.verdict == USABLE and result.mean(result.judged) < 0.01
     (said,) = [reason for reason in result.reasons if reason.startswith("joint 2")]
     assert "what is left is noise of" in said and "a longer recording" in said and "excite it" not in said
-    strict = replace(result, noise=None)
+    strict = replace(result, noise=np.zeros(2, dtype=bool))
     assert strict.verdict == "not trustworthy" and "excite it" in " ".join(strict.reasons)
