@@ -18,7 +18,7 @@ from sidegan.base.threads import one_thread
 from sidegan.design.problem import Problem
 from sidegan.design.selection import Selection, choose
 from sidegan.identification import RIGID, Measurements, TorqueModel
-from sidegan.identification.fit import LeastSquares
+from sidegan.identification.fit import least_squares
 from sidegan.identification.gather import gather
 from sidegan.library.draw import Expansion, draw_valid
 from sidegan.library.measure import measured
@@ -133,7 +133,7 @@ def rls(size: int) -> Costs:
     motion = family.roll_out(c, family.grid(round(100 * _PIECE)))
     part = Measurements(*(x[0] for x in motion[1:]), body.torque(*motion[1:])[0])
     model, pieces = TorqueModel(body, RIGID), round(size / _PIECE)
-    return {"fit": _spent(lambda: LeastSquares().fit(gather(model, (part for _ in range(pieces)))))}
+    return {"fit": _spent(lambda: least_squares(gather(model, (part for _ in range(pieces))).sums))}
 
 
 def workers(size: int) -> Costs:

@@ -23,7 +23,7 @@ from sidegan.gan.scaling import Scaling
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
-from sidegan.identification.fit import LeastSquares
+from sidegan.identification.fit import least_squares
 from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Motion, Trajectory
@@ -213,7 +213,7 @@ def test_recursive_least_squares(rate: Rate, by: str) -> None:
 
     def work() -> np.ndarray:
         if by == OURS:
-            return LeastSquares().fit(gather(model, iter(recordings))).parameters
+            return least_squares(gather(model, iter(recordings)).sums).parameters
         return opponent.estimate(states, torque[0])
 
     found = rate(work, count * samples, "samples", 3)

@@ -58,7 +58,7 @@ def imported(path):
     return names
 
 
-COPIED = "torque_model.py"  # stands on its own beside an identified arm
+COPIED = "arm_dynamics.py"  # stands on its own beside an identified arm
 FILES = sorted(path for path in SOURCE.rglob("*.py") if room_of(path) != "__init__" and path.name != COPIED)
 IMPORTS = [(path, name) for path in FILES for name in imported(path)]
 

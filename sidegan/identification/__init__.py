@@ -1,7 +1,7 @@
 """Measurements, simulated or recorded, to an identified model with its uncertainty."""
 
 from sidegan.identification.estimate import METHODS, estimate
-from sidegan.identification.measurements import Measurements, Noise, measure
+from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
 from sidegan.identification.quality import quality
 from sidegan.identification.score import folds, score
@@ -26,6 +26,7 @@ __all__ = [
     "StudySettings",
     "Terms",
     "TorqueModel",
+    "disturbed",
     "estimate",
     "folds",
     "measure",

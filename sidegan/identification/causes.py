@@ -6,10 +6,8 @@ from functools import reduce
 
 import numpy as np
 
-from sidegan.base.arrays import Array
-from sidegan.identification.accuracy import covariance_of, torque_errors
 from sidegan.identification.estimate import estimate
-from sidegan.identification.fit import reweighted
+from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
@@ -28,7 +26,6 @@ from sidegan.identification.verdict import (
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of
 
-_LEAST = 1e-6  # information on each parameter beside the samples'
 _ROUNDING = 1e-10
 _EXPLAINED = 0.5  # of an error is left at most where a fault in the recordings is believed
 _SURE = 5.0  # deviations of a mass or an offset that is one
@@ -45,9 +42,9 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     What would make others follow is told alone.
     """
     model, arm, links = found.model, found.model.arm, found.links
-    remarks = {
-        signal: text for recording in found.recordings[::-1] for signal, text in recording.remarks.items()
-    }
+    remarks: dict[str, str] = {}
+    for recording in found.recordings[::-1]:  # of a signal that several contradict, the first says so
+        remarks |= recording.remarks
     mended = USABLE if found.quality.verdict == BAD else GOOD  # or the signal that they contradict is wrong
     told = [Finding(mended, text) for text in remarks.values()]
     if late := [recording.late for recording in found.recordings if recording.late]:
@@ -55,31 +52,27 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     agreement = agreement_of(model.body, [segment for each in found.training for segment in each.segments])
     if exchanged := agreement.exchanged(arm):
         return [Finding(BAD, exchanged), *told], False
-    causes, gravity = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)], agreement.gravity(arm)
+    causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
+    gravity = agreement.gravity(arm)
     if gravity is None and (against := agreement.reversed(arm, driven=True)):
         causes.insert(0, Finding(USABLE, against))
     if not causes and gravity is None:
-        faults = [*_odd_scale(found, agreement)] or (
-            [] if found.quality.verdict == GOOD else [*_faults(found)]
-        )
+        faults = _odd_scale(found, agreement)
+        if not faults and found.quality.verdict != GOOD:
+            faults = _rotors(found) or _changed_load(found)
         causes += [Finding(USABLE, text) for text in faults]
     torques_tell = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
         masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
     if gravity is not None:
-        error, now = _error_under(found, agreement.load.gravity), found.quality.judged.nmse_mean
+        turned = RigidBody(replace(arm, gravity=agreement.load.gravity))
+        error = _error_of(found, TorqueModel(turned, model.terms))
+        now = found.quality.judged.nmse_mean
         gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, links) if torques_tell[finding.joint]]
     return [*causes, *told, *_offsets(found)], gravity is not None
-
-
-def _error_under(found: IdentifiedArm, gravity: Array) -> float:
-    """Mean nMSE of the chosen method if gravity in the arm's world [m/s²], (3,), were another."""
-    return _error_of(
-        found, TorqueModel(RigidBody(replace(found.model.arm, gravity=gravity)), found.model.terms)
-    )
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
@@ -89,21 +82,21 @@ def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
     return found.quality.mean(score(model, parameters, held_out or samples))
 
 
-def _faults(found: IdentifiedArm) -> Iterator[str]:
-    """Faults of the recordings, or of what is asked for, each of which would explain most of the misfit."""
+def _rotors(found: IdentifiedArm) -> list[str]:
+    """That rotors, which the model is without, explain most of the misfit."""
     terms, now = found.model.terms, found.quality.mean(found.quality.judged)
-    if not terms.rotor_inertia:
-        error = _error_of(found, TorqueModel(found.model.body, replace(terms, rotor_inertia=True)))
-        if error < _EXPLAINED * now:
-            yield (
-                f"rotors explain what is left: with model=motor_current the mean nMSE is {shown(error)}, "
-                f"it is {shown(now)}; are these torques those of the motors?"
-            )
-            return
-    yield from _changed_load(found)
+    if terms.rotor_inertia:
+        return []
+    error = _error_of(found, TorqueModel(found.model.body, replace(terms, rotor_inertia=True)))
+    if error >= _EXPLAINED * now:
+        return []
+    return [
+        f"rotors explain what is left: with model=motor_current the mean nMSE is {shown(error)}, "
+        f"it is {shown(now)}; are these torques those of the motors?"
+    ]
 
 
-def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> Iterator[str]:
+def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     """The joint whose torque is at another scale than the others', by the parameters that they share.
 
     That of two joints which share parameters one is too large may be that the other is too small: the
@@ -115,21 +108,24 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> Iterator[str]:
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
     free = squares * sums.energy - (turned * moments).sum(1)  # of each scale, beside all parameters, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
-    times, deviation = free / shared, np.sqrt(chosen.inflation / free) * np.square(free / shared)
-    off, same = np.abs(times - 1), np.abs(times - agreement.load.scale)
-    odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & (same < _SCALE) & (agreement.sign > _ALIKE)
-    if odd.any():
-        j = int(np.where(odd, off, 0.0).argmax())
-        yield (
-            f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
-            "the description make it: another gain or unit? (robot.gains, or divide the column by that)"
-        )
+    times = free / shared
+    deviation = np.sqrt(chosen.inflation / free) * np.square(times)
+    off = np.abs(times - 1)
+    as_described = (np.abs(times - agreement.load.scale) < _SCALE) & (agreement.sign > _ALIKE)
+    odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & as_described
+    if not odd.any():
+        return []
+    j = int(np.where(odd, off, 0.0).argmax())
+    return [
+        f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
+        "the description make it: another gain or unit? (robot.gains, or divide the column by that)"
+    ]
 
 
-def _changed_load(found: IdentifiedArm) -> Iterator[str]:
+def _changed_load(found: IdentifiedArm) -> list[str]:
     """The recording that another load than the others' explains."""
     if len(found.recordings) < 2:
-        return
+        return []
     samples = [measurements_of([recording]) for recording in found.recordings]
     without, with_load = zip(*(gathered(found.model, sample, sample) for sample in samples))
     each = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
@@ -137,12 +133,13 @@ def _changed_load(found: IdentifiedArm) -> Iterator[str]:
         each = each[1:]  # which of both it is cannot be told
     mass, deviation, share, k = min(each, key=lambda one: one[2])
     least = max(_SURE * deviation, _NOTABLE * found.model.arm.inertial_parameters[:, 0].sum())
-    if share < _EXPLAINED and abs(mass) > least:
-        yield (
-            f"{found.recordings[k].name} was recorded with another load than the others: {mass:+.2g} ± "
-            f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explain it; identify from recordings "
-            "with one load (+experiment=payload identifies the difference)"
-        )
+    if not (share < _EXPLAINED and abs(mass) > least):
+        return []
+    return [
+        f"{found.recordings[k].name} was recorded with another load than the others: {mass:+.2g} ± "
+        f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explain it; identify from recordings "
+        "with one load (+experiment=payload identifies the difference)"
+    ]
 
 
 def _load(
@@ -152,7 +149,7 @@ def _load(
     parts = [*without[:k], with_load[k], *without[k + 1 :]]
     sums = reduce(Sums.plus, (part.sums for part in parts))
     plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
-    fit, before = reweighted(sums, _LEAST), reweighted(plain, _LEAST)
+    fit, before = reweighted(sums), reweighted(plain)
     whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].samples, parts[k].reach)
     deviation = float(np.sqrt(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD]))
     empty = np.concatenate([before.parameters, np.zeros(LOAD)])

@@ -4,7 +4,6 @@ import logging
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,8 +11,7 @@ import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
 from sidegan.errors import InfeasibleError
-from sidegan.identification.accuracy import torque_errors
-from sidegan.identification.fit import Fit, reweighted
+from sidegan.identification.fit import LEAST, Fit, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import scales
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
     import cvxpy as cp
 
 _log = logging.getLogger(__name__)
-_LEAST = 1e-6  # information on what neither samples nor pull determine, and on terms
 _MARGIN = 1e-4  # smallest eigenvalue of a pseudo-inertia in its link's typical mass and length
 _ROUNDS = 6  # of finding the strength of the pull
 _SETTLED = 1.1  # times the strength: a change that no longer matters
@@ -34,51 +31,52 @@ _BELIEVED = 1.0  # of a link's ten parameters: as much says beforehand that its 
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
-@dataclass(frozen=True, kw_only=True)
-class Consistent:
-    """The most likely parameters of an arm that can exist.
+def consistent(data: Gathered, strength: float | None = None) -> Fit:
+    """The most likely parameters of an arm that can exist, with links and terms as ``standard``.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
     model's parameters and d the divergence from the description's pseudo-inertias, which depends on neither
     units nor frames; P_i are positive definite, friction and rotor inertias not negative. In the covariance
     the pull's second derivative counts as information beside the samples'; bounds would only make it smaller.
 
+    Args:
+        data: the samples.
+        strength: weight of the pull beside the samples' log-likelihood; it chooses among parameters that no
+            motion tells. None: each link's most probable one, so that a link that the samples contradict is
+            pulled less.
+
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
     """
+    model = data.model
+    first = reweighted(data.sums)
+    errors = torque_errors(data, first)
+    weights = first.weights / np.sqrt(errors.inflation)  # with which samples count beside the pull
+    information, moment = data.sums.weighted(weights)
+    standard, pull = pulled(model, information, moment, strength)
+    prior = _pull_information(model, standard, pull)
+    _, inverse = solve(information + prior, moment, LEAST)
+    return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
 
-    # weight of the pull beside the samples' log-likelihood; it chooses among parameters that no motion tells.
-    # None: each link's most probable one, so that a link that the samples contradict is pulled less
-    strength: float | None = None
 
-    def fit(self, data: Gathered) -> Fit:
-        """Most likely parameters of an arm that can exist, with links and terms as ``standard``."""
-        model = data.model
-        first = reweighted(data.sums, _LEAST)
-        errors = torque_errors(data, first)
-        weights = first.weights / np.sqrt(errors.inflation)  # with which samples count beside the pull
-        information, moment = data.sums.weighted(weights)
-        standard, pull = self.standard(model, information, moment)
-        prior = _pull_information(model, standard, pull)
-        _, inverse = solve(information + prior, moment, _LEAST)
-        return Fit(model.mapping @ standard, inverse, weights, prior, standard, errors)
+def pulled(
+    model: TorqueModel, information: Array, moment: Array, strength: float | None = None
+) -> "tuple[Array, Pull]":
+    """Most likely parameters from weighted Σ Yᵀ Y and Σ Yᵀ τ, and the pull on each link.
 
-    def standard(self, model: TorqueModel, information: Array, moment: Array) -> "tuple[Array, Pull]":
-        """Most likely parameters from weighted Σ Yᵀ Y and Σ Yᵀ τ, and the pull on each link.
-
-        Links and terms are in ``TorqueModel.standard_names``' order, (F,).
-        """
-        (rows, right), unit = rows_of(information, moment), _units(model.arm)
-        signed = [model.standard_slice(name) for name in model.kinds if name != "offset"]
-        alike = np.full(model.joints, self.strength or 1.0)
-        pull = Pull(unit, _scaled(possible_links(model.arm), unit), alike)
+    Links and terms are in ``TorqueModel.standard_names``' order, (F,).
+    """
+    rows, right = rows_of(information, moment)
+    unit = _units(model.arm)
+    signed = [model.standard_slice(name) for name in model.kinds if name != "offset"]
+    pull = Pull(unit, _scaled(possible_links(model.arm), unit), np.full(model.joints, strength or 1.0))
+    found = most_likely(rows @ model.mapping, right, pull, signed)
+    for _ in range(_ROUNDS if strength is None else 0):
+        before, pull = pull, pull._replace(strength=_most_probable(model, information, found, pull))
         found = most_likely(rows @ model.mapping, right, pull, signed)
-        for _ in range(_ROUNDS if self.strength is None else 0):
-            before, pull = pull, pull._replace(strength=_most_probable(model, information, found, pull))
-            found = most_likely(rows @ model.mapping, right, pull, signed)
-            if (np.abs(np.log(pull.strength / before.strength)) < math.log(_SETTLED)).all():
-                break
-        return found, pull
+        if (np.abs(np.log(pull.strength / before.strength)) < math.log(_SETTLED)).all():
+            break
+    return found, pull
 
 
 class Pull(NamedTuple):
@@ -103,7 +101,7 @@ def _pull_information(model: TorqueModel, standard: Array, pull: Pull) -> Array:
     It is on links alone. What the model does not separate in a link has the spread that the pull leaves.
     """
     _, bend = pull.distances(model.links_of(standard))
-    free = np.eye(len(standard) - 10 * len(bend)) / _LEAST
+    free = np.eye(len(standard) - 10 * len(bend)) / LEAST
     links = np.linalg.inv(pull.strength[:, None, None] * bend)
     spread = model.mapping @ scipy.linalg.block_diag(*links, free) @ model.mapping.T
     unit = np.sqrt(spread.diagonal())  # parameters differ by orders of magnitude
@@ -122,7 +120,7 @@ def _most_probable(model: TorqueModel, information: Array, standard: Array, pull
     distances, bend = pull.distances(model.links_of(standard))
     own = scipy.linalg.block_diag(*(pull.strength[:, None, None] * bend))
     count, size = len(standard), len(own)
-    both = model.mapping.T @ information @ model.mapping + _LEAST * np.diag(np.arange(count) >= size)
+    both = model.mapping.T @ information @ model.mapping + LEAST * np.diag(np.arange(count) >= size)
     both[:size, :size] += own
     left = np.linalg.solve(both, np.eye(count, size))[:size]
     determined = 10 - (left @ own).diagonal().reshape(-1, 10).sum(1)
@@ -134,16 +132,15 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
     """Parameters x of K bodies that can exist and then of terms, (F,), with least ½ |R x − z|² and pulls.
 
     Terms at ``signed`` places are not negative.
-
-    Raises:
-        InfeasibleError: when the solver finds no such bodies.
     """
     import cvxpy as cp
 
     unit, nominal, strength = pull
     bodies = [cp.Variable((4, 4), symmetric=True) for _ in unit]  # pseudo-inertias in typical units
-    outer, back = (unit[:, :, None] * unit[:, None]).reshape(-1, 16), FROM_PSEUDO_INERTIA
-    parts: list[cp.Expression] = [back @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, bodies)]
+    outer = (unit[:, :, None] * unit[:, None]).reshape(-1, 16)
+    parts: list[cp.Expression] = [
+        FROM_PSEUDO_INERTIA @ cp.multiply(o, cp.vec(p, order="C")) for o, p in zip(outer, bodies)
+    ]
     terms = rows.shape[1] - 10 * len(bodies)
     x = cp.hstack([*parts, cp.Variable(terms)] if terms else parts)
     constraints = [p >> _MARGIN * np.eye(4) for p in bodies] + [x[where] >= 0 for where in signed]

@@ -7,14 +7,13 @@ import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.identification.accuracy import inflation_of
+from sidegan.identification.fit import LEAST, inflation_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.sums import solve
 from sidegan.robot import Arm
 
-_LEAST = 1e-6  # information on each parameter beside the samples'
 _SILENT = 1e-9  # of the largest effect of the load on a joint
 _SEEN = 30.0  # deviations of the load's part of all currents, below which it may not have been there
 _SURE = 5.0  # deviations from nothing, from which a load is seen: the gain is known to a fifth
@@ -34,7 +33,8 @@ class Gains:
 
     def doubts(self, arm: Arm) -> list[str]:
         """Why some gains may not be used, a sentence each, with the joints by name."""
-        against, doubts = self.gains < -_SURE * self.deviation, []
+        doubts = []
+        against = self.gains < -_SURE * self.deviation
         if unseen := arm.named(~self.certain & ~against):
             doubts.append(
                 f"the load is not seen in the current of {unseen}: the gain has a σ of more than "
@@ -71,7 +71,7 @@ def drive_gains(
         raise ConfigError(f"the load has no effect on {silent}: the gain of its drive cannot be determined")
     whole = scipy.linalg.block_diag(np.eye(model.count), load[:, None])
     sums = parts[0].sums.plus(parts[1].sums)
-    each = [solve(whole.T @ a @ whole, b @ whole, _LEAST) for a, b in zip(sums.information, sums.moment)]
+    each = [solve(whole.T @ a @ whole, b @ whole, LEAST) for a, b in zip(sums.information, sums.moment)]
     parameters = np.stack([whole @ found for found, _ in each])  # of each joint, (J, P + 10)
     residuals = [
         x.torque - np.einsum("sjp,jp->sj", part.model.regressor(*x.inputs), parameters)

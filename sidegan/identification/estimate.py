@@ -2,26 +2,23 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
-from sidegan.identification.accuracy import covariance_of, torque_errors
-from sidegan.identification.consistent import Consistent
-from sidegan.identification.fit import LeastSquares
-from sidegan.identification.gather import Reach, gather
+from sidegan.identification.consistent import consistent
+from sidegan.identification.fit import Fit, covariance_of, least_squares, reweighted, torque_errors
+from sidegan.identification.gather import Gathered, Reach, gather
 from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
-METHODS: dict[str, Callable[..., LeastSquares | Consistent]] = {
-    "ols": LeastSquares,
-    "weighted": partial(LeastSquares, weighted=True),
-    "rls": LeastSquares,
-    "consistent": Consistent,
+# Samples, and the strength of the pull towards the description where there is one, to a fit.
+METHODS: dict[str, Callable[[Gathered, float | None], Fit]] = {
+    "ols": lambda data, _: least_squares(data.sums),
+    "weighted": lambda data, _: reweighted(data.sums),
+    "consistent": consistent,
 }
 
 
@@ -53,30 +50,31 @@ class Estimate:
         return 1 / (residual * np.sqrt(self.inflation))
 
 
-def estimate(method: str, model: TorqueModel, measurements: Samples, **settings: Any) -> Estimate:
-    """Parameters of a model from measurements, by one of ``METHODS`` with settings of it, the class's fields.
+def estimate(
+    method: str, model: TorqueModel, measurements: Samples, strength: float | None = None
+) -> Estimate:
+    """Parameters of a model from measurements, by one of ``METHODS``.
 
-    Samples are of one recording, several, or a stream of them in the order of time, read once and in pieces.
+    Samples are of one recording or several. The strength is that of ``consistent``'s pull.
 
     Raises:
         ConfigError: when the method is unknown.
     """
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
-    estimator = METHODS[method](**settings)
-    data = gather(model, measurements, settings.get("forgetting", 1.0))
-    fit, sums = estimator.fit(data), data.sums
+    data = gather(model, measurements)
+    fit = METHODS[method](data, strength)
     errors = fit.errors or torque_errors(data, fit)
     return Estimate(
         method=method,
         names=tuple(model.names),
         parameters=fit.parameters,
-        covariance=covariance_of(sums, fit, errors),
+        covariance=covariance_of(data.sums, fit, errors),
         weights=fit.weights,
         inflation=errors.inflation,
-        condition=condition(sums.weighted(fit.weights)[0]),
+        condition=condition(data.sums.weighted(fit.weights)[0]),
         samples=data.samples,
         reach=data.reach,
-        sums=sums,
+        sums=data.sums,
         standard=fit.standard,
     )

@@ -30,25 +30,25 @@ class Gathered:
     reach: Reach  # of the joints in them
 
 
-def gather(model: TorqueModel, measurements: Samples, forgetting: float = 1.0) -> Gathered:
-    """Sums over measurements: one recording or several in the order of time.
-
-    A sample of age k counts forgetting^k as much.
+def gather(model: TorqueModel, measurements: Samples) -> Gathered:
+    """Sums over measurements, of one recording or several.
 
     Raises:
         ShapeError: when there are no samples, or they do not fit the model, or are too large.
     """
-    sums, parts = no_sums(model.joints, model.count), list(pieces(measurements))
-    with np.errstate(over="ignore"):  # is refused below
-        for part in parts:
-            sums = sums.plus(_sums(model, part, forgetting), forgetting ** len(part))
+    parts = list(pieces(measurements))
     if not parts:
         raise ShapeError("there are no samples to identify from")
+    sums = no_sums(model.joints, model.count)
+    with np.errstate(over="ignore"):  # is refused below
+        for part in parts:
+            sums = sums.plus(_sums(model, part))
     if not all(np.isfinite(x).all() for x in sums):
         raise ShapeError(
             "the regressor or the torque holds a value that is not finite or too large to square"
         )
-    low, high = np.min([x.position.min(0) for x in parts], 0), np.max([x.position.max(0) for x in parts], 0)
+    low = np.min([x.position.min(0) for x in parts], 0)
+    high = np.max([x.position.max(0) for x in parts], 0)
     fastest = np.max([np.abs(x.velocity).max(0) for x in parts], 0)
     return Gathered(model, sums, parts, sum(map(len, parts)), Reach(high - low, fastest))
 
@@ -58,10 +58,9 @@ def residual_of(model: TorqueModel, part: Measurements, parameters: Array) -> Ar
     return part.torque - torques_of(_regressor(model, part), parameters)
 
 
-def _sums(model: TorqueModel, part: Measurements, forgetting: float) -> Sums:
-    rigid = not model.kinds and part.joints == model.joints
-    if forgetting < 1 or not rigid:
-        return sums_of(_regressor(model, part), part.torque, forgetting)
+def _sums(model: TorqueModel, part: Measurements) -> Sums:
+    if model.kinds or part.joints != model.joints:
+        return sums_of(_regressor(model, part), part.torque)
     # The same for rigid bodies alone, which keeps no regressor.
     products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]

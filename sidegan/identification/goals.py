@@ -38,7 +38,8 @@ class Parameters:
                 f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
             )
         ours = [links is None or place in links for place in places]
-        self._ours, self._links = np.array(ours), links
+        self._ours = np.array(ours)
+        self._links = links
         self.names = tuple(name for name, mine in zip(model.names, ours) if mine)
         self._unit = unit[self._ours]
         self.goal = Goal("volume", targets=np.eye(model.count)[self._ours])
@@ -68,7 +69,8 @@ class Tool:
         self._typical = _TOOL * _ARM**POWERS
         columns = model.mapping[:, last] * self._typical
         self._columns = columns / unit[:, None]  # the tool's among the parameters', (P, 10)
-        self._runs, self._doubt = 1 if identified else 2, np.eye(10) / _DOUBT**2
+        self._runs = 1 if identified else 2
+        self._doubt = np.eye(10) / _DOUBT**2
         self.goal = Goal("tool", targets=columns.T, doubt=self._doubt, runs=self._runs)
 
     def deviations(self, known: Array, motion: Array) -> Array:
@@ -117,11 +119,7 @@ Purpose: TypeAlias = Parameters | Tool | Prediction
 
 
 def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, identified: bool) -> Purpose:
-    """Goal by its name, or by those of links, for a model whose parameters count in units (P,).
-
-    Raises:
-        ConfigError: when links are not the arm's, or torques of one without masses are asked for.
-    """
+    """Goal by its name, or by those of links, for a model whose parameters count in units (P,)."""
     if objective == "payload":
         return Tool(model, unit, identified)
     if objective == "prediction":
@@ -130,11 +128,7 @@ def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, iden
 
 
 def usual_torque(body: RigidBody) -> Array:
-    """Root mean square torque of each joint within the limits [N·m or N], (J,).
-
-    Raises:
-        ConfigError: when no link has a mass.
-    """
+    """Root mean square torque of each joint within the limits [N·m or N], (J,)."""
     if not body.arm.inertial_parameters.any():
         raise ConfigError(
             f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "

@@ -19,23 +19,6 @@ from sidegan.robot import Drives
 EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
 
 
-@dataclass(frozen=True, eq=False)
-class Tested:
-    """Errors of each method on what it had not seen, where there was something."""
-
-    kind: str  # held out, each recording by the others, or in sample
-    errors: dict[str, Score]
-
-
-@dataclass(frozen=True, eq=False)
-class Choice:
-    """The model to use: the consistent one, unless the chosen method's predicts clearly better."""
-
-    method: str
-    errors: dict[str, Array]  # nMSE (J,) by which that was decided; empty where halves determine too little
-    kind: str  # of these: that of the tests, or halves by each other where nothing was held out
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedArm:
     """A model identified from recordings, with everything that is known about its quality."""
@@ -44,10 +27,11 @@ class IdentifiedArm:
     training: list[CheckedRecording]  # recordings that were identified from
     validation: list[CheckedRecording]  # recordings that were held out
     estimates: dict[str, Estimate]  # by method: the chosen one, equal weights, the consistent one
-    tests: Tested
     trained: dict[str, Score]  # errors of each method on what it was identified from
+    tested: dict[str, Score]  # on what it had not seen, or else the same
+    kind: str  # of these: held out, each recording by the others, or in sample
+    use: str  # method of the model to use: the consistent one, unless the chosen one predicts clearly better
     quality: Quality  # whether to trust the model to use
-    choice: Choice  # of that model
 
     @property
     def recordings(self) -> list[CheckedRecording]:
@@ -58,11 +42,6 @@ class IdentifiedArm:
     def chosen(self) -> Estimate:
         """Estimate of the chosen method."""
         return self.quality.estimate
-
-    @property
-    def use(self) -> str:
-        """Method of the model to use."""
-        return self.choice.method
 
     @property
     def used(self) -> Estimate:

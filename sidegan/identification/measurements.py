@@ -90,16 +90,8 @@ class Noise:
         return not self.level or not (self.torque or self.state)
 
 
-def measure(
-    body: "RigidBody",
-    motion: Motion,
-    noise: Noise | None = None,
-    random: np.random.Generator | int | None = None,
-) -> Measurements:
-    """Simulated measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
-
-    The torque is that of the true states. Whatever is noisy, the draws are the same, and those of a batch
-    are those of its trajectories in turn.
+def measure(body: "RigidBody", motion: Motion) -> Measurements:
+    """Exact measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
 
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
@@ -108,15 +100,16 @@ def measure(
     if not motion.position.size:
         raise ShapeError(f"motion is {tuple(shape)}: there is nothing to measure")
     q, dq, ddq = (x.reshape(-1, shape[-1]) for x in motion[1:])
-    exact = Measurements(q, dq, ddq, body.torque(q, dq, ddq))
-    return exact if noise is None else disturbed(exact, noise, random, shape[0])
+    return Measurements(q, dq, ddq, body.torque(q, dq, ddq))
 
 
-def disturbed(
-    exact: Measurements, noise: Noise, random: np.random.Generator | int | None = None, batch: int = 1
-) -> Measurements:
-    """Exact measurements of ``batch`` trajectories, equally long and one after another, with noise."""
-    draws = np.random.default_rng(random).uniform(-1.0, 1.0, (batch, 4, len(exact) // batch, exact.joints))
+def disturbed(exact: Measurements, noise: Noise, random: np.random.Generator, batch: int = 1) -> Measurements:
+    """Exact measurements of ``batch`` trajectories, equally long and one after another, with noise.
+
+    The torque stays that of the true states. Whatever is noisy, the draws are the same, and those of a batch
+    are those of its trajectories in turn.
+    """
+    draws = random.uniform(-1.0, 1.0, (batch, 4, len(exact) // batch, exact.joints))
     draws = draws.swapaxes(0, 1).reshape(4, -1, exact.joints)
     each = zip((*exact.states, exact.torque), draws, (*[noise.state] * 3, noise.torque))
     return Measurements(*(x + noise.level * x * d if noisy else x for x, d, noisy in each))

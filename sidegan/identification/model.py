@@ -75,8 +75,12 @@ class TorqueModel:
     """
 
     def __init__(self, body: RigidBody, terms: Terms = FULL) -> None:
-        self.body, self.arm, self.terms, self.kinds = body, body.arm, terms, terms.kinds
-        self.joints, self.rigid = joints, rigid = body.joints, len(body.base.values)
+        self.body = body
+        self.arm = body.arm
+        self.terms = terms
+        self.kinds = terms.kinds
+        self.joints = joints = body.joints
+        self.rigid = rigid = len(body.base.values)
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
         names = [f"{_LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
         self.extras, grouped = self._grouped()

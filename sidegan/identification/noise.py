@@ -7,7 +7,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
-from sidegan.identification.accuracy import spread_of
+from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, pieces
 from sidegan.identification.model import TorqueModel, torques_of
 from sidegan.recording.check import CheckedRecording
@@ -56,16 +56,20 @@ def _left(
     model: TorqueModel, parameters: Array, covariance: Array, segment: Segment, cutoff: float, noise: Array
 ) -> _Left:
     """What is left of a segment after a low-pass [Hz], of torques with a density of noise, (J,)."""
-    rate, count = 1 / float(segment.time[1] - segment.time[0]), len(segment.time)
-    predicted, errors = [], np.zeros(model.joints)
+    rate = 1 / float(segment.time[1] - segment.time[0])
+    count = len(segment.time)
+    predicted = []
+    errors = np.zeros(model.joints)
     for part in pieces(Measurements(*segment[1:])):
         y = model.regressor(*part.inputs)
         predicted.append(torques_of(y, parameters))
         errors += spread_of(y, covariance) / count
     torque = np.concatenate(predicted)
-    residual, window = segment.torque - torque, np.hanning(count + 1)[:-1]  # a periodic one
+    residual = segment.torque - torque
+    window = np.hanning(count + 1)[:-1]  # a periodic one
     power = np.square(np.abs(np.fft.rfft(window[:, None] * residual, axis=0)))
-    share, unit = np.fft.rfftfreq(count, 1 / rate) / cutoff, np.square(window).sum()
+    share = np.fft.rfftfreq(count, 1 / rate) / cutoff
+    unit = np.square(window).sum()
     inside = np.stack([(low <= share) & (share < high) for low, high in _BANDS])
     expected = inside.sum(1)[:, None] * noise * rate / 2 * unit
     expected[0] += errors * unit * count / 2
@@ -76,7 +80,8 @@ def _left(
 
 def _unlike(samples: Array) -> Array:
     """Whether residuals next to each other by any of what they are sorted by are unlike, (J,)."""
-    residual, unlike = samples[0], np.ones(samples.shape[2], dtype=bool)
+    residual = samples[0]
+    unlike = np.ones(samples.shape[2], dtype=bool)
     for x in samples[1:]:
         r = np.take_along_axis(residual, x.argsort(0), 0)
         r = r - r.mean(0)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.identification.accuracy import covariance_of, inflation_of
 from sidegan.identification.consistent import Pull, most_likely
-from sidegan.identification.fit import TorqueErrors, reweighted
+from sidegan.identification.fit import TorqueErrors, covariance_of, inflation_of, reweighted
 from sidegan.identification.gather import Gathered, gather, residual_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
@@ -16,7 +15,6 @@ from sidegan.motion.dynamics import LINK_PARAMETERS
 from sidegan.robot.consistency import about_the_centre
 
 LOAD = len(LINK_PARAMETERS)  # parameters of what is fixed to the last link, the last ones of the model
-_LEAST = 1e-6  # information on each parameter beside the samples'
 _LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
 _STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
 _CLEAR = 3.0  # deviations from which a mass is one
@@ -70,12 +68,12 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     """
     parts = gathered(model, unloaded, loaded)
     sums = parts[0].sums.plus(parts[1].sums)
-    fit = reweighted(sums, _LEAST)
+    fit = reweighted(sums)
     residuals = [residual_of(part.model, x, fit.parameters) for part in parts for x in part.pieces]
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
-    load, empty = fit.parameters[-LOAD:], fit.parameters.copy()
-    empty[-LOAD:] = 0
+    load = fit.parameters[-LOAD:]
+    empty = np.concatenate([fit.parameters[:-LOAD], np.zeros(LOAD)])
     without, explained = (parts[1].sums.nmse(x) for x in (empty, fit.parameters))
     body = _possible(load, covariance)
     return Payload(model.arm.link_names[-1], load, covariance, body, without, explained)
@@ -99,7 +97,10 @@ class Loaded:
     kinds = ("load",)  # a model with more than rigid base parameters
 
     def __init__(self, model: TorqueModel, carried: bool) -> None:
-        self._model, self._carried, self.joints, self.count = model, carried, model.joints, model.count + LOAD
+        self._model = model
+        self._carried = carried
+        self.joints = model.joints
+        self.count = model.count + LOAD
 
     def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
         """Regressor, (S, J, P + 10), of states (S, J)."""

@@ -25,11 +25,11 @@ def typical(arm: Arm) -> Array:
     return mass[:, None] * length[:, None] ** POWERS
 
 
-def belief(model: TorqueModel, scale: Array, share: float) -> Array:
-    """Information (P, P) of a belief: parameters are right within a share of links' typical sizes.
+def belief(model: TorqueModel, scale: Array) -> Array:
+    """Information (P, P) of a belief: parameters are right within links' typical sizes.
 
-    Terms are within that share of their joint's torque, (J,). Nothing is believed of rotors inside groupings.
+    Terms are within their joint's torque, (J,). Nothing is believed of rotors inside groupings.
     """
-    rows = model.body.base.mapping * (share * typical(model.arm).ravel())
-    terms = (share * scale[model.extras % model.joints]) ** -2
+    rows = model.body.base.mapping * typical(model.arm).ravel()
+    terms = scale[model.extras % model.joints] ** -2.0
     return scipy.linalg.block_diag(np.linalg.inv(rows @ rows.T), np.diag(terms))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from sidegan.identification.estimate import estimate
 from sidegan.identification.gather import residual_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.sums import Sums
 
 _CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
 _LEAST_SHOWN = 1e-3  # of an error with four digits after the point
@@ -59,18 +58,13 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
     return Score(squares / variance, np.sqrt(squares))
 
 
-def score_of_sums(sums: Sums, parameters: Array) -> Score:
-    """Errors from the sums over samples; infinite where a joint's torque is constant."""
-    return Score(sums.nmse(parameters), np.sqrt(sums.squares(parameters) / sums.weight))
-
-
 def folds(
-    method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], **settings: Any
+    method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
 ) -> Score:
     """Each of K recordings predicted by what was identified from all others, (K, J), as for ``estimate``."""
     rows = []
     for k, held_out in enumerate(recordings):
         others = chain(*recordings[:k], *recordings[k + 1 :])
-        parameters = estimate(method, model, others, **settings).parameters
+        parameters = estimate(method, model, others, strength).parameters
         rows.append(score(model, parameters, held_out))
     return Score(*(np.stack(column) for column in zip(*rows)))

@@ -10,6 +10,8 @@ from sidegan.base.typed import Count, Hertz, NonNegative, Number, Part, Positive
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
+_NOISE = 0.05  # share of a joint's usual torque that its noise is taken for where nothing says more
+
 
 @dataclass(frozen=True, kw_only=True)
 class StudySettings:
@@ -76,11 +78,7 @@ class KnownLoad:
 
     @property
     def parameters(self) -> Array:
-        """The load's ten parameters in Pinocchio's order about the frame, (10,).
-
-        Raises:
-            ConfigError: when there is none.
-        """
+        """The load's ten parameters in Pinocchio's order about the frame, (10,)."""
         if not self.mass > 0:
             raise ConfigError("load.mass is 0, expected the mass of the known load [kg]")
         c = np.array(self.centre)
@@ -98,20 +96,14 @@ class GoalSettings:
     # links' parameters, of a tool's; or the condition number of rigid bodies
     objective: Literal["prediction", "parameters", "payload", "condition"] | list[str] = "prediction"
     # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N];
-    # null: that of the recordings where a model is known, else the share that is assumed
+    # null: that of the recordings where a model is known, else 5 %
     noise: Positive | list[Positive] | None = None
-    assumed: Positive = 0.05
     correlation: Seconds = 0.03  # time over which that noise keeps its sign
-    believed: Positive = 1.0  # deviation of the description's parameters, in their typical sizes
 
     def deviation(self, usual: Array) -> Array:
-        """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N].
-
-        Raises:
-            ConfigError: when there is not one per joint.
-        """
+        """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N]."""
         if not isinstance(self.noise, list):
-            return (self.noise or self.assumed) * usual
+            return (self.noise or _NOISE) * usual
         if len(self.noise) != len(usual):
             raise ConfigError(f"goal.noise has {len(self.noise)} numbers, the arm has {len(usual)} joints")
         return np.array(self.noise, float)

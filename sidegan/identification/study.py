@@ -6,7 +6,7 @@ replications costs no more than its parts.
 Source: Jegorova et al. 2020, experiments 1 and 2.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import reduce
 from typing import TypeAlias
 
@@ -32,36 +32,29 @@ _RATE = 5.0  # [Hz] at which YᵀY of a set is taken
 _TRAJECTORIES_AT_ONCE = 10
 
 
-def compare(
+def drawn_errors(
     body: RigidBody,
-    sets: Mapping[str, MotionSet],
+    name: str,
+    family: MotionSet,
     tests: MotionSet,
     settings: StudySettings,
     random: np.random.SeedSequence,
-    progress: Report | None = None,
+    progress: Report,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """NMSE of every set, weighting, repeat and joint, and facts about every set.
+    """NMSE by repeat, weighting and joint of what is identified from a set, and facts about it.
 
-    The same repeat draws the same noise for every set. Test torques are exact, so that an nMSE is the
-    error of the model and not of its judge. Progress receives (done, total) after every identification.
+    The same repeat draws the same noise, whatever the set. Test torques are exact, so that an nMSE is the
+    error of the model and not of its judge. Progress is that of ``measured_sums``.
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         samples, condition of the stacked YᵀY, duration [s]).
     """
-    judge, parts = _Judge(body, tests, settings), list[tuple[pd.DataFrame, pd.DataFrame]]()
-    children = random.spawn(settings.repeats)
-    for name, family in sets.items():
-        facts = {"condition": _stacked_condition(body, family), "duration": family[0].period * len(family[1])}
-        exact = list(_measured(body, family, settings.rate))
-        for repeat, child in enumerate(children):
-            generator = np.random.default_rng(child)
-            noisy = (disturbed(one, settings.noise, generator) for one in exact)
-            errors, norms = judge(gather(judge.model, noisy).sums, set=name, repeat=repeat)
-            parts.append((errors, norms.assign(**facts)))
-            if progress is not None:
-                progress(len(parts), len(sets) * settings.repeats)
-    return _joined(parts)
+    judge = _Judge(body, tests, settings)
+    draws = measured_sums(body, family, settings, random.spawn(settings.repeats), progress)
+    results, facts = _joined([judge(sums, set=name, repeat=k) for k, sums in enumerate(draws)])
+    duration = family[0].period * len(family[1])
+    return results, facts.assign(condition=_stacked_condition(body, family), duration=duration)
 
 
 def measured_sums(
@@ -69,17 +62,18 @@ def measured_sums(
     family: MotionSet,
     settings: StudySettings,
     randoms: Sequence[np.random.SeedSequence],
-    progress: Report | None = None,
+    progress: Report,
 ) -> list[Sums]:
     """Sums of least squares over all N trajectories of a set, once for each draw of noise; progress is of N.
 
     Draws of noise on torques alone share the regressor.
     """
-    model, count, done = TorqueModel(body, RIGID), len(family[1]), 0
+    model = TorqueModel(body, RIGID)
+    count, done = len(family[1]), 0
     generators = [np.random.default_rng(one) for one in randoms]
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for some in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
-        exact = measure(body, family[0].roll_out(some, family[0].times(settings.rate)))
+        exact = _measured(body, (family[0], some), settings.rate)
         noisy = (disturbed(exact, settings.noise, generator, len(some)) for generator in generators)
         if settings.noise.state:
             parts = [gather(model, one).sums for one in noisy]
@@ -87,15 +81,14 @@ def measured_sums(
             parts = sums_of_draws(model.regressor(*exact.states), np.stack([one.torque for one in noisy]))
         sums = [before.plus(new) for before, new in zip(sums, parts)]
         done += len(some)
-        if progress is not None:
-            progress(done, count)
+        progress(done, count)
     return sums
 
 
 def combined(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """As ``compare``, of sums that are identified from together: no repeat, condition and duration."""
+    """As ``drawn_errors``, of sets of sums that count together: no repeat, condition and duration."""
     judge = _Judge(body, tests, settings)
     return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 
@@ -103,16 +96,20 @@ def combined(
 def expected_errors(
     body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings
 ) -> pd.DataFrame:
-    """NMSE that ``compare`` finds on average over noise, by weighting and joint, in closed form.
+    """NMSE that ``drawn_errors`` are on average over noise, by weighting and joint, in closed form.
 
     An estimate is linear in noise on torques. With the information M = Σ wⱼ² Yⱼᵀ Yⱼ + 1/P₀ and
     S = Σ wⱼ⁴ σ² yᵀ y over equations y with noise of variance σ², the covariance is C = M⁻¹ S M⁻¹. The tests'
     Yⱼ turns it into errors of expected square tr(Yⱼᵀ Yⱼ C), besides those that the prior makes. The weights
     of joints follow from the noise alone. No rows where states are noisy.
     """
-    model, noise, rows = TorqueModel(body, RIGID), settings.noise, list[tuple[object, ...]]()
-    exact, truth = (list(_measured(body, one, settings.rate)) for one in (family, tests))
-    sums, judged, spread = gather(model, exact).sums, gather(model, truth).sums, _noise(model, exact, noise)
+    model = TorqueModel(body, RIGID)
+    noise = settings.noise
+    exact = _measured(body, family, settings.rate)
+    sums = gather(model, exact).sums
+    spread = _noise(model, exact, noise)
+    judged = gather(model, _measured(body, tests, settings.rate)).sums
+    rows: list[tuple[object, ...]] = []
     for weighted in () if noise.state and noise.level else (False, True):
         weights = np.ones_like(sums.energy)
         if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
@@ -125,9 +122,10 @@ def expected_errors(
     return pd.DataFrame(rows, columns=["weighted", "joint", "nmse"])
 
 
-def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
+def _noise(model: TorqueModel, exact: Measurements, noise: Noise) -> Sums:
     """Sums over equations that count with the variance of their noise, which the energy has, too."""
-    sums, share = no_sums(model.joints, model.count), noise.level**2 / 3 * noise.torque
+    sums = no_sums(model.joints, model.count)
+    share = noise.level**2 / 3 * noise.torque
     for part in pieces(exact):
         variance = share * np.square(part.torque)
         one = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
@@ -135,23 +133,24 @@ def _noise(model: TorqueModel, exact: list[Measurements], noise: Noise) -> Sums:
     return sums
 
 
-def _measured(body: RigidBody, family: MotionSet, rate: float) -> Iterator[Measurements]:
-    """Measurements without noise along each trajectory of a set."""
+def _measured(body: RigidBody, family: MotionSet, rate: float) -> Measurements:
+    """Measurements without noise along all trajectories of a set, one after another."""
     trajectory, coefficients = family
-    times = trajectory.times(rate)
-    return (measure(body, trajectory.roll_out(c, times)) for c in split(coefficients, 1))
+    return measure(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
 
 
 class _Judge:
     """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
 
     def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
-        self.model, self._least = TorqueModel(body, RIGID), 1 / settings.prior
-        self._truth = list(_measured(body, tests, settings.rate))
+        self.model = TorqueModel(body, RIGID)
+        self._least = 1 / settings.prior
+        self._truth = _measured(body, tests, settings.rate)
 
     def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""
-        fits, errors = [least_squares(sums, self._least), reweighted(sums, self._least)], []
+        fits = [least_squares(sums, self._least), reweighted(sums, self._least)]
+        errors = []
         for weighted, fit in enumerate(fits):
             nmse = score(self.model, fit.parameters, self._truth).nmse.tolist()
             columns = {"weighted": bool(weighted), "joint": self.model.arm.joint_names, "nmse": nmse}

@@ -18,11 +18,11 @@ class Sums(NamedTuple):
     moment: Array  # Σ Y_jᵀ τ_j, (J, P)
     energy: Array  # Σ τ_j², (J,)
     total: Array  # Σ τ_j, (J,)
-    weight: Array  # number of samples, each less by its age, ()
+    weight: Array  # number of samples, ()
 
-    def plus(self, other: "Sums", factor: float = 1.0) -> "Sums":
-        """Sums over these samples, each of which then counts ``factor`` as much, and ``other``'s."""
-        return Sums(*(factor * a + b for a, b in zip(self, other)))
+    def plus(self, other: "Sums") -> "Sums":
+        """Sums over these samples and ``other``'s."""
+        return Sums(*(a + b for a, b in zip(self, other)))
 
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """Information (P, P) and moment (P,) of all joints, joint j's equations times ``weights[j]``."""
@@ -53,19 +53,15 @@ def no_sums(joints: int, parameters: int) -> Sums:
     return Sums(*(np.zeros(shape) for shape in shapes))
 
 
-def sums_of(y: Array, tau: Array, forgetting: float = 1.0) -> Sums:
-    """Sums over samples, oldest first, of a regressor (S, J, P) and torque (S, J)."""
-    if forgetting == 1:
-        return sums_of_draws(y, tau[None])[0]
-    decay = forgetting ** np.arange(len(tau) - 1.0, -1, -1)
-    root = np.sqrt(decay)[:, None]
-    (sums,) = sums_of_draws(y * root[..., None], (tau * root)[None])
-    return sums._replace(total=decay @ tau, weight=decay.sum())
+def sums_of(y: Array, tau: Array) -> Sums:
+    """Sums over samples of a regressor (S, J, P) and torque (S, J)."""
+    return sums_of_draws(y, tau[None])[0]
 
 
 def sums_of_draws(y: Array, torques: Array) -> list[Sums]:
     """Sums of each of R draws of torques, (R, S, J), over samples that share one regressor (S, J, P)."""
-    rows, count = y.transpose(1, 2, 0), np.array(float(len(y)))
+    rows = y.transpose(1, 2, 0)
+    count = np.array(float(len(y)))
     information = rows @ rows.mT
     moments = rows @ torques.transpose(2, 1, 0)  # (J, P, R)
     each = zip(np.moveaxis(moments, -1, 0), np.square(torques).sum(1), torques.sum(1))

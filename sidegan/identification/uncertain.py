@@ -43,7 +43,9 @@ class Uncertain:
         objective: str | list[str] = "parameters",
         identified: bool = False,
     ) -> None:
-        self._model, self._certainty, self._rate = model, certainty, rate
+        self._model = model
+        self._certainty = certainty
+        self._rate = rate
         self._scale, self._before = _known(covariance)  # units of the parameters, information in these
         self._motion = np.zeros_like(self._before)
         self.purpose = purpose_of(objective, model, self._scale, identified)
@@ -79,13 +81,10 @@ class Uncertain:
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
-    """Uncertainty of an arm of which there is a description and nothing else.
-
-    Raises:
-        ConfigError: when a setting does not fit the arm.
-    """
-    model, usual = TorqueModel(body, terms), usual_torque(body)
-    covariance = np.linalg.inv(belief(model, usual, goal.believed))
+    """Uncertainty of an arm of which there is a description and nothing else."""
+    model = TorqueModel(body, terms)
+    usual = usual_torque(body)
+    covariance = np.linalg.inv(belief(model, usual))
     return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, goal.objective)
 
 

@@ -46,7 +46,8 @@ def unmodelled(q: Array, dq: Array, torque: Array, usual: Array) -> Array:
 
     At positions, velocities and torques (…, J) of joints whose usual torque is ``usual``, (J,).
     """
-    s, root = np.tanh(dq / _SHARP), (dq * dq + 1e-4) ** 0.25
+    s = np.tanh(dq / _SHARP)
+    root = (dq * dq + 1e-4) ** 0.25
     waves = [f(n * q) for n in (2, 8, 20, 100) for f in (np.sin, np.cos)]
     size = torque / usual
     forms = [s * np.exp(-((dq / 0.1) ** 2)), s * np.tanh(3 * size) * size]
@@ -93,7 +94,8 @@ def find_unmodelled(model: TorqueModel, estimate: Estimate, samples: Samples) ->
     turned, left = _left(model, estimate, samples)
     each = [_explained(one, x) for one, x in zip(left, estimate.inflation / estimate.samples)]
     found = [Lack(j, *kind) for j, (kinds, _) in enumerate(each) for kind in kinds]
-    amounts, states = np.stack([one for _, one in each]), model.usual_states()
+    amounts = np.stack([one for _, one in each])
+    states = model.usual_states()
     rows = model.regressor(*states)
     torque = rows @ estimate.parameters
     forms = _forms(model, estimate, rows, Measurements(*states, torque))
@@ -117,7 +119,10 @@ class _Left(NamedTuple):
 
 def _explained(left: _Left, chance: float) -> tuple[list[tuple[str, float]], Array]:
     """Kinds with the shares that they explain, more than by chance, and how much of each form, (K,)."""
-    found, chosen, reached, amounts = dict[str, float](), list[int](), 0.0, np.zeros_like(left.right)
+    found: dict[str, float] = {}
+    chosen: list[int] = []
+    reached = 0.0
+    amounts = np.zeros_like(left.right)
     while left.energy > 0 and len(found) < _MOST:
         values = {kind: left.by([*chosen, *forms])[0] for kind, forms in KINDS.items() if kind not in found}
         best = max(values, key=values.__getitem__)

@@ -56,9 +56,9 @@ class Quality:
     torque_deviation: Array  # deviation of predicted torques within the limits, over the usual ones, (J,)
     usual: Array  # these: torques within the limits, root mean square [N·m or N], (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, the worst first
+    noise: Array  # whether what is left of a joint's torque is noise, (J,)
     causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
     other_gravity: bool = False  # whether another one than the description's explains the torques better
-    noise: Array | None = None  # whether what is left of a joint's torque is noise, (J,); None: not known
 
     @property
     def verdict(self) -> str:
@@ -69,12 +69,14 @@ class Quality:
     @property
     def reasons(self) -> list[str]:
         """Reasons of the verdict: causes, then all about one joint together, the gravest first."""
-        groups, sentences = dict[object, list[Finding]](), list[str]()
+        groups: dict[object, list[Finding]] = {}
+        sentences = []
         for one in self.findings[len(self.causes) :]:
             groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
         gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
         for group in [*([cause] for cause in self.causes), *gravest_first]:
-            texts, joint = "; ".join(one.text for one in group), group[0].joint
+            texts = "; ".join(one.text for one in group)
+            joint = group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
         if self.verdict == GOOD:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
@@ -100,8 +102,7 @@ class Quality:
     @property
     def drowned(self) -> Array:
         """Joints whose torque noise drowns, so that nMSE tells nothing about the model, (J,)."""
-        large = self.judged.nmse > _GOOD_JOINT
-        drowned = large & self.noise if self.noise is not None else np.zeros_like(large)
+        drowned = self.noise & (self.judged.nmse > _GOOD_JOINT)
         return drowned & ~drowned.all()
 
     def mean(self, errors: Score) -> float:
@@ -165,13 +166,13 @@ def _misfits(quality: Quality) -> Iterator[Finding]:
         elif error > _GOOD_JOINT:
             level = BAD if error > _USABLE_JOINT else USABLE
             left = f"the model leaves {error:.0%} of the torque's variance unexplained"
-            text = left if math.isfinite(error) else "the torque is constant"
-            yield Finding(level, f"{text} on {where}", j)
+            yield Finding(level, f"{left} on {where}", j)
 
 
 def _drowned(quality: Quality, j: int) -> Finding:
     """Finding on a joint whose torque is below its noise: it is judged by N·m beside its limit."""
-    unit, limit = "N" if quality.arm.prismatic[j] else "N·m", quality.arm.torque_limit[j]
+    unit = "N" if quality.arm.prismatic[j] else "N·m"
+    limit = quality.arm.torque_limit[j]
     usual, noise, share = (x[j] for x in (quality.usual, quality.judged.rmse, quality.torque_deviation))
     known = math.isfinite(limit)
     level = BAD if (share * usual > _USABLE_LIMIT * limit if known else share > _USABLE_TORQUE) else USABLE
@@ -221,9 +222,11 @@ def _advice(quality: Quality, j: int) -> str:
     """Advice on exciting a joint better; nothing where something else is to be mended first."""
     if quality.faulty:
         return ""
-    arm, unit = quality.arm, "m" if quality.arm.prismatic[j] else "rad"
+    arm = quality.arm
+    unit = "m" if arm.prismatic[j] else "rad"
     moved, fastest = (x[j] for x in quality.estimate.reach)
-    span, limit = arm.position_upper[j] - arm.position_lower[j], arm.velocity_limit[j]
+    span = arm.position_upper[j] - arm.position_lower[j]
+    limit = arm.velocity_limit[j]
     wishes = []
     if moved < _LITTLE * span:
         wishes.append(f"goes further than {moved:.2g} of {span:.3g} {unit}")
@@ -246,7 +249,8 @@ def implausible_mass(found: float, described: float) -> list[Finding]:
 def implausible_links(arm: Arm, links: Array) -> list[Finding]:
     """Findings on links (J, 10) that no such arm has, by mass and centre of mass."""
     described = arm.inertial_parameters[:, 0]
-    whole, reach = described.sum(), np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
+    whole = described.sum()
+    reach = np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
     found = []
     for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
         away = math.hypot(*moment) / mass if mass > 0 else 0.0

@@ -55,8 +55,8 @@ def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
-        names, style = list(handles), {"ncols": columns, "fontsize": 9, "frameon": False}
-        figure.legend(list(handles.values()), names, loc="outside lower center", **style)
+        style: dict[str, Any] = {"ncols": columns, "fontsize": 9, "frameon": False}
+        figure.legend(list(handles.values()), list(handles), loc="outside lower center", **style)
 
 
 def save(figure: Figure, path: Path) -> Path:

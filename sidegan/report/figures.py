@@ -34,7 +34,8 @@ def panels(
         shown: the metrics.
         references: the same metrics of sets that they are compared with, dashed.
     """
-    (key, label), columns = across, min(3, len(shown))
+    key, label = across
+    columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     figure = blank(7.2 if columns == 1 else 3.7 * columns + 0.5, 3.1 * rows + (1.1 if columns == 1 else 0.6))
     variants = ordered(frame.variant.unique())

@@ -38,11 +38,7 @@ class Bundle(NamedTuple):
 
 
 def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
-    """A panel per bundle with the end effector's path along its trajectories, all to one scale.
-
-    Raises:
-        ShapeError: when there is no bundle, or one does not fit its family.
-    """
+    """A panel per bundle with the end effector's path along its trajectories, all to one scale."""
     if not bundles:
         raise ShapeError("there are no sets to draw")
     drawn = [tip_paths(arm, bundle.family, bundle.coefficients) for bundle in bundles]
@@ -59,11 +55,7 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
 
 
 def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figure:
-    """The arm at ``count`` times along one trajectory (J, H, 2), a panel each, with its end effector's path.
-
-    Raises:
-        ShapeError: when the trajectory does not fit its family or is not finite.
-    """
+    """The arm at ``count`` times along a trajectory (J, H, 2), a panel each with its end effector's path."""
     (path,) = tip_paths(arm, family, coefficients[None])
     every = np.linspace(0, len(path) - 1, count, endpoint=False).round().astype(int)
     motion = family.roll_out(coefficients[None], family.times(_RATE))
@@ -83,11 +75,7 @@ def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figu
 
 
 def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Array:
-    """End effector's positions [m], (B, T, 3), over one period.
-
-    Raises:
-        ShapeError: when one does not fit the family or is not finite.
-    """
+    """End effector's positions [m], (B, T, 3), over one period."""
     motion = family.roll_out(coefficients, family.times(_RATE))
     batch, count, joints = motion.position.shape
     q = motion.position.reshape(-1, joints).T

@@ -205,12 +205,12 @@ class TrajectorySet:
             ArtifactError: when trimesh has no three.js.
             StorageError: when the page cannot be written.
         """
-        from sidegan.report.viewer import view_of, write_view
+        from sidegan.report.viewer.page import write_view
 
         titles = [f"{k} · cond {plain(x)}" for k, x in enumerate(self.conditions.tolist(), 1)]
-        c = self.coefficients
-        view = view_of(self.cell.constraints, self.family, c, titles, self.cell.whole_arm)
-        write_view(view, Path(path), self.demands(rate), steps)
+        cell, c = self.cell, self.coefficients
+        shown = cell.constraints, cell.whole_arm, self.family, c, titles, self.demands(rate)
+        write_view(Path(path), *shown, steps)
 
 
 def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Array, condition: float) -> str:

@@ -105,9 +105,8 @@ def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     found["sums"] = body.sums(*states, measured.torque) @ sides
     for terms in (RIGID, FULL):
         model = TorqueModel(body, terms)
-        for method, more in (("rls", {"prior": 1e3, "forgetting": 0.999}), ("weighted", {})):
-            one = estimate(method, model, measured, **more)
-            found |= {f"{method}_{model.count}": one.parameters, f"{method}_{model.count}_sd": one.deviation}
+        one = estimate("weighted", model, measured)
+        found |= {f"weighted_{model.count}": one.parameters, f"weighted_{model.count}_sd": one.deviation}
     found |= {f"states_{key}": x.min(0) for key, x in problem.constraints.margins(*states).items()}
     found |= {f"least_{key}": x for key, x in check(problem.constraints, trajectory, c).margins.items()}
     return found

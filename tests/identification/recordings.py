@@ -5,12 +5,26 @@ from unittest.mock import patch
 
 import numpy as np
 
-from sidegan.identification import FULL, Measurements, Noise, TorqueModel, estimate
+from sidegan.identification import (
+    FULL,
+    EstimationSettings,
+    Measurements,
+    Noise,
+    Terms,
+    TorqueModel,
+    estimate,
+    quality,
+    score,
+)
 from sidegan.identification.settings import GoalSettings, StudySettings
+from sidegan.identification.workflow import identify_arm
 from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.check import check_recording
+from tests.recording.conftest import moved, of_file
 
 NOISE = Noise()
 GOAL = GoalSettings(count=1, objective="parameters")
+VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])  # of a planar arm
 FRICTION = {"rotor_inertia": 0.2, "viscous": 1.5, "coulomb": 2.0, "offset": 0.3}
 
 
@@ -51,11 +65,34 @@ def recorded(model, samples=1500, noise=0.0, seed=0):
     return measured(model, multisine(model.joints, samples, seed), noise, seed)
 
 
+def checked(arm, seed, truth=None, change=None, seconds=15, rate=200, friction=(VISCOUS, COULOMB), **motion):
+    """A recording of a true arm, changed, and checked against a description."""
+    time = np.arange(seconds * rate) / rate
+    made = moved(truth or arm, time, *friction, np.random.default_rng(seed), **motion)
+    return check_recording(made if change is None else change(made), arm, of_file())
+
+
+def identified(arm, training, validation=(), method="weighted", **others):
+    terms = Terms(sign_width=0.01)
+    options = EstimationSettings(method=method, **others)
+    return identify_arm(arm, list(training), list(validation), terms, options)
+
+
 def half_still(arm, noise, elbow=1e-2):
     """A model of a planar arm, its estimate from a recording in which the elbow hardly moves, and that."""
     model = model_of(arm)
     data = measured(model, [x * np.array([1.0, elbow]) for x in multisine(2, 1000)], noise)
     return model, estimate("weighted", model, data), data
+
+
+def quality_of(model, found, data, validation=None):
+    """Quality of an estimate from data, on measurements that were held out, where nothing is noise."""
+    train = score(model, found.parameters, data)
+    tested = None if validation is None else score(model, found.parameters, validation)
+    noise = np.zeros(model.joints, dtype=bool)
+    return quality(
+        model, found, validation or [data], train=train, validation=tested, folds=None, noise=noise
+    )
 
 
 class Fixed:

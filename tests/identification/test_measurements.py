@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from sidegan.identification import Noise, measure
+from sidegan.identification import Noise, disturbed, measure
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.motion.trajectory import Trajectory
 
 
 def stack(measurements):
@@ -24,9 +24,9 @@ def motion():
 
 
 def test_noise_is_uniform_relative_to_the_signal(body, motion):
-    clean = stack(measure(body, motion))
-    noise = Noise(state=True)
-    added = stack(measure(body, motion, noise, np.random.default_rng(1))) - clean
+    exact = measure(body, motion)
+    clean = stack(exact)
+    added = stack(disturbed(exact, Noise(state=True), np.random.default_rng(1))) - clean
     moving = clean != 0  # at rest there is none
     share = added[moving] / clean[moving]
     assert 0.0995 < np.abs(share).max() <= 0.1 + 1e-9
@@ -39,7 +39,7 @@ def test_only_noisy_signals_have_noise_and_the_same_whatever_else_is_noisy(body,
     clean = measure(body, motion)
     assert all(np.array_equal(x, true.reshape(300, 2)) for x, true in zip(clean.states, motion[1:]))
     torque, state, both = (
-        measure(body, motion, Noise(torque=noisy[0], state=noisy[1]), np.random.default_rng(1))
+        disturbed(clean, Noise(torque=noisy[0], state=noisy[1]), np.random.default_rng(1))
         for noisy in ((True, False), (False, True), (True, True))
     )
     assert all(np.array_equal(x, y) for x, y in zip(torque.states, clean.states))
@@ -50,8 +50,7 @@ def test_only_noisy_signals_have_noise_and_the_same_whatever_else_is_noisy(body,
 
 
 def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion):
-    noise = Noise(state=True)
-    whole, random = stack(measure(body, motion, noise, 5)), np.random.default_rng(5)
-    alone = (Motion(motion.time, *(x[i : i + 1] for x in motion[1:])) for i in range(2))
-    parts = [stack(measure(body, one, noise, random)) for one in alone]
-    np.testing.assert_allclose(whole, np.concatenate(parts, 1), rtol=1e-14, atol=1e-14)
+    exact, noise, random = measure(body, motion), Noise(state=True), np.random.default_rng(5)
+    whole = stack(disturbed(exact, noise, np.random.default_rng(5), batch=2))
+    parts = [stack(disturbed(one, noise, random)) for one in (exact[:150], exact[150:])]
+    np.testing.assert_array_equal(whole, np.concatenate(parts, 1))

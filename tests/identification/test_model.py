@@ -79,11 +79,11 @@ class TestGroupings:
             assert pd.eval(product, local_dict=values) == pytest.approx(expected, rel=1e-3)
 
 
-def test_links_are_believed_to_be_of_typical_size_and_terms_a_share_of_their_joints_torque(arm):
+def test_links_are_believed_to_be_of_typical_size_and_terms_of_their_joints_torque(arm):
     model, scale = model_of(arm), np.linspace(5, 20, 7)
-    covariance = np.linalg.inv(belief(model, scale, 0.25))
-    links = model.body.base.mapping * (0.25 * typical(arm).ravel())
+    covariance = np.linalg.inv(belief(model, scale))
+    links = model.body.base.mapping * typical(arm).ravel()
     assert_close(covariance[: model.rigid, : model.rigid], links @ links.T)
     deviations = zip(model.names[model.rigid :], np.sqrt(covariance.diagonal()[model.rigid :]).tolist())
-    assert all(x == pytest.approx(0.25 * float(scale[int(name[-1]) - 1])) for name, x in deviations)
+    assert all(x == pytest.approx(float(scale[int(name[-1]) - 1])) for name, x in deviations)
     assert not covariance[: model.rigid, model.rigid :].any()

@@ -10,24 +10,21 @@ from sidegan.identification import estimate
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.noise import is_noise
 from sidegan.identification.verdict import USABLE
-from sidegan.recording.check import check_recording
-from tests.identification.recordings import model_of, white
-from tests.identification.test_workflow import identified
-from tests.recording.conftest import moved, of_file
+from tests.identification.recordings import VISCOUS, checked, identified, model_of, white
 
 RATE = 200.0
 NOISE = 3.0  # [N·m]: half as much as the elbow's own torque
-VISCOUS, COULOMB = np.array([2.0, 0.8]), np.zeros(2)
 
 
-def recorded(arm, seed, extra=None, seconds=30, noise=NOISE):
+def recorded(arm, seed, extra=lambda made: 0.0, seconds=30, noise=NOISE):
     """A recording with white noise on the elbow's torque, and more on it."""
-    time = np.arange(seconds * RATE) / RATE
-    made = moved(arm, time, VISCOUS, COULOMB, np.random.default_rng(seed), noise=0.005)
-    more = noise * white((len(time),), seed)
-    torque = made.torque.copy()
-    torque[:, 1] += more if extra is None else more + extra(made)
-    return check_recording(replace(made, torque=torque), arm, of_file())
+
+    def disturbed(made):
+        torque = made.torque.copy()
+        torque[:, 1] += noise * white((len(made.time),), seed) + extra(made)
+        return replace(made, torque=torque)
+
+    return checked(arm, seed, None, disturbed, seconds, RATE, (VISCOUS, 0.0), noise=0.005)
 
 
 def told(planar, training, other):
@@ -89,5 +86,5 @@ def test_a_joint_that_noise_drowns_is_judged_in_torque_and_the_others_by_themsel
     assert result.verdict == USABLE and result.mean(result.judged) < 0.01
     (said,) = [reason for reason in result.reasons if reason.startswith("joint 2")]
     assert "what is left is noise of" in said and "a longer recording" in said and "excite it" not in said
-    strict = replace(result, noise=None)
+    strict = replace(result, noise=np.zeros(2, dtype=bool))
     assert strict.verdict == "not trustworthy" and "excite it" in " ".join(strict.reasons)

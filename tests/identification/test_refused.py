@@ -53,7 +53,7 @@ def goal(**changes):
 
 
 REFUSED = [
-    (ConfigError, "'lasso', expected one of ols, weighted, rls", lambda: of_rows("lasso")),
+    (ConfigError, "'lasso', expected one of ols, weighted, consistent", lambda: of_rows("lasso")),
     (ShapeError, "no samples", lambda: estimate("ols", LINEAR, [DATA[:0]])),
     (ShapeError, "3 joints, the model has 2", lambda: estimate("ols", MODEL, DATA)),
     (ShapeError, "all torques are zero", lambda: of_rows("weighted", 0 * ROWS[1])),

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.identification import RIGID, TorqueModel, measure, study
+from sidegan.identification import RIGID, TorqueModel, disturbed, measure, study
 from sidegan.identification.gather import gather
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -31,30 +31,36 @@ def families():
     return {"long-6": draw(long, 1), "seeds": draw(short, 2)}, draw(short, 3)
 
 
-def compare(body, families, seed=0, **changes):
-    return study.compare(body, *families, study_settings(**changes), np.random.SeedSequence(seed))
+def drawn(body, family, tests, seed=0, **changes):
+    settings, random = study_settings(**changes), np.random.SeedSequence(seed)
+    return study.drawn_errors(body, "set", family, tests, settings, random, lambda *_: None)
 
 
-def test_there_is_a_row_for_everything(body, families, planar):
-    told, random = [], np.random.SeedSequence(0)
-    results, facts = study.compare(body, *families, study_settings(), random, lambda *x: told.append(x))
-    rows = itertools.product(families[0], range(2), (False, True), planar.joint_names)
-    assert set(results[["set", "repeat", "weighted", "joint"]].itertuples(index=False)) == set(rows)
-    assert len(results) == 16 and len(facts) == 4 and told == [(k, 4) for k in range(1, 5)]
-    assert dict(zip(facts["set"], facts.duration)) == {"long-6": 16.0, "seeds": 16.0}
-    assert dict(zip(facts["set"], facts.samples)) == {"long-6": 321, "seeds": 322}
+def summed(body, family, settings, randoms):
+    return study.measured_sums(body, family, settings, randoms, lambda *_: None)
+
+
+@pytest.mark.parametrize(("name", "duration", "samples"), [("long-6", 16.0, 321), ("seeds", 16.0, 322)])
+def test_there_is_a_row_for_everything(body, families, planar, name, duration, samples):
+    told, random, (sets, tests) = [], np.random.SeedSequence(0), families
+    progress = lambda *done: told.append(done)  # noqa: E731
+    results, facts = study.drawn_errors(body, name, sets[name], tests, study_settings(), random, progress)
+    rows = itertools.product([name], range(2), (False, True), planar.joint_names)
+    found = results[["set", "repeat", "weighted", "joint"]].itertuples(index=False)
+    assert set(found) == set(rows) and len(results) == 8
+    count = len(sets[name][1])
+    assert told == [(count, count)]
+    assert facts["set"].tolist() == [name] * 2 and facts.repeat.tolist() == [0, 1]
+    assert facts.duration.tolist() == [duration] * 2 and facts.samples.tolist() == [samples] * 2
     assert (facts.condition > 1).all() and (facts.covariance_norm > 0).all()
 
 
-def test_noise_is_that_of_the_repeat_and_the_seed_whatever_the_sets(body, families):
+def test_noise_is_that_of_the_repeat_and_the_seed(body, families):
     sets, tests = families
-    twice = {"a": sets["seeds"], "long-6": sets["long-6"], "b": sets["seeds"]}
-    table = compare(body, (twice, tests))[0].set_index(["set", "repeat", "weighted", "joint"]).nmse
-    pd.testing.assert_series_equal(table["a"], table["b"])
-    alone, other = (compare(body, ({"b": sets["seeds"]}, tests), seed)[0] for seed in (0, 1))
-    pd.testing.assert_series_equal(table["b"], alone.set_index(["repeat", "weighted", "joint"]).nmse)
-    assert (alone.nmse != other.nmse).all()
-    assert (table["a"][0] != table["a"][1]).all()
+    one, again, other = (drawn(body, sets["seeds"], tests, seed)[0] for seed in (0, 0, 1))
+    pd.testing.assert_frame_equal(one, again)
+    assert (one.nmse != other.nmse).all()
+    assert (one[one.repeat == 0].nmse.to_numpy() != one[one.repeat == 1].nmse.to_numpy()).all()
 
 
 def test_sums_of_sets_identify_like_the_sets_together(body, families):
@@ -63,7 +69,8 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
     exact = study_settings(noise=EXACT, prior=1e12)
     random = np.random.SeedSequence(0)
     (seeds,), (long,) = (
-        study.measured_sums(body, sets[name], exact, [random]) for name in ("seeds", "long-6")
+        study.measured_sums(body, sets[name], exact, [random], lambda *_: None)
+        for name in ("seeds", "long-6")
     )
     results, facts = study.combined(body, {"one": [seeds], "both": [seeds, long]}, tests, exact)
     assert results.nmse.max() < 1e-8 and len(results) == 2 * 2 * 2
@@ -73,15 +80,12 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
 
 
 def test_draws_that_share_a_regressor_have_the_sums_of_each_alone(body, families):
-    noisy, draws = (
-        study_settings(noise=replace(NOISE, torque=True, state=False)),
-        np.random.SeedSequence(3).spawn(3),
-    )
-    together = study.measured_sums(body, families[0]["seeds"], noisy, draws)
+    noisy, draws = study_settings(), np.random.SeedSequence(3).spawn(3)
+    together = summed(body, families[0]["seeds"], noisy, draws)
     family, c = families[0]["seeds"]
-    motion = family.roll_out(c, family.times(noisy.rate))
+    exact = measure(body, family.roll_out(c, family.times(noisy.rate)))
     for sums, draw in zip(together, draws, strict=True):
-        samples = measure(body, motion, noisy.noise, np.random.default_rng(draw))
+        samples = disturbed(exact, noisy.noise, np.random.default_rng(draw), len(c))
         for found, wanted in zip(sums, gather(TorqueModel(body, RIGID), samples).sums):
             np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
@@ -90,8 +94,8 @@ def test_errors_over_many_draws_are_those_expected(body, families):
     sets, (trajectory, c) = families
     tests = trajectory, c[:1]
     settings = study_settings(repeats=150)
-    drawn, _ = study.compare(body, {"seeds": sets["seeds"]}, tests, settings, np.random.SeedSequence(1))
-    nmse = drawn.groupby(["weighted", "joint"]).nmse
+    results, _ = drawn(body, sets["seeds"], tests, seed=1, repeats=150)
+    nmse = results.groupby(["weighted", "joint"]).nmse
     expected = (
         study.expected_errors(body, sets["seeds"], tests, settings).set_index(["weighted", "joint"]).nmse
     )

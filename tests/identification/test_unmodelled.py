@@ -8,9 +8,8 @@ import pytest
 from scipy.signal import lfilter
 
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.quality import quality
 from sidegan.identification.unmodelled import BIASED, KINDS, find_unmodelled, unmodelled
-from tests.identification.recordings import model_of, multisine, truth_of
+from tests.identification.recordings import model_of, multisine, quality_of, truth_of
 
 SAMPLES, JOINT = 6000, 3
 SIZE = 4.0  # [N·m] of a planted misfit
@@ -90,8 +89,8 @@ def test_noise_is_no_misfit(model, keep):
 
 
 def test_bias_and_noise_are_reported_apart_in_words(model, flawed):
-    _, fitted, found = flawed(SHOWN[0])
-    noise = quality(model, fitted).torque_deviation
+    data, fitted, found = flawed(SHOWN[0])
+    noise = quality_of(model, fitted, data).torque_deviation
     (said,) = found.sentences(NAMES, noise)
     assert re.match(r"joint 4: \d+% of what is left is friction near rest, ", said)
     assert said.endswith(BIASED) and found.error[JOINT] > noise[JOINT]

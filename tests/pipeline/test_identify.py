@@ -90,7 +90,7 @@ def python_class(folder):
     spec = importlib.util.spec_from_file_location("planar2_model", folder / "model.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return module.TorqueModel()
+    return module.ArmDynamics()
 
 
 def by_mujoco(folder, model):

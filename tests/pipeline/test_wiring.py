@@ -153,16 +153,16 @@ def refuse_tests(made, learned, tests):
 
 def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, build, monkeypatch):
     made, one, learned = executed
-    compare, seen = study.compare, {}
+    drawn_errors, seen = study.drawn_errors, {}
 
-    def watched(body, sets, tests, *rest):
-        seen.update(sets=sets, tests=tests)
-        return compare(body, sets, tests, *rest)
+    def watched(body, name, family, tests, *rest):
+        seen.update(learned=family, tests=tests)
+        return drawn_errors(body, name, family, tests, *rest)
 
-    monkeypatch.setattr(study, "compare", watched)
+    monkeypatch.setattr(study, "drawn_errors", watched)
     identification(made, one).make(build)
-    (_, sets), (_, tests) = seen["sets"]["planted"], seen["tests"]
-    np.testing.assert_array_equal(sets, learned)
+    (_, c), (_, tests) = seen["learned"], seen["tests"]
+    np.testing.assert_array_equal(c, learned)
     refuse_tests(made, learned, tests)
 
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidegan.report.identification import Origin, page
-from sidegan.report.identification.page import report_html
+from sidegan.report.identification.content import Origin
+from sidegan.report.identification.results import number, report_html
 from tests.report.builders import identification
 from tests.report.pages import Page
 
@@ -64,15 +64,10 @@ def test_words_from_outside_run_nothing(html, read):
     assert HOSTILE not in html and HOSTILE in read.text
 
 
-def test_what_there_is_nothing_to_say_of_is_left_out(identified, monkeypatch):
-    monkeypatch.setattr(page, "_RECORDINGS", 1)
-    pulled = replace(identified.quality, other_gravity="gravity is another one")
-    text = Page(
-        report_html(
-            replace(identified, quality=pulled, tests=replace(identified.tests, errors=identified.trained)),
-            ORIGIN,
-        ).decode()
-    ).text
+def test_what_there_is_nothing_to_say_of_is_left_out(identified):
+    pulled = replace(identified.quality, other_gravity=True)
+    many = {"training": 12 * identified.training, "tested": identified.trained}
+    text = Page(report_html(replace(identified, quality=pulled, **many), ORIGIN).decode()).text
     assert "nMSE, validation" not in text
     assert "1 more recordings are not shown" in text and "Use none of these models" in text
 
@@ -82,4 +77,4 @@ NUMBERS = {1.23456: "1.235", -2.5e-7: "-2.5e-7", 1.5e12: "1.5e12", -3e-17: "0", 
 
 @pytest.mark.parametrize(("value", "text"), NUMBERS.items())
 def test_numbers_for_people(value, text):
-    assert page.number(value) == text
+    assert number(value) == text

@@ -9,11 +9,12 @@ import zlib
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.report.viewer import view_of, write_view
+from sidegan.report.viewer.page import write_view
 from sidegan.report.viewer.surfaces import fewer, region_surface
 from sidegan.robot.visuals import Part
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
@@ -22,6 +23,7 @@ from tests.report.pages import Page
 
 FAMILY = Trajectory(2, 3, 8.0)
 REGIONS = (Plane((0.0, 0.0, 1.0), -0.5), Box((0.5, -0.1, 0.0), (0.9, 0.1, 0.3)))
+TABLE = pd.DataFrame({"cond(YᵀY)": ["7", "8", "9"]}, pd.RangeIndex(1, 4, name="trajectory"))
 EVIL = "</script><script>alert('joint & more')</script><!--"
 
 
@@ -31,26 +33,26 @@ def coefficients():
 
 
 @pytest.fixture(scope="module")
-def view(planar, coefficients):
-    return view_of(Constraints(planar, REGIONS), FAMILY, coefficients)
+def write(tmp_path_factory, coefficients):
+    """The text of a page with three trajectories."""
 
-
-@pytest.fixture(scope="module")
-def write(tmp_path_factory):
-    """The text of a view's page."""
-
-    def text(view):
+    def text(constraints, titles="123"):
         path = tmp_path_factory.mktemp("view") / "view.html"
-        write_view(view, path)
+        write_view(path, constraints, constraints.arm, FAMILY, coefficients, titles, TABLE)
         return path.read_text()
 
     return text
 
 
 @pytest.fixture(scope="module")
-def shown(view, write):
+def html(planar, write):
+    return write(Constraints(planar, REGIONS))
+
+
+@pytest.fixture(scope="module")
+def shown(html):
     """The page's plain values and its arrays."""
-    return unpacked(Page(write(view)))
+    return unpacked(Page(html))
 
 
 def unpacked(page):
@@ -75,9 +77,10 @@ def test_positions_and_shares_are_those_of_the_motion(planar, shown, coefficient
     assert np.abs(shares["acceleration"]).max((0, 1)) == pytest.approx([1, 1])
 
 
-def test_limits_of_acceleration_are_what_it_is_a_share_of(planar, coefficients):
+def test_limits_of_acceleration_are_what_it_is_a_share_of(planar, write):
     limited = replace(planar, acceleration_limit=np.array([5.0, np.inf]))
-    signal = view_of(Constraints(limited), FAMILY, coefficients).head["signals"]["acceleration"]
+    head, _ = unpacked(Page(write(Constraints(limited))))
+    signal = head["signals"]["acceleration"]
     assert signal["limited"] == [True, False] and signal["scale"][0] == 5
 
 
@@ -93,21 +96,19 @@ def test_the_closest_is_what_the_check_finds(planar, shown, coefficients):
     assert [head["pairs"][k] for k in arrays["pair"]] == [names[k] for k in distances.argmin(1)]
 
 
-def test_names_of_strangers_stay_names(planar, coefficients, write):
+def test_names_of_strangers_stay_names(planar, write):
     named = replace(planar, name=EVIL, joint_names=(EVIL, "b"), link_names=(EVIL, "b"))
     named = replace(named, capsules=replace(planar.capsules, names=(EVIL, "<b>", "&")))
-    view = view_of(Constraints(named), FAMILY, coefficients, [EVIL, "2", "3"])
-    page = Page(write(view))
-    assert page.tags == Page(write(view_of(Constraints(planar), FAMILY, coefficients))).tags
+    page = Page(write(Constraints(named), [EVIL, "2", "3"]))
+    assert page.tags == Page(write(Constraints(planar))).tags
     head, _ = unpacked(page)
     assert head["joints"][0] == head["titles"][0] == EVIL
 
 
-def test_nothing_comes_from_elsewhere(view, write):
-    text = write(view)
-    assert "default-src 'none'" in text and "SPDX-License-Identifier: MIT" in text  # of three.js
-    assert Page(text).links == []
-    assert len(text) < 2_000_000
+def test_nothing_comes_from_elsewhere(html):
+    assert "default-src 'none'" in html and "SPDX-License-Identifier: MIT" in html  # of three.js
+    assert Page(html).links == []
+    assert len(html) < 2_000_000
 
 
 def test_too_many_triangles_become_fewer_that_stay_where_they_were():
@@ -131,8 +132,8 @@ def test_surfaces_of_regions_look_outwards_and_hold_them():
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")
-def test_a_browser_shows_it(view, tmp_path):
-    write_view(view, tmp_path / "view.html")
+def test_a_browser_shows_it(html, tmp_path):
+    (tmp_path / "view.html").write_text(html)
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
     command += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=8000"]
     command += [f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", (tmp_path / "view.html").as_uri()]

@@ -21,8 +21,8 @@ from sidegan.robot.visuals import visual_parts
 from sidegan.steps.trajectories import peaks
 from sidegan.validity.pairs import describe_displaced_shapes
 from sidegan.validity.placeholders import describe_placeholder_limits
+from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
-from tests.identification.test_workflow import identified
 from tests.pipeline.test_workspace import workspace
 from tests.robot.urdf import collision, joint, link, mesh, robot
 
@@ -77,9 +77,9 @@ def test_a_link_that_cannot_be_is_named_and_replaced_by_the_nearest_that_can(loa
 @pytest.mark.parametrize("content", [BARE, {1: inertial(moments=(0.02, 0.02, 0.042))}], ids=["none", "one"])
 def test_an_arm_is_identified_whatever_its_masses_are(load, content):
     truth, arm = load(arm_of()), load(arm_of(content))
-    training, validation = recordings(arm, lambda made: made.torque, truth)
+    training, validation = recordings(arm, truth=truth)
     found = identified(arm, [training], [validation])
-    assert found.use == "consistent" and found.tests.errors["consistent"].nmse_mean < 2e-3
+    assert found.use == "consistent" and found.tested["consistent"].nmse_mean < 2e-3
     assert inconsistent_links(arm, found.links) == []
 
 

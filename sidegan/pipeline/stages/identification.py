@@ -61,7 +61,7 @@ def _identify(run: RunContext, build: Build, one: ExcitationSet) -> None:
     settings = run.cfg.identification
     tests = run.cell.trajectory, test_trajectories(run)
     family, random = (one.family, run.load(one.source).coefficients), run.random("identification")
-    frames = study.compare(run.cell.body, {one.name: family}, tests, settings, random, build.report)
+    frames = study.drawn_errors(run.cell.body, one.name, family, tests, settings, random, build.report)
     expected = study.expected_errors(run.cell.body, family, tests, settings).assign(noise="paper")
     expected = pd.concat([expected, _under_constant_noise(run, *family)]).assign(set=one.name)
     for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):

@@ -19,7 +19,8 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.commanded import commanded_files
 from sidegan.recording.load import files_of
 from sidegan.recording.settings import Files, Recorded
-from sidegan.report.identification import REPORT, VERDICT, show_checks, write_checks
+from sidegan.report.export import show
+from sidegan.report.identification import REPORT, VERDICT, check_table, write_checks
 from sidegan.robot import Arm, describe_doubtful_links
 from sidegan.steps import identify as steps
 
@@ -82,7 +83,7 @@ def checked(run: RunContext) -> steps.Checked:
         gains=cfg.robot.gains,
         sign_width=cfg.model.sign_width,
     )
-    show_checks(found.recordings)
+    show(check_table(found.recordings), "Joints [rad, m, N·m, N, A]")
     return found
 
 

@@ -1,9 +1,10 @@
 """Words and tables of the report of an identification."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
 
 from sidegan.base.names import listed
@@ -33,8 +34,8 @@ class Origin(NamedTuple):
 
 def headline(identified: IdentifiedArm) -> str:
     """The verdict, and the error that it rests on."""
-    error = shown(identified.tests.errors[identified.use].nmse_mean)
-    return f"{identified.quality.verdict}: mean nMSE {error} ({identified.tests.kind})"
+    error = shown(identified.tested[identified.use].nmse_mean)
+    return f"{identified.quality.verdict}: mean nMSE {error} ({identified.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
@@ -52,16 +53,13 @@ def _use(identified: IdentifiedArm) -> str:
         return "Use none of these models: none predicts better than the mean torque does."
     if quality.verdict == BAD:
         return f"Use none of these models: {_needed(quality)}."
-    if use == CONSISTENT == method:
-        return f"Use the consistent model. {_held(identified)}"
-    errors = {name: float(error.mean()) for name, error in identified.choice.errors.items()}
-    if not errors:
+    if identified.tested is identified.trained:
         return (
-            "Use the consistent model, whose bodies can exist: nothing was held out, and halves of the "
-            f"recordings hold too little to predict each other. {_held(identified)}"
+            "Use the consistent model, whose bodies can exist: nothing was held out by which others could be "
+            f"compared with it. {_held(identified)}"
         )
-    compared = f"mean nMSE {shown(errors[CONSISTENT])} against {shown(errors[method])} of the {method} one"
-    compared += f", {identified.choice.kind}"
+    consistent, other = (shown(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
+    compared = f"mean nMSE {consistent} against {other} of the {method} one, {identified.kind}"
     if use == CONSISTENT:
         return (
             "Use the consistent model: bodies that can exist predict as well or better "
@@ -111,7 +109,7 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 def facts(identified: IdentifiedArm) -> dict[str, str]:
     """Numbers that are shown large."""
     quality, chosen, use = identified.quality, identified.chosen, identified.use
-    errors = {name: shown(one.nmse_mean) for name, one in identified.tests.errors.items()}
+    errors = {name: shown(one.nmse_mean) for name, one in identified.tested.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
@@ -134,11 +132,37 @@ def treatment(recording: CheckedRecording) -> str:
     return use + derived
 
 
+def check_table(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
+    """What each joint did in recordings: ranges, noise, saturation and sign."""
+    rows = []
+    for recording in recordings:
+        load = recording.statistics.load
+        position, effort = (recording.statistics.signals[name] for name in ("position", load))
+        noise = None if recording.repeated is None else recording.repeated.noise
+        fastest = np.abs(np.concatenate([segment.velocity for segment in recording.segments])).max(0)
+        for j, name in enumerate(recording.joint_names):
+            rows.append(
+                {
+                    "recording": recording.name,
+                    "joint": name,
+                    "position": f"{position.lower[j]:.3g} … {position.upper[j]:.3g}",
+                    "fastest": f"{fastest[j]:.3g}",
+                    load: f"{effort.lower[j]:.3g} … {effort.upper[j]:.3g}",
+                    "between repetitions": "—" if noise is None else f"{noise[j]:.2g}",
+                    "quantum": f"{effort.quantum[j]:.2g}",
+                    "saturated": int(effort.clipped[j]),
+                    "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
+                    "multiple of it": f"{recording.agreement.load.scale[j]:.2g}",
+                }
+            )
+    return pd.DataFrame(rows).set_index(["recording", "joint"])
+
+
 def error_table(identified: IdentifiedArm) -> pd.DataFrame:
     """Errors of the model to use, a row per joint: ``nMSE, training``, and so on."""
     uses = {"training": identified.trained}
-    if identified.tests.errors is not identified.trained:
-        uses["validation"] = identified.tests.errors
+    if identified.tested is not identified.trained:
+        uses["validation"] = identified.tested
     errors = {use: scores[identified.use] for use, scores in uses.items()}
     columns = {f"nMSE, {use}": one.nmse.tolist() for use, one in errors.items()}
     columns |= {f"RMSE, {use}": one.rmse.tolist() for use, one in errors.items()}

@@ -65,7 +65,8 @@ def friction(identified: IdentifiedArm) -> Figure:
 
     rest = torque - model.torque(theta, q, dq, ddq) + law(dq)
     velocity = np.linspace(-1, 1, _CURVE)[:, None] * np.abs(dq).max(0)
-    curve, dots = law(velocity), {"color": MEASURED, "markersize": 2.4, "markeredgewidth": 0, "alpha": 0.5}
+    curve = law(velocity)
+    dots = {"color": MEASURED, "markersize": 2.4, "markeredgewidth": 0, "alpha": 0.5}
     for j, (axis, title) in enumerate(zip(axes, titles)):
         axis.plot(dq[:, j], rest[:, j], "o", **dots, label="samples")
         axis.plot(velocity[:, j], curve[:, j], color=RESIDUAL, linewidth=1.6, label="identified")

@@ -1,4 +1,4 @@
-"""Files of an identification: tables, a URDF, a verdict for machines and a report for people."""
+"""Files of an identification: tables, a URDF, a verdict for machines, and a report as one HTML file."""
 
 import math
 import platform
@@ -6,22 +6,24 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from markupsafe import Markup
 
 from sidegan.base.arrays import Array
-from sidegan.base.names import folder_name
+from sidegan.base.names import folder_name, plain
 from sidegan.base.storage import write_bytes, write_json
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import Score
-from sidegan.report.identification.checks import write_checks
+from sidegan.recording.check import CheckedRecording
+from sidegan.report.document import web_page
+from sidegan.report.identification import content
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
-from sidegan.report.identification.page import report_html
 from sidegan.robot import write_mjcf, write_urdf
 
 VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
 _TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
-_CLASS, _SOURCE = "model.py", Path(__file__).with_name("torque_model.py")  # copied, never imported
+_CLASS, _SOURCE = "model.py", Path(__file__).with_name("arm_dynamics.py")  # copied, never imported
 # How MLflow loads that class from its folder.
 _LOADED = {
     "loader_module": Path(_CLASS).stem,
@@ -29,6 +31,8 @@ _LOADED = {
     "data": ".",
     "python_version": platform.python_version(),
 }
+_RECORDINGS = 12  # that are drawn
+_ROUNDING = 1e-12  # below which a number is none, whatever its SI unit
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 
 
@@ -49,6 +53,39 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     write_bytes(folder / REPORT, report_html(identified, origin))
 
 
+def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
+    """Write the check of recordings; the file's path."""
+    path = folder / "check.json"
+    write_json(path, [recording.as_json() for recording in recordings])
+    return path
+
+
+def report_html(identified: IdentifiedArm, origin: Origin) -> bytes:
+    """The report as an HTML document."""
+    from sidegan.report.canvas import svg  # matplotlib takes a while to import
+    from sidegan.report.identification import plots
+
+    return web_page(
+        "identification/report.html.jinja",
+        {"number": number},
+        identified=identified,
+        origin=origin,
+        title=f"Identification of {identified.model.arm.name}",
+        content=content,
+        settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
+        drawn=[*identified.validation, *identified.training][:_RECORDINGS],
+        plots=plots,
+        svg=lambda *drawn: Markup(svg(*drawn)),
+    )
+
+
+def number(value: float, digits: int = 4) -> str:
+    """A number for people: ``1.234``, ``1.2e-5``, or a dash where there is none."""
+    if not math.isfinite(value):
+        return "—"
+    return plain(value if abs(value) > _ROUNDING else 0.0, f".{digits}g")
+
+
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """The verdict for machines that decide whether to use the model; lists are in the order of the joints."""
     quality, chosen, use, arm = identified.quality, identified.chosen, identified.use, identified.model.arm
@@ -62,9 +99,9 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "reasons": quality.reasons,
         "recordings": [recording.name for recording in identified.training],
         "validation": {
-            "kind": identified.tests.kind,
+            "kind": identified.kind,
             "recordings": [recording.name for recording in identified.validation],
-            **_all_errors(identified.tests.errors, use, chosen.method),
+            **_all_errors(identified.tested, use, chosen.method),
             "description": _errors(quality.nominal_score),
         },
         "training": _all_errors(identified.trained, use, chosen.method),

@@ -1,61 +1,180 @@
-"""The page itself: the data, the 3D library and our scripts in one HTML file."""
+"""A page on which an arm moves along trajectories: one HTML file that needs nothing else.
 
+It has plain values, packed arrays of four-byte numbers, the 3D library and our scripts.
+"""
+
+import base64
 import json
 import zipfile
-from collections.abc import Sequence
+import zlib
+from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
+from typing import Any, TypeAlias
 
+import numpy as np
 import pandas as pd
 from markupsafe import Markup
+from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array, flatten
 from sidegan.base.storage import write_bytes
-from sidegan.errors import ArtifactError
+from sidegan.errors import ArtifactError, ShapeError
+from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.document import web_page
-from sidegan.report.viewer.content import View
+from sidegan.report.style import PALETTE
+from sidegan.report.viewer.surfaces import arm_parts, region_surface
+from sidegan.robot import Arm
+from sidegan.validity import Constraints, Plane
+from sidegan.validity.constraints import DISTANCES
 
-Steps = Sequence[tuple[str, str]]
+Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain values, arrays that go with them
+
+_RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
 _ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # of trimesh, with three.js in it
 
 
-def write_view(view: View, path: Path, table: pd.DataFrame | None = None, steps: Steps = ()) -> None:
-    """Write a view as one HTML file that needs no network.
+def write_view(
+    path: Path,
+    constraints: Constraints,
+    arm: Arm,
+    family: Trajectory,
+    coefficients: Array,
+    titles: Sequence[str],
+    table: pd.DataFrame,
+    steps: Sequence[tuple[str, str]] = (),
+) -> None:
+    """Write a page with trajectories of coefficients [rad/s], (B, J, H, 2).
 
     Args:
-        view: of the arm and its trajectories.
         path: of the file.
+        constraints: the arm in its workspace.
+        arm: the same with the limits that signals are shares of.
+        family: of the trajectories.
+        coefficients: theirs.
+        titles: what to call each.
         table: a row per trajectory, what it asks of the arm.
         steps: what to do with them, a sentence and a command each.
+
+    Raises:
+        ShapeError: when there is no trajectory, or another number of titles.
+        ArtifactError: when trimesh has no three.js.
     """
-    head, arrays = view.packed()
+    if len(coefficients) == 0 or len(titles) != len(coefficients):
+        raise ShapeError(f"there are {len(coefficients)} trajectories to show and {len(titles)} titles")
+    samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
+    motion = family.roll_out(coefficients, np.linspace(0.0, family.period, samples + 1))
+    head: dict[str, Any] = {
+        "name": arm.name,
+        "joints": list(arm.joint_names),
+        "prismatic": arm.prismatic.tolist(),
+        "period": family.period,
+        "samples": samples,
+        "titles": list(titles),
+        "checked": constraints.described(),
+        "colours": list(PALETTE),
+        "chain": {
+            "rotation": flatten(arm.rotation, 1).tolist(),  # row by row
+            "translation": arm.translation.tolist(),
+            "axis": arm.axis.tolist(),
+            "tip": arm.tip.tolist(),
+        },
+    }
+    arrays: dict[str, NDArray[Any]] = {}
+    for values, some in (
+        _signals(arm, constraints, motion),
+        _closest(constraints, motion),
+        _surfaces(constraints),
+    ):
+        head |= values
+        arrays |= some
+    places, packed = _packed(arrays)
     page = web_page(
         "viewer/viewer.html.jinja",
-        title=f"Trajectories of {view.head['name']}",
-        view=view.head,
-        table=None if table is None else table.reset_index(),
+        title=f"Trajectories of {arm.name}",
+        view=head,
+        table=table.reset_index(),
         steps=steps,
-        data=Markup(script_json(head)),
-        arrays=Markup(arrays),
-        library=Markup(three_js()),
+        data=Markup(_script_json(head | {"arrays": places})),
+        arrays=Markup(packed),
+        library=Markup(_three_js()),
     )
     write_bytes(path, page)
 
 
-def script_json(value: object) -> str:
+def _signals(arm: Arm, constraints: Constraints, motion: Motion) -> Content:
+    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) each."""
+    middle = (arm.position_upper + arm.position_lower) / 2
+    signals = {
+        "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
+        "velocity": (motion.velocity, arm.velocity_limit),
+        "acceleration": (motion.acceleration, arm.acceleration_limit),
+        "torque": (constraints.body.drive_torque(*motion[1:]), arm.torque_limit),
+    }
+    shares: dict[str, Any] = {}
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, (values, limit) in signals.items():
+        largest = np.maximum(np.abs(values).max((0, 1)), 1e-9)
+        limited = np.isfinite(limit) if limit is not None else np.zeros_like(largest, dtype=bool)
+        scale = largest if limit is None else np.where(limited, limit, largest)
+        shares[name] = {"scale": scale.tolist(), "limited": limited.tolist()}
+        arrays[name] = (values / scale).astype(np.float32)
+    return {"middle": middle.tolist(), "signals": shares}, arrays
+
+
+def _closest(constraints: Constraints, motion: Motion) -> Content:
+    """Which pair is closest, and its distance [m]; nothing where there is no pair."""
+    batch, samples, joints = motion.position.shape
+    names = [label for name in DISTANCES for label in constraints.labels.get(name, ())]
+    distance, which = constraints.nearest(motion.position.reshape(-1, joints))
+    if not np.isfinite(distance).all():
+        return {"pairs": []}, {}
+    used, which = np.unique(which, return_inverse=True)
+    arrays = {
+        "pair": which.astype(np.uint32).reshape(batch, samples),
+        "distance": distance.astype(np.float32),
+    }
+    return {"pairs": [names[k] for k in used.tolist()]}, arrays
+
+
+def _surfaces(constraints: Constraints) -> Content:
+    """The arm, its capsules, and what it must not touch."""
+    looks, shapes = arm_parts(constraints.arm)
+    regions = [region_surface(region) for region in constraints.regions]
+    planes = [region for region in constraints.regions if isinstance(region, Plane)]
+    obstacles = [part for part in regions if part is not None]
+    head: dict[str, Any] = {"planes": [{"normal": plane.unit, "offset": plane.offset} for plane in planes]}
+    arrays: dict[str, NDArray[Any]] = {}
+    for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
+        head[kind] = [part.link for part in parts]
+        for k, part in enumerate(parts):
+            arrays[f"{kind}{k}v"] = part.vertices.astype(np.float32)
+            arrays[f"{kind}{k}f"] = part.faces.astype(np.uint32)
+    return head, arrays
+
+
+def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], str]:
+    """Type, place and size of each array, and all of them as text (deflated, base 64)."""
+    places: dict[str, list[Any]] = {}
+    offset = 0
+    for name, x in arrays.items():
+        places[name] = [x.dtype.name, offset, int(x.size)]
+        offset += x.nbytes
+    data = b"".join(x.tobytes() for x in arrays.values())
+    return places, base64.b64encode(zlib.compress(data, 9)).decode()
+
+
+def _script_json(value: object) -> str:
     """JSON that can stand inside a script element, whatever strangers' names hold."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 @cache
-def three_js() -> str:
-    """The library three.js with its licence, as trimesh's own viewer carries it.
-
-    Raises:
-        ArtifactError: when this trimesh has none.
-    """
+def _three_js() -> str:
+    """The library three.js with its licence, as trimesh's own viewer carries it."""
     try:
         package = find_spec("trimesh")  # which takes half a second to import
         folder = Path((package and package.origin) or "").parent

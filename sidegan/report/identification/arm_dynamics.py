@@ -3,8 +3,8 @@
 This file stands on its own: copy it with the MJCF and parameters.json that lie beside it. It needs NumPy and
 Pinocchio (``pip install pin``), and sidegan no longer.
 
-    from model import TorqueModel
-    torque = TorqueModel().torque(q, dq, ddq)
+    from model import ArmDynamics
+    torque = ArmDynamics().torque(q, dq, ddq)
 """
 
 import json
@@ -16,8 +16,8 @@ import numpy as np
 Vector = np.ndarray[Any, np.dtype[np.floating[Any]]]
 
 
-class TorqueModel:
-    """Torque of the identified arm; J joints in the order of ``joints``, SI units.
+class ArmDynamics:
+    """Inverse dynamics of the identified arm; J joints in the order of ``joints``, SI units.
 
     Args:
         folder: where the MJCF and parameters.json are; this file's own when None.
@@ -82,6 +82,6 @@ class TorqueModel:
         return type(frame)(torques, index=frame.index, columns=[f"tau_{name}" for name in self.joints])
 
 
-def _load_pyfunc(folder: str) -> TorqueModel:
+def _load_pyfunc(folder: str) -> ArmDynamics:
     """The model for ``mlflow.pyfunc.load_model``, which finds it by the file MLmodel beside this one."""
-    return TorqueModel(Path(folder))
+    return ArmDynamics(Path(folder))
