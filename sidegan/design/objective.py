@@ -5,16 +5,14 @@ inertial parameters are v: the gradient of any function of a few eigenvalues cos
 dynamics, never a differentiated regressor.
 """
 
-import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten
 from sidegan.design.goal import Compiled, Goal
-from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.kernels import HOPELESS
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import Limits
 from sidegan.motion.arrays import array
@@ -24,6 +22,32 @@ from sidegan.validity.constraints import NAMES
 
 # share of a torque limit that counts where dry friction leaves nothing: an optimiser divides by it
 _LEAST = 1e-3
+_DISTANCE = 0.25  # [m] clearance that counts like a whole limit
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """Cost of violated constraints: squared relative violations, and what is kept in reserve."""
+
+    weight: float
+    limits: float = 0.05  # share of position, velocity, acceleration and jerk kept in reserve
+    torque: float = 0.05  # share of torque limits
+    distance: float = 0.1  # of 0.25 m
+
+    @classmethod
+    def reserving(cls, weight: float, reserve: float) -> "Penalty":
+        """A share of each limit, and twice that share of 0.25 m, in reserve."""
+        return cls(weight, limits=reserve, torque=reserve, distance=2 * reserve)
+
+    @property
+    def reach(self) -> float:
+        """Smallest distance that costs nothing [m]."""
+        return self.distance * _DISTANCE
+
+    @property
+    def close(self) -> float:
+        """Weight of the square of what a distance lacks [1/m²]."""
+        return self.weight / _DISTANCE**2
 
 
 class Objective:
@@ -118,21 +142,6 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
         return numbers[:, kept]
 
     return evaluate
-
-
-def value_and_gradient(problem: Problem, c: Array, penalty: Penalty | None) -> tuple[Array, Array]:
-    """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c [rad/s]."""
-    x = array(flatten(c, 2))
-    value, gradient = np.empty(len(x)), np.empty(x.shape)
-
-    def work(k: slice) -> None:
-        objective = Objective(problem, Goal("diagonal" if problem.diagonal else "condition"), penalty)
-        for one, slope, n in zip(x[k], gradient[k], range(len(x))[k]):
-            value[n] = sum(objective(one, slope))
-
-    share(work, len(x), problem.samples)
-    value[~np.isfinite(value)] = math.log(HOPELESS)
-    return value, gradient.reshape(c.shape)
 
 
 def pull_back(

@@ -16,8 +16,7 @@ from sidegan.base.arrays import Array
 from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective
-from sidegan.design.penalty import Penalty
+from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError

@@ -3,8 +3,8 @@
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.excitation import diversity, excite, mean_distance
-from sidegan.design.fidelity import beyond, proportions
+from sidegan.design.excitation import excite
+from sidegan.design.fidelity import beyond, diversity, mean_distance, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,

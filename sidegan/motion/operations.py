@@ -27,11 +27,17 @@ def rows(chain: Chain, columns: Array, states: States) -> Array:
     return whole[:, :, :count].transpose(2, 1, 0)
 
 
-def gram(chain: Chain, columns: Array, states: States) -> Array:
-    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J)."""
+def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) -> Array:
+    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
+
+    Each joint's rows of Y count by its certainty, (J,); None: ones.
+    """
     batch, count, joints = states[0].shape
     size, of_links = len(columns), columns_of_links(columns, joints)
-    grams, rigid = np.empty((batch, size, size)), information.no_terms(joints)
+    grams = np.empty((batch, size, size))
+    rigid = information.no_terms(joints)
+    if certainty is not None:
+        rigid = rigid._replace(roots=array(certainty))
 
     def work(k: slice) -> None:
         y = dynamics.aligned(size, joints * regressor.SPAN)

@@ -5,8 +5,7 @@ import pytest
 
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective
-from sidegan.design.penalty import Penalty
+from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
 from sidegan.motion.trajectory import Trajectory

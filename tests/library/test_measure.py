@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from sidegan.design.excitation import diversity, excite
+from sidegan.design.excitation import excite
+from sidegan.design.fidelity import diversity
 from sidegan.library.measure import RATE, likeness, measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
