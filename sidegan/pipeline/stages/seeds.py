@@ -14,8 +14,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stage import Stage
-from sidegan.seeding.result import SeedBatch
-from sidegan.seeding.shipped import shipped
+from sidegan.seeding.result import SeedBatch, shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 
