@@ -12,14 +12,6 @@ from sidegan.robot import Arm
 from sidegan.validity.regions import tables
 
 
-def capsule_axes(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """World end points [m] of each capsule's axis, two of (3, C, N), at joint positions (J, N)."""
-    capsules = arm.capsules
-    placed = place_points(arm, q, np.concatenate([capsules.a, capsules.b]), np.tile(capsules.link, 2))
-    count = len(capsules.radius)
-    return placed[:, :count], placed[:, count:]
-
-
 def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
     """World positions [m], (3, K, N), of points (K, 3) fixed to links (K,), -1 for the base."""
     placed, (turns, places) = np.empty((3, len(points), q.shape[1])), frames_of(arm, q)

@@ -82,10 +82,6 @@ class Convex:
         ring = radius / np.cos(np.pi / _AROUND) * (np.cos(turn) * x + np.sin(turn) * np.cross(z, x))
         return cls.around(np.vstack([ring + a, ring + b]))
 
-    def placed(self, turn: Points, place: Points) -> "Convex":
-        """Body turned by (3, 3) and then moved by (3,) [m]."""
-        return Convex.around(self.points @ np.asarray(turn, float).T + np.asarray(place, float))
-
     def grown(self, by: float) -> "Convex":
         """The body with its planes so much [m] further out, and corners of cubes around its own."""
         corners = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T

@@ -45,7 +45,6 @@ class Pairs:
     """Capsules that are kept apart, and links that are not."""
 
     checked: Array  # (P, 2)
-    links: int  # pairs of links that are kept apart
     exempt: tuple[Links, ...]  # named ones; a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user or the description names
     never: tuple[Links, ...]  # that provably cannot touch
@@ -71,7 +70,6 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     left = {links_of(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
     return Pairs(
         checked=touching.pairs[kept],
-        links=len(left),
         exempt=(*touching.near, *touching.named),
         named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
         never=tuple(links for links in touching.open if links not in left),
