@@ -21,7 +21,7 @@ from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 from sidegan.validity.home import default_home, rests_at
-from sidegan.validity.pairs import Links, room_between
+from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
@@ -179,7 +179,7 @@ class Workspace:
     @staticmethod
     def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
         """Distances [m] that links keep which have no room for the usual one."""
-        room = dict(room_between(arm, _USUALLY[0] / _KEPT).usual)
+        room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
         if home is not None and len(home) == arm.joints:
             there = Constraints(arm).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}

@@ -6,7 +6,6 @@ A set is rows of any shape, (N, …): coefficients [rad/s], or the logarithm of 
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten, split
-from sidegan.design.excitation import Excitation
 from sidegan.errors import ShapeError
 
 _NOISE_BATCHES = 10  # the paper averages over ten noise batches
@@ -17,23 +16,23 @@ _RIDGE = 0.1  # of its least squares
 _NOTHING = 1e-12  # a shorter row has no direction
 
 
-def diversity(c: Array, excitation: Excitation) -> dict[str, float]:
+def diversity(c: Array, diagonal: Array) -> dict[str, float]:
     """The paper's two mean distances, over batches, and two measures that modes cannot fool.
 
-    A single trajectory has none.
+    Of coefficients, (N, J, H, 2), and the diagonals of YᵀY, (N, p). A single trajectory has none.
     """
     if len(c) < 2:
         return {}
     batch = max(2, len(c) // _NOISE_BATCHES)
     pairs = [
         (mean_distance(x), mean_distance(y))
-        for x, y in zip(split(c, batch), split(excitation.diagonal, batch))
+        for x, y in zip(split(c, batch), split(diagonal, batch))
         if len(x) > 1
     ]
-    coefficients, diagonal = np.array(pairs).mean(0).tolist()
+    distance, distance_diagonal = np.array(pairs).mean(0).tolist()
     return {
-        "distance": coefficients,
-        "distance_diagonal": diagonal,
+        "distance": distance,
+        "distance_diagonal": distance_diagonal,
         "nearest": nearest_distance(c),
         "rank": effective_rank(c),
     }
@@ -111,7 +110,8 @@ def density_and_coverage(x: Array, other: Array) -> tuple[float, float]:
 
     Source: Naeem et al. 2020, Reliable fidelity and diversity metrics for generative models.
     """
-    own, k = _distances(_rows(other), other), min(_NEIGHBOURS, len(other) - 1)
+    own = _distances(_rows(other), other)
+    k = min(_NEIGHBOURS, len(other) - 1)
     reach = np.partition(own, k, axis=1)[:, k]  # the nearest is the row itself
     inside = _distances(x, other) <= reach
     return float(inside.sum(1).mean() / k), float(inside.any(0).mean())

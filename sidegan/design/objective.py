@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten
-from sidegan.design.goal import Compiled, Goal
+from sidegan.design.goal import Goal, compiled
 from sidegan.design.problem import Problem
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import Limits
@@ -70,7 +70,8 @@ class Objective:
         matrix: Array | None = None,
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
-        arm, drives, compiled = constraints.arm, constraints.arm.known_drives, Compiled(goal, body)
+        arm, drives = constraints.arm, constraints.arm.known_drives
+        terms, subspace, arrays = compiled(goal, body, trajectory.period)
         joints, harmonics, _ = trajectory.shape
         lower, upper = arm.position_lower, arm.position_upper
         middle, room = (upper + lower) / 2, (upper - lower) / 2
@@ -91,8 +92,8 @@ class Objective:
             chain=body.chain,
             shapes=constraints.shapes,
             columns=columns_of_links(body.base.columns, joints),
-            extra=compiled.terms,
-            subspace=compiled.subspace,
+            extra=terms,
+            subspace=subspace,
             home=np.array(trajectory.home),
             matrix=array(matrix),
             basis=basis(self.samples, 3),
@@ -105,7 +106,7 @@ class Objective:
             higher=higher,
             close=0.0,
             reach=0.0,
-            goal=compiled.during(trajectory.period),
+            goal=arrays,
         )
         self.plan = plan if penalty is None else self.penalised(plan, penalty)
         self.scratch = kernel.scratch(self.plan)
@@ -133,7 +134,8 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
     relative margin of each constraint with its sign turned, (B, 1 + G), in the order of their labels. The
     distance is the clearance that counts like a whole limit [m].
     """
-    one, measure = Objective(problem, Goal()), kernel.Measure(problem.diagonal, problem.weakest, distance)
+    one = Objective(problem, Goal())
+    measure = kernel.Measure(problem.diagonal, problem.weakest, distance)
     kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
     def evaluate(c: Array) -> Array:

@@ -55,7 +55,8 @@ def draw_valid(
         c = sample(min(settings.batch, settings.draws - drawn))
         verdict = check(c)
         kept.append(c[verdict.valid])
-        drawn, valid = drawn + len(c), valid + len(kept[-1])
+        drawn += len(c)
+        valid += len(kept[-1])
         if report is not None:
             report(max(min(valid, count), drawn * count // settings.draws), count)
     if valid < settings.least:

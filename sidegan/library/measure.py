@@ -3,7 +3,7 @@
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.excitation import Excitation, excite
+from sidegan.design.excitation import excite
 from sidegan.design.fidelity import (
     beyond,
     density_and_coverage,
@@ -48,7 +48,7 @@ def summary(library: Library) -> dict[str, float]:
         "valid": float(library.valid.mean()),
         "condition": float(np.median(library.fitness)),
         "diagonal_ratio": float(np.median(library.diagonal_fitness)),
-        **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
+        **diversity(library.coefficients, library.diagonal),
     }
 
 

@@ -63,7 +63,8 @@ def table_of(family: Family, columns: dict[str, Array], source: list[str]) -> "p
     """Table of a library's columns, (N, …) each."""
     import pyarrow as pa
 
-    schema, arrays = _schema(family), {"source": pa.array(source, pa.string())}
+    schema = _schema(family)
+    arrays = {"source": pa.array(source, pa.string())}
     for name, x in columns.items():
         flat, kind = pa.array(x.ravel()), schema.field(name).type
         arrays[name] = flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=kind)
@@ -80,7 +81,8 @@ def content_of(path: Path) -> tuple[Family, dict[str, Array], list[str]]:
     """
     table = read_parquet(path)
     family = _family(path, table)
-    schema, columns = _schema(family), dict[str, Array]()
+    schema = _schema(family)
+    columns: dict[str, Array] = {}
     with reading(path, "library"):
         table = table.select(schema.names)
         for own, expected in zip(table.schema, schema):

@@ -58,11 +58,7 @@ class PublishedSeeds:
 
     @cached_property
     def file(self) -> Path:
-        """The file of the array.
-
-        Raises:
-            ConfigError: when there is none.
-        """
+        """The file of the array; a ConfigError where there is none."""
         if found := self._found(_MASTER):
             return found
         raise ConfigError(
@@ -71,11 +67,7 @@ class PublishedSeeds:
         )
 
     def read(self, trajectory: Trajectory) -> Array:
-        """Coefficients [rad/s], (N, J, H, 2).
-
-        Raises:
-            ConfigError: when the file is not of the layout, or its seeds are not of these trajectories.
-        """
+        """Coefficients [rad/s], (N, J, H, 2); a ConfigError where the file is not of this layout."""
         path, layout = self.file, Layout(trajectory.joints, trajectory.harmonics)
         with reading(path, "NumPy", ConfigError):
             images = np.load(path, allow_pickle=False)
@@ -96,11 +88,7 @@ class PublishedSeeds:
         return np.load(found).astype(float) if found else None
 
     def weights(self, name: str) -> Path:
-        """File of the authors' weights of ``predictor`` or ``converter``.
-
-        Raises:
-            ConfigError: when they are not there.
-        """
+        """File of the authors' weights of ``predictor`` or ``converter``; a ConfigError where it is away."""
         if found := self._found(WEIGHTS[name]):
             return found
         raise ConfigError(

@@ -96,8 +96,12 @@ def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | Non
     seeds = SeedBatch.of(arrays)
     if json.loads(arrays["stamp"].item()) != stamp or len(seeds) < count:
         return None
-    c, spent = seeds.coefficients[:count].astype(float), seeds.cpu_seconds * count / len(seeds)
-    return replace(seeds, coefficients=c, fitness=seeds.fitness[:count], cpu_seconds=spent)
+    return replace(
+        seeds,
+        coefficients=seeds.coefficients[:count].astype(float),
+        fitness=seeds.fitness[:count],
+        cpu_seconds=seeds.cpu_seconds * count / len(seeds),
+    )
 
 
 class Optimiser(ABC):
@@ -120,7 +124,8 @@ class Optimiser(ABC):
             InfeasibleError: when the arm cannot rest at home.
         """
         problem.constraints.refuse_home(problem.trajectory.home or ())
-        began, missing, batches = time.process_time(), count, list[SeedBatch]()
+        began = time.process_time()
+        missing, batches = count, list[SeedBatch]()
         for index in range(self.attempts):
             source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
             proposed = self.propose(problem, missing, _REACH ** (index + 1), source)

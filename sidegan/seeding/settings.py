@@ -70,11 +70,7 @@ class Seeds:
         return PublishedSeeds(Path(self.folder or ""))
 
     def refuse_beyond(self, c: Array) -> None:
-        """Refuse coefficients [rad/s] beyond the box.
-
-        Raises:
-            ConfigError: says how far they reach.
-        """
+        """Refuse coefficients [rad/s] beyond the box, by a ConfigError that says how far they reach."""
         if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
             raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is without")
 

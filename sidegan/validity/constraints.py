@@ -185,7 +185,8 @@ class Constraints:
         pairs, links, capsules = self.of_links, self.never_out, self.arm.capsules
         apart = len(set(self.owners))
         shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
-        bare, noun = self.arm.joints - len(shaped), "joint origin" if capsules.points else "link"
+        bare = self.arm.joints - len(shaped)
+        noun = "joint origin" if capsules.points else "link"
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
         higher = "".join(f"{name} of {count}, " for name, count in limited.items())
         never = f"; {len(pairs.never)} never touch" if pairs.never else ""
@@ -287,7 +288,8 @@ class Constraints:
                 "random configurations"
             )
         self.never_out = self._guarded_names(every[~leaves.ravel()])
-        short, planes = leaves & (farthest <= 0), self._region_of[len(self.regions) :]
+        short = leaves & (farthest <= 0)
+        planes = self._region_of[len(self.regions) :]
         kept = np.concatenate([leaves & ~short, short[planes]])
         short[planes] = False
         if short.any():

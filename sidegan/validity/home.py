@@ -75,10 +75,9 @@ def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
 
 
 def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
-    """Refuse joint positions, (J,), that make sense in degrees alone; another number of them is let through.
+    """Refuse joint positions, (J,), that make sense in degrees alone, by a ConfigError that has the radians.
 
-    Raises:
-        ConfigError: names the joint, its range, and the positions in radians.
+    Another number of positions is let through.
     """
     if len(positions) != arm.joints:
         return

@@ -52,11 +52,7 @@ class Convex:
 
     @classmethod
     def around(cls, points: Points) -> "Convex":
-        """The convex hull of points [m], (N, 3).
-
-        Raises:
-            ConfigError: when they have no volume.
-        """
+        """The convex hull of points [m], (N, 3); a ConfigError where they have no volume."""
         points = np.asarray(points, float)
         try:
             hull = scipy.spatial.ConvexHull(points)

@@ -101,7 +101,8 @@ def _cuts(which: Array) -> list[int]:
 @lru_cache(maxsize=16)
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
-    arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
+    arm = constraints.arm
+    reaches = Reaches.of(arm, constraints.pairs, constraints.guarded)
     drives, parameters = arm.known_drives, arm.inertial_parameters
     limit = arm.torque_limit - drives.coulomb
     arrays = {

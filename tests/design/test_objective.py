@@ -37,4 +37,4 @@ def test_rest_that_feels_no_torque_is_the_worst_there_is(planar, kind):
     arm = replace(planar, gravity=0 * planar.gravity)
     problem, gradient = Problem(Constraints(arm), Trajectory(2, 3, 8.0)), np.ones((2, 6))
     value, cost = Objective(problem, Goal(kind))(np.zeros((2, 6)), gradient)
-    assert value == pytest.approx(math.log(HOPELESS)) and cost == 0 and (gradient == 0).all()
+    assert value == math.inf and cost == 0 and (gradient == 0).all()
