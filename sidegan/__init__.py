@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sidegan.cell import Cell, Workspace
     from sidegan.controllers import ExportSettings
-    from sidegan.design.settings import SearchSettings
+    from sidegan.design.problem import SearchSettings
     from sidegan.errors import SideganError
     from sidegan.gan.settings import SurrogateSettings, Variant
     from sidegan.identification import EstimationSettings, GoalSettings, Terms

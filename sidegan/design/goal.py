@@ -12,7 +12,6 @@ from sidegan.motion.dynamics import RigidBody
 
 _KINDS = {
     "condition": goals.CONDITION,
-    "diagonal": goals.DIAGONAL,
     "variance": goals.VARIANCE,
     "volume": goals.VOLUME,
     "tool": goals.TOOL,
@@ -34,12 +33,12 @@ class Linear(Protocol):
 class Goal:
     """Function of a trajectory that is to be small, in units of the P parameters of a model.
 
-    The condition number of prior and information together, or the ratio of the diagonal of the information;
-    the sum of the targets' variances, or the volume that they lie in; or the volume of a tool's parameters,
-    whose torques are those of the targets, with all others unknown too.
+    The condition number of prior and information together; the sum of the targets' variances, or the volume
+    that they lie in; or the volume of a tool's parameters, whose torques are those of the targets, with all
+    others unknown too.
     """
 
-    kind: Literal["condition", "diagonal", "variance", "volume", "tool"] = "condition"
+    kind: Literal["condition", "variance", "volume", "tool"] = "condition"
     prior: Array | None = None  # information that there is already, (P, P)
     certainty: Array | None = None  # one over the deviation of each joint's torque, (J,); None: ones
     rate: float = 1.0  # of samples with independent errors [Hz]

@@ -17,8 +17,7 @@ from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective, Penalty
-from sidegan.design.problem import Problem
-from sidegan.design.settings import SearchSettings
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
 from sidegan.kernels.objective import Plan
@@ -98,7 +97,7 @@ class Descent:
         descent.descend(plan, _RULES, self._state, self._objective.scratch, evaluations)
 
 
-def proven(problem: Problem, c: Array, smallest: float = 0.5) -> tuple[Array, Array, Validity]:
+def proven(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, Validity]:
     """Trajectories [rad/s], (B, J, H, 2), as much smaller as they must be to be valid, and which are, (B,).
 
     They shrink towards home to no less than a share of their size; the last verdict is on what is left.

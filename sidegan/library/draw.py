@@ -60,10 +60,8 @@ def draw_valid(
         if report is not None:
             report(max(min(valid, count), drawn * count // settings.draws), count)
     if valid < settings.least:
-        number = f"only {valid}" if valid else "none"
-        verb = "are" if valid > 1 else "is"
         raise InfeasibleError(
-            f"{number} of {drawn} trajectories {origin} {verb} valid; "
+            f"{valid} of {drawn} trajectories {origin} are valid; "
             f"of the last {len(c)}, {summarise_faults(verdict.faults())}"
         )
     if valid < count:

@@ -3,16 +3,8 @@
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.design import fidelity
 from sidegan.design.excitation import excite
-from sidegan.design.fidelity import (
-    beyond,
-    density_and_coverage,
-    distance_to,
-    diversity,
-    nearest_distance,
-    proportions,
-    told_apart,
-)
 from sidegan.library.collection import Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
@@ -48,7 +40,7 @@ def summary(library: Library) -> dict[str, float]:
         "valid": float(library.valid.mean()),
         "condition": float(np.median(library.fitness)),
         "diagonal_ratio": float(np.median(library.diagonal_fitness)),
-        **diversity(library.coefficients, library.diagonal),
+        **fidelity.diversity(library.coefficients, library.diagonal),
     }
 
 
@@ -60,16 +52,16 @@ def likeness(library: Library, seeds: Library) -> dict[str, float]:
     count = min(len(library), len(seeds))
     c, other = library.coefficients[:count], seeds.coefficients[:count]
     diagonals = (np.log(np.maximum(one.diagonal[:count], _LEAST)) for one in (library, seeds))
-    density, coverage = density_and_coverage(c, other)
-    density_diagonal, coverage_diagonal = density_and_coverage(*diagonals)
+    density, coverage = fidelity.density_and_coverage(c, other)
+    density_diagonal, coverage_diagonal = fidelity.density_and_coverage(*diagonals)
     return {
-        **proportions(c),
-        "nearest_other": nearest_distance(c),
-        "nearest_seed": distance_to(c, other),
-        "beyond": beyond(c, other),
+        **fidelity.proportions(c),
+        "nearest_other": fidelity.nearest_distance(c),
+        "nearest_seed": fidelity.distance_to(c, other),
+        "beyond": fidelity.beyond(c, other),
         "density": density,
         "coverage": coverage,
         "density_diagonal": density_diagonal,
         "coverage_diagonal": coverage_diagonal,
-        "told_apart": told_apart(c, other),
+        "told_apart": fidelity.told_apart(c, other),
     }

@@ -29,7 +29,7 @@ class SeedBatch:
     """Seeds and how they came about."""
 
     coefficients: Array  # of valid seeds [rad/s], (n, J, H, 2)
-    fitness: Array  # their condition number of YᵀY, or the diagonal fitness, (n,)
+    fitness: Array  # their condition number of YᵀY, (n,)
     attempts: int = 0  # starts that were optimised
     failed: int = 0  # starts that did not become valid seeds
     faults: dict[str, int] = field(default_factory=dict)  # how many of the failed starts violated what

@@ -30,7 +30,6 @@ class Seeds:
     """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
     method: Literal["gradient", "paper", "published"] = "gradient"
-    fitness: Literal["eigenvalue", "diagonal"] = "eigenvalue"
     count: Count = 400
     samples: Size = 60  # time points per period
     batch: Size = 50  # trajectories per task
@@ -61,7 +60,8 @@ class Seeds:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""
         if self.method != "published":
             changes_nothing = ("folder", "shipped")
-            return {name: x for name, x in asdict(self).items() if name not in changes_nothing}
+            settings = {name: x for name, x in asdict(self).items() if name not in changes_nothing}
+            return {**settings, "fitness": "eigenvalue"}  # of which there was another once
         return {"method": self.method, "count": self.count, "files": file_digest(self.published.file)}
 
     @property
@@ -83,7 +83,7 @@ class Seeds:
 
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """Problem that the optimiser works on."""
-        return Problem(constraints, trajectory, self.samples, self.fitness == "diagonal", self.strongest)
+        return Problem(constraints, trajectory, self.samples, self.strongest)
 
 
 @dataclass(frozen=True, kw_only=True)

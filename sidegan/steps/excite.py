@@ -8,8 +8,8 @@ from typing import Any
 from sidegan.base.random import number
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
+from sidegan.design.problem import SearchSettings
 from sidegan.design.search import ConditionGoal, design_set
-from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
 from sidegan.identification import GoalSettings, Terms
 from sidegan.identification.goals import usual_torque

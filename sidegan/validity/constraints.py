@@ -181,27 +181,26 @@ class Constraints:
 
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
-        torque = int(np.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
-        pairs, links, capsules = self.of_links, self.never_out, self.arm.capsules
-        apart = len(set(self.owners))
-        shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
-        bare = self.arm.joints - len(shaped)
-        noun = "joint origin" if capsules.points else "link"
+        arm, capsules, pairs = self.arm, self.arm.capsules, self.of_links
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
-        higher = "".join(f"{name} of {count}, " for name, count in limited.items())
-        never = f"; {len(pairs.never)} never touch" if pairs.never else ""
-        parts = [
-            f"position and velocity of {counted(self.arm.joints, 'joint')}, {higher}torque of {torque}",
-            f"{apart} of {counted(apart + len(pairs.named), 'pair')} of links"
-            + _except([str(one) for one in pairs.named], "may touch")
-            + never,
-            f"{len(self.guarded)} of {counted(len(self.guarded) + len(links), noun)} in "
-            + counted(len(self.regions), "region")
-            + _except(links, "never out"),
-            *([f"{self.kept_clear} kept clear"] if self.clearance else []),
-        ]
-        unchecked = f"; not checked: {counted(bare, 'link')} without a shape" if bare else ""
-        return "; ".join(parts) + unchecked
+        limited["torque"] = int(np.isfinite(arm.torque_limit).sum()) if self.torque else 0
+        limits = ", ".join(f"{name} of {count}" for name, count in limited.items())
+        apart = len(set(self.owners))
+        links = f"{apart} of {counted(apart + len(pairs.named), 'pair')} of links"
+        links += _except([str(one) for one in pairs.named], "may touch")
+        links += f"; {len(pairs.never)} never touch" if pairs.never else ""
+        guarded = counted(
+            len(self.guarded) + len(self.never_out), "joint origin" if capsules.points else "link"
+        )
+        regions = f"{len(self.guarded)} of {guarded} in {counted(len(self.regions), 'region')}"
+        regions += _except(self.never_out, "never out")
+        said = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
+        if self.clearance:
+            said.append(f"{self.kept_clear} kept clear")
+        shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
+        if bare := arm.joints - len(shaped):
+            said.append(f"not checked: {counted(bare, 'link')} without a shape")
+        return "; ".join(said)
 
     @property
     def kept_clear(self) -> str:

@@ -10,9 +10,8 @@ import pinocchio as pin
 import pytest
 
 from sidegan.design.goal import Goal
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import ConditionGoal, Descent, design_set, search
-from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
@@ -176,7 +175,6 @@ def test_each_goal_is_served_best_by_what_was_searched_for_it(problem_of, random
     prior, targets = 100 * problem.gram(problem.start(1, random))[0], np.eye(43)
     goals = {
         "condition": Goal(),
-        "diagonal": Goal("diagonal"),
         "variance": Goal("variance", prior, targets=targets),
         "volume": Goal("volume", prior, targets=targets),
     }

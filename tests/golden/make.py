@@ -94,8 +94,7 @@ def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     grams, sides = problem.gram(c), draw(1, body.parameters_count + 1, 3)
     found = {"gram": grams @ sides[1:], "spectrum": excitation_of(body, grams).spectrum}
     for kind, penalty in (("plain", None), ("penalised", Penalty.reserving(1e2, 0.05))):
-        found[f"{kind}_value"], found[f"{kind}_slopes"] = _slopes(problem, c, Goal(), penalty)
-    found["diagonal_slopes"] = _slopes(problem, c, Goal("diagonal"))[1]
+        found[f"{kind}_value"], found[f"{kind}_slopes"] = _slopes(problem, c, penalty)
     x = torch.from_numpy(c).clone().requires_grad_(True)
     goal = _volume(problem, x)
     found["goal"], found["goal_slopes"] = goal.detach().numpy(), torch.autograd.grad(goal, x)[0]
@@ -113,9 +112,9 @@ def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     return found
 
 
-def _slopes(problem: Problem, c: Array, goal: Goal, penalty: Penalty | None = None) -> tuple[Array, Array]:
-    """Values, (B,), and gradients, (B, J, H, 2), of goal and penalty together."""
-    objective, gradient = Objective(problem, goal, penalty), np.empty_like(c)
+def _slopes(problem: Problem, c: Array, penalty: Penalty | None) -> tuple[Array, Array]:
+    """Values, (B,), and gradients, (B, J, H, 2), of condition number and penalty together."""
+    objective, gradient = Objective(problem, Goal(), penalty), np.empty_like(c)
     values = [sum(objective(x, slope)) for x, slope in zip(flatten(c, 2), flatten(gradient, 2))]
     return np.array(values), gradient
 

@@ -98,7 +98,7 @@ def test_too_few_seeds_come_with_what_may_help(planar_problem, faults, remedy):
         raise error
 
 
-COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
+COMMON = {"count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
 
 
 def test_a_folder_is_part_of_what_makes_published_seeds_alone():
