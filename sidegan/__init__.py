@@ -59,7 +59,7 @@ __all__ = [
 _MODULES = {
     "cell": ("Cell", "Workspace"),
     "controllers": ("ExportSettings",),
-    "design.settings": ("SearchSettings",),
+    "design.problem": ("SearchSettings",),
     "errors": ("SideganError",),
     "gan.settings": ("SurrogateSettings", "Variant"),
     "identification": ("EstimationSettings", "GoalSettings", "Terms"),

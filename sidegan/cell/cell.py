@@ -20,7 +20,6 @@ from sidegan.robot import Arm, Setup, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
 
-_homes: dict[tuple[str, ...], tuple[float, ...] | None] = {}  # found before, by arm and workspace
 _SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
 
@@ -129,10 +128,7 @@ class Cell:
         """Home [rad or m], (J,): as given, as described, or found; None for zeros."""
         if self.choices.home is not None:
             return self.choices.home
-        key = (self.arm.digest, repr(self.arm.home), repr(self.workspace))
-        if key not in _homes:
-            _homes[key] = self.workspace.home_of(self.arm, self.arm.home)
-        return _homes[key]
+        return self.workspace.home_of(self.arm, self.arm.home)
 
     @property
     def home(self) -> tuple[float, ...]:

@@ -57,20 +57,17 @@ def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
 
 
 def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
-    """Why none of the positions is a home, of which these are the relative margins, and what may help.
-
-    The constraint that most of them violate alone is the one to mend.
-    """
-    failed = np.stack([(room <= 0).any(1) for room in rooms.values()])  # (constraints, N)
-    alone = (failed & (failed.sum(0) == 1)).sum(1)
-    name = [*rooms][int((alone * failed.shape[1] + failed.sum(1)).argmax())]
-    share = (rooms[name] <= 0).mean(0)
-    worst = int(share.argmax())
-    where = constraints.labels[name][worst]
+    """Why none of the positions is a home, of which these are the relative margins, and what may help."""
+    violated = {
+        (name, where): share
+        for name, room in rooms.items()
+        for where, share in zip(constraints.labels[name], (room <= 0).mean(0).tolist())
+    }
+    (name, where), share = max(violated.items(), key=lambda item: item[1])
     return (
-        f"the zero position of {constraints.arm.name} is not feasible, and none of {failed.shape[1]:,} "
-        f"others is: {name} of {where} does not hold in {float(share[worst]):.0%} of them; state where it "
-        f"can rest, 'trajectory.home=[…]'; what may help besides: {remedy(constraints, (name, where))}"
+        f"the zero position of {constraints.arm.name} is not feasible, and none of {len(rooms[name]):,} "
+        f"others is: {name} of {where} does not hold in {share:.0%} of them; state where it can rest, "
+        f"'trajectory.home=[…]'; what may help besides: {remedy(constraints, (name, where))}"
     )
 
 

@@ -143,18 +143,10 @@ def test_a_home_with_hardly_any_room_is_answered(planar, gap, evaluations):
     assert np.abs(c).max() > 0.02
 
 
-@pytest.mark.parametrize(
-    ("of", "words"),
-    [
-        (lambda arm: (Constraints(arm), [0, 0, 0, 2.5, 0, 0, 0]), "position of joint_4"),
-        (lambda arm: (Constraints(arm, [Box((-0.2, -0.2, 0.9), (0.2, 0.2, 1.5))]), None), "keep_out"),
-        (lambda arm: (Constraints(slow(arm, 1, 0.1)), [0, 1.57, 0, 0, 0, 0, 0]), "torque of joint_2"),
-    ],
-)
-def test_a_home_that_is_not_feasible_is_refused(arm, of, words):
-    constraints, home = of(arm)
-    with pytest.raises(InfeasibleError, match=f"home position .*{words}"):
-        searched(Problem(constraints, Trajectory(7, home=home)))
+def test_a_home_that_is_not_feasible_is_refused(arm):
+    home = [0, 0, 0, 2.5, 0, 0, 0]
+    with pytest.raises(InfeasibleError, match=r"home position .*position of joint_4"):
+        searched(Problem(Constraints(arm), Trajectory(7, home=home)))
 
 
 def test_what_violates_a_constraint_however_small_is_reported(planar, monkeypatch):

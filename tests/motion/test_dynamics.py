@@ -133,18 +133,12 @@ def test_gram_is_the_mean_of_squared_regressors(arm, short, equal):
     assert gram(body, trajectory, c[:0]).shape == (0, 43, 43)
 
 
-def test_results_are_double_whatever_the_type_of_the_states(arm, short):
-    body, (trajectory, c) = RigidBody(arm), short
-    there, few = [x.astype(np.float32) for x in random_states(arm, 50)], c.astype(np.float32)
-    states, c = [x.astype(float) for x in there], few.astype(float)
-    pairs = [
-        (body.regressor(*there), body.regressor(*states)),
-        (body.base_regressor(*there), body.base_regressor(*states)),
-        (body.torque(*there), body.torque(*states)),
-        (gram(body, trajectory, few), gram(body, trajectory, c)),
-    ]
-    for result, exact in pairs:
-        assert result.dtype == float and np.array_equal(result, exact)
+@pytest.mark.parametrize("quantity", ["regressor", "base_regressor", "torque"])
+def test_results_are_double_whatever_the_type_of_the_states(arm, quantity):
+    of, single = getattr(RigidBody(arm), quantity), [x.astype(np.float32) for x in random_states(arm, 50)]
+    exact = of(*(x.astype(float) for x in single))
+    for states in (single, [x.tolist() for x in single]):
+        assert of(*states).dtype == float and np.array_equal(of(*states), exact)
 
 
 @pytest.mark.parametrize("count", [0, 1, 63, 64, 65, 129, 2001])
