@@ -5,10 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, split
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
+
+_AT_ONCE = 1000  # trajectories whose Gram matrices are held beside what is found
 
 
 def information_of(
@@ -29,7 +31,8 @@ def information_of(
             raise ShapeError(f"noise is {list(noise)}, expected {body.joints} positive deviations")
         certainty = 1 / np.array(noise)
     subspace = body.base.subspace
-    return subspace.T @ gram(body, trajectory, c, samples, certainty) @ subspace
+    grams = (gram(body, trajectory, part, samples, certainty) for part in split(c, _AT_ONCE))
+    return np.concatenate([subspace.T @ x @ subspace for x in grams])
 
 
 def condition_of(information: Array) -> float:
