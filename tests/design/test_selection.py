@@ -11,6 +11,8 @@ from sidegan.design.excitation import excite
 from sidegan.design.information import information_of
 from sidegan.design.selection import Selection, a_optimal, choose, d_optimal, greedy
 
+from .conftest import semidefinite
+
 
 def in_words(diagonals, count):
     """The paper's rule, one trajectory at a time."""
@@ -75,12 +77,10 @@ PICKS = {"determinant": d_optimal, "parameters": a_optimal}
 kinds = st.sampled_from(sorted(PICKS))
 
 
-def candidates(seed, count, size=4, rank=3):
+def candidates(seed, count, rank=3):
     """Information of candidates that differ in size and direction."""
-    generator = np.random.default_rng(seed)
-    rows = generator.standard_normal((count, rank, size))
-    rows *= generator.random((count, 1, size)) ** 2
-    return rows.mT @ rows
+    units = np.random.default_rng(seed).random((count, 1, 4)) ** 2
+    return units * semidefinite(seed, count, rank=rank) * units.mT
 
 
 def reached(kind, matrices, chosen):
