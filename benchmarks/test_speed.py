@@ -13,9 +13,9 @@ import pytest
 from benchmarks import device
 from benchmarks.conftest import OURS, Rate
 from benchmarks.opponents import Figaroh, Mujoco, Pinocchio, frax_torque
-from sidegan.base.arrays import Array
-from sidegan.design.objective import value_and_gradient
-from sidegan.design.penalty import Penalty
+from sidegan.base.arrays import Array, flatten
+from sidegan.design.goal import Goal
+from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import Generator
@@ -128,8 +128,9 @@ def test_plant(rate: Rate, by: str) -> None:
 
 def test_gradient_of_the_objective(rate: Rate) -> None:
     """Condition number, penalty of all constraints, and their gradient."""
-    c = start(200)
-    rate(lambda: value_and_gradient(PROBLEM, c, Penalty(30.0)), len(c) * PROBLEM.samples, "states")
+    objective, points = Objective(PROBLEM, Goal(), Penalty(30.0)), flatten(start(200), 2)
+    slope = np.empty_like(points[0])
+    rate(lambda: [objective(x, slope) for x in points], len(points) * PROBLEM.samples, "states")
 
 
 @pytest.mark.parametrize("by", [OURS, "Pinocchio + coal, samples only", _TOUCH])

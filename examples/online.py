@@ -1,8 +1,7 @@
 """An online loop: while an arm moves along one trajectory, the next one is designed within half a second."""
 
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import ConditionGoal, search
-from sidegan.design.settings import SearchSettings
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from sidegan.cell import Cell, Workspace
     from sidegan.controllers import ExportSettings
-    from sidegan.design.settings import SearchSettings
+    from sidegan.design.problem import SearchSettings
     from sidegan.errors import SideganError
     from sidegan.gan.settings import SurrogateSettings, Variant
     from sidegan.identification import EstimationSettings, GoalSettings, Terms
@@ -58,7 +58,7 @@ __all__ = [
 _MODULES = {
     "cell": ("Cell", "Workspace"),
     "controllers": ("ExportSettings",),
-    "design.settings": ("SearchSettings",),
+    "design.problem": ("SearchSettings",),
     "errors": ("SideganError",),
     "gan.settings": ("SurrogateSettings", "Variant"),
     "identification": ("EstimationSettings", "GoalSettings", "Terms"),

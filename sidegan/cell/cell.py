@@ -1,7 +1,7 @@
 """The arm in its cell, with all that is decided where the user says nothing."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
-from sidegan.base.typed import build, settings_of
+from sidegan.base.typed import NonNegative, Number, Part, Seconds, Size, build, settings_of
 from sidegan.cell import notes
-from sidegan.cell.settings import Choices
 from sidegan.cell.workspace import Workspace
 from sidegan.design.problem import Problem
 from sidegan.motion.dynamics import RigidBody
@@ -21,9 +20,26 @@ from sidegan.robot import Arm, Setup, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
 
-_homes: dict[tuple[str, ...], tuple[float, ...] | None] = {}  # found before, by arm and workspace
 _SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryFamily:
+    """Settings of the short cyclic trajectories."""
+
+    harmonics: Size = 6
+    period: Seconds = 16.0  # [s]
+    home: list[Number] | None = None  # [rad or m]; null: as described, zeros, or a position that is found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices(TrajectoryFamily):
+    """What a user may choose of a cell, and what is decided otherwise."""
+
+    # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
+    effort: Part | None = None
+    clearance: NonNegative | None = None  # [m]; null: the workspace's
 
 
 class Cell:
@@ -112,10 +128,7 @@ class Cell:
         """Home [rad or m], (J,): as given, as described, or found; None for zeros."""
         if self.choices.home is not None:
             return self.choices.home
-        key = (self.arm.digest, repr(self.arm.home), repr(self.workspace))
-        if key not in _homes:
-            _homes[key] = self.workspace.home_of(self.arm, self.arm.home)
-        return _homes[key]
+        return self.workspace.home_of(self.arm, self.arm.home)
 
     @property
     def home(self) -> tuple[float, ...]:

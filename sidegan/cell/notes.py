@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from sidegan.base.names import counted, listed
 from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
 from sidegan.robot.setup import allowed
-from sidegan.validity.pairs import describe_displaced_shapes, room_between
+from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
 from sidegan.validity.placeholders import (
     describe_excessive_friction,
     describe_placeholder_limits,
@@ -50,7 +50,7 @@ def _masses(arm: Arm) -> str:
 
 def _touching(cell: "Cell") -> str:
     """Links that touch in most configurations; empty where there are none."""
-    touching = room_between(cell.constraints.arm, 0.0).touching
+    touching = mostly_touching(cell.constraints.arm)
     said = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
     if not said:
         return ""

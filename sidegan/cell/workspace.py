@@ -1,6 +1,5 @@
 """Surroundings of the arm: regions, and what the arm stands on."""
 
-import logging
 import math
 from collections.abc import Sequence
 from contextlib import suppress
@@ -16,20 +15,16 @@ from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
-from sidegan.robot.fitting import hull_volume
 from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 from sidegan.validity.home import default_home, rests_at
-from sidegan.validity.pairs import Links, room_between
+from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
-log = logging.getLogger(__name__)
-
-_CONVEX = 0.9  # share of its hull's volume that a mesh fills at least, or a warning says so
 _UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
 _DROPPED = "workspace=free drops it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
@@ -66,16 +61,8 @@ class Mesh:
     def shape(self) -> Convex:
         """The region."""
         file = Path(self.file).expanduser()
-        vertices, volume = read_mesh(file)
-        body = Convex.around((self.scale or metres_per_unit(file)) * vertices)
-        filled = volume / hull_volume(vertices)
-        if filled < _CONVEX:
-            log.warning(
-                "%s fills %.0f %% of its hull, all of which is kept out of: cut it into convex parts",
-                self.file,
-                100 * filled,
-            )
-        return body.placed(from_rpy(self.rpy), np.array(self.position))
+        points = (self.scale or metres_per_unit(file)) * read_mesh(file)
+        return Convex.around(points @ from_rpy(self.rpy).T + np.array(self.position))
 
 
 @dataclass(frozen=True)
@@ -192,7 +179,7 @@ class Workspace:
     @staticmethod
     def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
         """Distances [m] that links keep which have no room for the usual one."""
-        room = dict(room_between(arm, _USUALLY[0] / _KEPT).usual)
+        room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
         if home is not None and len(home) == arm.joints:
             there = Constraints(arm).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}

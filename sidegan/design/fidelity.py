@@ -1,34 +1,91 @@
-"""How one set of trajectories is like another: what offsets, copies and other sizes do not fool.
+"""How diverse a set of trajectories is, and how like another: what offsets, copies and sizes do not fool.
 
 A set is rows of any shape, (N, …): coefficients [rad/s], or the logarithm of diag(YᵀY).
 """
 
 import numpy as np
 
-from sidegan.base.arrays import Array, flatten
-from sidegan.design.excitation import effective_rank
+from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 
+_NOISE_BATCHES = 10  # the paper averages over ten noise batches
+_AT_ONCE = 100  # rows whose distances to all others are held
 _NEIGHBOURS = 5  # k of density and coverage, as their authors have it
 _FOLDS = 10  # of the classifier's cross-validation
 _RIDGE = 0.1  # of its least squares
 _NOTHING = 1e-12  # a shorter row has no direction
 
 
+def diversity(c: Array, diagonal: Array) -> dict[str, float]:
+    """The paper's two mean distances, over batches, and two measures that modes cannot fool.
+
+    Of coefficients, (N, J, H, 2), and the diagonals of YᵀY, (N, p). A single trajectory has none.
+    """
+    if len(c) < 2:
+        return {}
+    batch = max(2, len(c) // _NOISE_BATCHES)
+    pairs = [
+        (mean_distance(x), mean_distance(y))
+        for x, y in zip(split(c, batch), split(diagonal, batch))
+        if len(x) > 1
+    ]
+    distance, distance_diagonal = np.array(pairs).mean(0).tolist()
+    return {
+        "distance": distance,
+        "distance_diagonal": distance_diagonal,
+        "nearest": nearest_distance(c),
+        "rank": effective_rank(c),
+    }
+
+
+def mean_distance(x: Array) -> float:
+    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity)."""
+    from scipy.spatial.distance import pdist
+
+    return float(pdist(_rows(x)).mean())
+
+
+def nearest_distance(x: Array) -> float:
+    """Mean distance of a row to its nearest other row: zero when samples repeat themselves."""
+    rows = _rows(x)
+    nearest = []
+    for part in split(np.arange(len(rows)), _AT_ONCE):
+        distances = _distances(rows[part], rows)
+        distances[np.arange(len(part)), part] = np.inf
+        nearest.append(distances.min(1))
+    return float(np.concatenate(nearest).mean())
+
+
+def effective_rank(x: Array, centred: bool = True) -> float:
+    """Number of directions that the rows span: exp of the entropy of the covariance's eigenvalues.
+
+    Of the second moments' where the mean is not taken off: one, where a common offset is all that there is.
+
+    Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
+    """
+    rows = _rows(x)
+    away = rows - rows.mean(0) if centred else rows
+    eigenvalues = np.maximum(np.linalg.eigvalsh(away.T @ away / len(rows)), 0)
+    total = eigenvalues.sum()
+    rounding = len(rows) * np.finfo(float).eps * max(-rows.min(), rows.max())  # of the mean
+    if total <= rounding**2 * rows.shape[1]:  # all rows are one
+        return 0.0
+    share = eigenvalues[eigenvalues > 0] / total
+    return float(np.exp(-(share * np.log(share)).sum()))
+
+
 def proportions(x: Array) -> dict[str, float]:
     """Size, cosine and uncentred rank of a set: what it has in common, which distances do not show."""
-    rank = effective_rank(x, centred=False)
-    return {"norm": mean_norm(x), "cosine": mean_cosine(x), "rank_uncentred": rank}
-
-
-def mean_norm(x: Array) -> float:
-    """Mean size of a row."""
-    return float(np.linalg.norm(flatten(x, 1), axis=1).mean())
+    return {
+        "norm": float(np.linalg.norm(flatten(x, 1), axis=1).mean()),
+        "cosine": mean_cosine(x),
+        "rank_uncentred": effective_rank(x, centred=False),
+    }
 
 
 def mean_cosine(x: Array) -> float:
     """Mean cosine over all pairs of rows: zero where directions are random, one where all have one."""
-    rows = _some(x)
+    rows = _rows(x)
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), _NOTHING)
     return float((np.square(unit.sum(0)).sum() - np.square(unit).sum()) / (len(unit) * (len(unit) - 1)))
 
@@ -53,7 +110,8 @@ def density_and_coverage(x: Array, other: Array) -> tuple[float, float]:
 
     Source: Naeem et al. 2020, Reliable fidelity and diversity metrics for generative models.
     """
-    own, k = _distances(_some(other), other), min(_NEIGHBOURS, len(other) - 1)
+    own = _distances(_rows(other), other)
+    k = min(_NEIGHBOURS, len(other) - 1)
     reach = np.partition(own, k, axis=1)[:, k]  # the nearest is the row itself
     inside = _distances(x, other) <= reach
     return float(inside.sum(1).mean() / k), float(inside.any(0).mean())
@@ -68,7 +126,7 @@ def told_apart(x: Array, other: Array) -> float:
     Source: Lopez-Paz and Oquab 2017, Revisiting classifier two-sample tests.
     """
     count = min(len(x), len(other))
-    rows = np.concatenate([_some(x)[:count], _some(other)[:count]])
+    rows = np.concatenate([_rows(x)[:count], _rows(other)[:count]])
     label = np.repeat([1.0, -1.0], count)
     fold, right = np.arange(2 * count) % _FOLDS, 0
     for k in range(_FOLDS):
@@ -89,7 +147,7 @@ def _distances(x: Array, other: Array) -> Array:
     return cdist(flatten(x, 1), flatten(other, 1))
 
 
-def _some(x: Array) -> Array:
+def _rows(x: Array) -> Array:
     if len(x) < 2:
-        raise ShapeError(f"sets of 2 rows or more are compared, got {len(x)}")
+        raise ShapeError(f"a set needs at least 2 rows, got {len(x)}")
     return flatten(x, 1)

@@ -12,7 +12,6 @@ from sidegan.motion.dynamics import RigidBody
 
 _KINDS = {
     "condition": goals.CONDITION,
-    "diagonal": goals.DIAGONAL,
     "variance": goals.VARIANCE,
     "volume": goals.VOLUME,
     "tool": goals.TOOL,
@@ -34,12 +33,12 @@ class Linear(Protocol):
 class Goal:
     """Function of a trajectory that is to be small, in units of the P parameters of a model.
 
-    The condition number of prior and information together, or the ratio of the diagonal of the information;
-    the sum of the targets' variances, or the volume that they lie in; or the volume of a tool's parameters,
-    whose torques are those of the targets, with all others unknown too.
+    The condition number of prior and information together; the sum of the targets' variances, or the volume
+    that they lie in; or the volume of a tool's parameters, whose torques are those of the targets, with all
+    others unknown too.
     """
 
-    kind: Literal["condition", "diagonal", "variance", "volume", "tool"] = "condition"
+    kind: Literal["condition", "variance", "volume", "tool"] = "condition"
     prior: Array | None = None  # information that there is already, (P, P)
     certainty: Array | None = None  # one over the deviation of each joint's torque, (J,); None: ones
     rate: float = 1.0  # of samples with independent errors [Hz]
@@ -49,53 +48,44 @@ class Goal:
     runs: int = 1  # 2: a tool's trajectory is executed without it as well
 
 
-class Compiled:
-    """A goal for an arm as kernels take it: parameters are the base's, then those of joints, joint by joint.
+def compiled(
+    goal: Goal, body: RigidBody, period: float
+) -> tuple[information.JointTerms, Array, goals.GoalArrays]:
+    """A goal for trajectories of so many seconds of an arm, as kernels take it.
 
-    Attributes:
-        terms: what the model has beside rigid bodies, and how much each joint's torque counts.
-        subspace: parameters from coordinates in an orthonormal basis, lower triangular, (P, P).
+    First what the model has beside rigid bodies, and how much each joint's torque counts; then parameters
+    from coordinates in an orthonormal basis, lower triangular, (P, P); last the goal in these. Parameters are
+    the base's, then those of joints, joint by joint.
 
     Raises:
         ShapeError: for a model of another arm, or when something does not fit the model.
     """
-
-    def __init__(self, goal: Goal, body: RigidBody) -> None:
-        self._goal, rigid = goal, len(body.base.columns)
-        if goal.model is not None and not np.array_equal(goal.model.body.base.columns, body.base.columns):
-            raise ShapeError("the model is of another arm: it has other base parameters")
-        extras = np.zeros(0, np.int64) if goal.model is None else goal.model.extras
-        kinds, joints = np.divmod(extras, body.joints)
-        by_joint = np.argsort(joints, kind="stable")
-        self._order = np.concatenate([np.arange(rigid), rigid + by_joint])
-        self.terms = _terms(goal.model, kinds[by_joint], joints[by_joint], body.joints)
-        size = len(self._order)
-        self.subspace = np.eye(size)
-        self.subspace[:rigid, :rigid] = body.base.subspace
-        targets = 0 if goal.targets is None else len(goal.targets)
-        self._prior = _fitting("prior", goal.prior, (size, size))
-        self._targets = _fitting("targets", goal.targets, (targets, size))
-        self._doubt = _fitting("doubt", goal.doubt, (targets, targets))
-        if goal.certainty is not None:
-            roots = _fitting("certainty", goal.certainty, (body.joints,))
-            self.terms = self.terms._replace(roots=roots)
-
-    def during(self, period: float) -> goals.GoalArrays:
-        """The goal for trajectories of so many seconds."""
-        order, targets = self._order, self._targets[:, self._order]
-        prior = self.subspace.T @ self._prior[np.ix_(order, order)] @ self.subspace
-        if self._goal.kind == "tool":  # columns of torque; elsewhere what variances are of
-            targets = np.linalg.solve(self.subspace, targets.T).T
-        else:
-            targets = targets @ self.subspace
-        return goals.GoalArrays(
-            _KINDS[self._goal.kind],
-            np.ascontiguousarray(prior),
-            self._goal.rate * period,
-            np.ascontiguousarray(targets),
-            self._doubt,
-            float(self._goal.runs),
-        )
+    rigid = len(body.base.columns)
+    if goal.model is not None and not np.array_equal(goal.model.body.base.columns, body.base.columns):
+        raise ShapeError("the model is of another arm: it has other base parameters")
+    extras = np.zeros(0, np.int64) if goal.model is None else goal.model.extras
+    kinds, joints = np.divmod(extras, body.joints)
+    by_joint = np.argsort(joints, kind="stable")
+    terms = _terms(goal.model, kinds[by_joint], joints[by_joint], body.joints)
+    if goal.certainty is not None:
+        terms = terms._replace(roots=_fitting("certainty", goal.certainty, (body.joints,)))
+    order = np.concatenate([np.arange(rigid), rigid + by_joint])
+    size, count = len(order), 0 if goal.targets is None else len(goal.targets)
+    subspace = np.eye(size)
+    subspace[:rigid, :rigid] = body.base.subspace
+    prior = _fitting("prior", goal.prior, (size, size))[np.ix_(order, order)]
+    targets = _fitting("targets", goal.targets, (count, size))[:, order]
+    # Columns of torque of a tool; elsewhere what variances are of.
+    targets = np.linalg.solve(subspace, targets.T).T if goal.kind == "tool" else targets @ subspace
+    arrays = goals.GoalArrays(
+        _KINDS[goal.kind],
+        np.ascontiguousarray(subspace.T @ prior @ subspace),
+        goal.rate * period,
+        np.ascontiguousarray(targets),
+        _fitting("doubt", goal.doubt, (count, count)),
+        float(goal.runs),
+    )
+    return terms, subspace, arrays
 
 
 def _fitting(name: str, given: Array | None, shape: tuple[int, ...]) -> Array:

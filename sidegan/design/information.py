@@ -1,15 +1,16 @@
 """Information of trajectories about the identifiable parameters."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
-from sidegan.base.arrays import Array, flatten, split
+from sidegan.base.arrays import Array, split
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
-_STATES_AT_ONCE = 4096  # of the weighted regressor: 10 MB at seven joints
+_AT_ONCE = 1000  # trajectories whose Gram matrices are held beside what is found
 
 
 def information_of(
@@ -24,26 +25,21 @@ def information_of(
     The noise is the deviation of each joint's torque [N·m or N], J of them; ones when None.
     """
     trajectory.check(c)
-    if noise is None:
-        grams = gram(body, trajectory, c, samples)
-    else:
-        grams = weighted_gram(body, trajectory, c, samples, certainty_of(noise, body.joints))
+    certainty = None
+    if noise is not None:
+        if len(noise) != body.joints or not all(x > 0 for x in noise):
+            raise ShapeError(f"noise is {list(noise)}, expected {body.joints} positive deviations")
+        certainty = 1 / np.array(noise)
     subspace = body.base.subspace
-    return subspace.T @ grams @ subspace
+    grams = (gram(body, trajectory, part, samples, certainty) for part in split(c, _AT_ONCE))
+    return np.concatenate([subspace.T @ x @ subspace for x in grams])
 
 
-def weighted_gram(body: RigidBody, trajectory: Trajectory, c: Array, samples: int, certainty: Array) -> Array:
-    """Gram matrices per sample, (N, p, p), with each joint's rows times its certainty, (J,)."""
-    times, grams = trajectory.grid(samples), []
-    for part in split(c, max(1, _STATES_AT_ONCE // samples)):
-        y = body.base_regressor(*trajectory.roll_out(part, times)[1:])
-        rows = flatten((y * certainty[:, None]).transpose(0, 3, 2, 1), 2)  # (n, p, J T)
-        grams.append(rows @ rows.mT / samples)
-    return np.concatenate(grams)
-
-
-def certainty_of(noise: Sequence[float], joints: int) -> Array:
-    """One over the deviation of each joint's torque, (J,)."""
-    if len(noise) != joints or not all(x > 0 for x in noise):
-        raise ShapeError(f"noise is {list(noise)}, expected {joints} positive deviations")
-    return 1 / np.array(noise)
+def condition_of(information: Array) -> float:
+    """Condition number of one information matrix, (q, q); infinite where it is singular."""
+    if not np.isfinite(information).all():
+        raise ShapeError("information is not finite")
+    eigenvalues = np.linalg.eigvalsh(information)
+    low, high = float(eigenvalues[0]), float(eigenvalues[-1])
+    singular = low <= len(eigenvalues) * np.finfo(float).eps * high
+    return math.inf if singular else high / low

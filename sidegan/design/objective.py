@@ -5,16 +5,14 @@ inertial parameters are v: the gradient of any function of a few eigenvalues cos
 dynamics, never a differentiated regressor.
 """
 
-import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten
-from sidegan.design.goal import Compiled, Goal
-from sidegan.design.penalty import Penalty
+from sidegan.design.goal import Goal, compiled
 from sidegan.design.problem import Problem
-from sidegan.kernels import HOPELESS
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import Limits
 from sidegan.motion.arrays import array
@@ -24,6 +22,32 @@ from sidegan.validity.constraints import NAMES
 
 # share of a torque limit that counts where dry friction leaves nothing: an optimiser divides by it
 _LEAST = 1e-3
+_DISTANCE = 0.25  # [m] clearance that counts like a whole limit
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """Cost of violated constraints: squared relative violations, and what is kept in reserve."""
+
+    weight: float
+    limits: float = 0.05  # share of position, velocity, acceleration and jerk kept in reserve
+    torque: float = 0.05  # share of torque limits
+    distance: float = 0.1  # of 0.25 m
+
+    @classmethod
+    def reserving(cls, weight: float, reserve: float) -> "Penalty":
+        """A share of each limit, and twice that share of 0.25 m, in reserve."""
+        return cls(weight, limits=reserve, torque=reserve, distance=2 * reserve)
+
+    @property
+    def reach(self) -> float:
+        """Smallest distance that costs nothing [m]."""
+        return self.distance * _DISTANCE
+
+    @property
+    def close(self) -> float:
+        """Weight of the square of what a distance lacks [1/m²]."""
+        return self.weight / _DISTANCE**2
 
 
 class Objective:
@@ -46,7 +70,8 @@ class Objective:
         matrix: Array | None = None,
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
-        arm, drives, compiled = constraints.arm, constraints.arm.known_drives, Compiled(goal, body)
+        arm, drives = constraints.arm, constraints.arm.known_drives
+        terms, subspace, arrays = compiled(goal, body, trajectory.period)
         joints, harmonics, _ = trajectory.shape
         lower, upper = arm.position_lower, arm.position_upper
         middle, room = (upper + lower) / 2, (upper - lower) / 2
@@ -67,8 +92,8 @@ class Objective:
             chain=body.chain,
             shapes=constraints.shapes,
             columns=columns_of_links(body.base.columns, joints),
-            extra=compiled.terms,
-            subspace=compiled.subspace,
+            extra=terms,
+            subspace=subspace,
             home=np.array(trajectory.home),
             matrix=array(matrix),
             basis=basis(self.samples, 3),
@@ -81,7 +106,7 @@ class Objective:
             higher=higher,
             close=0.0,
             reach=0.0,
-            goal=compiled.during(trajectory.period),
+            goal=arrays,
         )
         self.plan = plan if penalty is None else self.penalised(plan, penalty)
         self.scratch = kernel.scratch(self.plan)
@@ -109,7 +134,8 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
     relative margin of each constraint with its sign turned, (B, 1 + G), in the order of their labels. The
     distance is the clearance that counts like a whole limit [m].
     """
-    one, measure = Objective(problem, Goal()), kernel.Measure(problem.diagonal, problem.weakest, distance)
+    one = Objective(problem, Goal())
+    measure = kernel.Measure(diagonal=False, weakest=problem.weakest, distance=distance)
     kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
     def evaluate(c: Array) -> Array:
@@ -118,21 +144,6 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
         return numbers[:, kept]
 
     return evaluate
-
-
-def value_and_gradient(problem: Problem, c: Array, penalty: Penalty | None) -> tuple[Array, Array]:
-    """Smooth log fitness plus penalty, (B,), and its gradient, (B, J, H, 2), at coefficients c [rad/s]."""
-    x = array(flatten(c, 2))
-    value, gradient = np.empty(len(x)), np.empty(x.shape)
-
-    def work(k: slice) -> None:
-        objective = Objective(problem, Goal("diagonal" if problem.diagonal else "condition"), penalty)
-        for one, slope, n in zip(x[k], gradient[k], range(len(x))[k]):
-            value[n] = sum(objective(one, slope))
-
-    share(work, len(x), problem.samples)
-    value[~np.isfinite(value)] = math.log(HOPELESS)
-    return value, gradient.reshape(c.shape)
 
 
 def pull_back(

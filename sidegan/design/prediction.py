@@ -117,11 +117,7 @@ class Prediction:
         return flatten(squares, 1) @ flatten(self.wanted, 1).T
 
     def of_draws(self, c: Array, count: int = TOGETHER, draws: int = DRAWS, seed: int = 0) -> Array:
-        """Expected nMSE, (draws, K), of sets of so many trajectories drawn from c (N, J, H, 2), at random.
-
-        Raises:
-            ShapeError: when there are fewer trajectories than a set has.
-        """
+        """Expected nMSE, (draws, K), of sets of so many trajectories drawn from c (N, J, H, 2), at random."""
         if len(c) < count:
             raise ShapeError(f"a set of {count} trajectories cannot be drawn from {len(c)}")
         random = np.random.default_rng(seed)

@@ -1,10 +1,14 @@
-"""The optimisation problem of a trajectory: make YᵀY well conditioned, inside all constraints."""
+"""The optimisation problem of a trajectory: make YᵀY well conditioned, inside all constraints.
+
+Beside it stands what a search spends on it.
+"""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.typed import Count, Share, Size
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
 from sidegan.kernels import HOPELESS
@@ -14,6 +18,16 @@ from sidegan.robot import DERIVATIVE_ORDER
 from sidegan.validity import Constraints
 
 _LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchSettings:
+    """How much is spent on each trajectory of a set."""
+
+    evaluations: Count = 400  # of the goal, for each trajectory
+    patience: Count = 130  # of them from one start
+    samples: Size = 40  # time points per period at which information and torques are taken
+    reserve: Share = 0.03  # of each limit that a search keeps free, and half of it in metres as clearance
 
 
 @dataclass(frozen=True)
@@ -27,8 +41,7 @@ class Problem:
     constraints: Constraints  # the arm and its workspace
     trajectory: Trajectory  # the family of trajectories
     samples: int = 60  # time points per period at which the objective and the constraints are taken
-    diagonal: bool = False  # optimise the diagonal fitness instead of the eigenvalue fitness
-    strongest: int | None = None  # eigenvalues that the eigenvalue fitness counts; None: all of them
+    strongest: int | None = None  # eigenvalues that the fitness counts; None: all of them
 
     def __post_init__(self) -> None:
         joints, harmonics, _ = self.trajectory.shape
@@ -84,8 +97,5 @@ class Problem:
     def fitness(self, c: Array) -> Array:
         """The number to minimise, (B,), at most ``HOPELESS``."""
         excitation = excitation_of(self.body, self.gram(c))
-        if self.diagonal:
-            value = excitation.diagonal_fitness
-        else:
-            value = replace(excitation, spectrum=excitation.spectrum[:, self.weakest :]).eigenvalue_fitness
-        return np.fmin(value, HOPELESS)
+        strongest = replace(excitation, spectrum=excitation.spectrum[:, self.weakest :])
+        return np.fmin(strongest.eigenvalue_fitness, HOPELESS)

@@ -16,10 +16,8 @@ from sidegan.base.arrays import Array
 from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective
-from sidegan.design.penalty import Penalty
-from sidegan.design.problem import Problem
-from sidegan.design.settings import SearchSettings
+from sidegan.design.objective import Objective, Penalty
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
 from sidegan.kernels.objective import Plan
@@ -99,7 +97,7 @@ class Descent:
         descent.descend(plan, _RULES, self._state, self._objective.scratch, evaluations)
 
 
-def proven(problem: Problem, c: Array, smallest: float = 0.5) -> tuple[Array, Array, Validity]:
+def proven(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, Validity]:
     """Trajectories [rad/s], (B, J, H, 2), as much smaller as they must be to be valid, and which are, (B,).
 
     They shrink towards home to no less than a share of their size; the last verdict is on what is left.
@@ -132,11 +130,13 @@ def search(
         InfeasibleError: when the arm cannot rest at home, or no trajectory is proven; says what is violated.
         ShapeError: when the goal does not fit the arm.
     """
-    began, done, pace = clock(), 0, 0.0  # pace: [s] of an evaluation
+    began = clock()
+    done, pace = 0, 0.0  # evaluations, and [s] of one
     compile_beside()
     problem = replace(problem, samples=max(settings.samples, 2 * problem.trajectory.harmonics + 1))
     problem.constraints.refuse_home(problem.trajectory.home or ())
-    searching, random = Descent(problem, goal, settings.reserve), np.random.default_rng(seed)
+    searching = Descent(problem, goal, settings.reserve)
+    random = np.random.default_rng(seed)
 
     def left() -> int:
         if deadline is None:
@@ -145,14 +145,17 @@ def search(
         return math.ceil(rest / pace) if rest > 0 else 0
 
     if deadline is not None:
-        before, done = clock(), 2
+        before = clock()
+        done = 2
         searching.run(searching.start(random), done)
         pace = max((clock() - before) / done, 1e-9)
     best, failed, verdict = None, None, None
     while (rest := left()) > (0 if best is None else settings.patience // 2):
-        count, before = rest // max(1, rest // settings.patience), clock()
+        count = rest // max(1, rest // settings.patience)
+        before = clock()
         c = searching.run(searching.start(random), count)[None]
-        done, pace = done + count, max((clock() - before) / count, 1e-9)
+        pace = max((clock() - before) / count, 1e-9)
+        done += count
         least = math.inf if best is None else best.value - _BETTER
         if searching.value(c[0]) < least:
             shrunk, valid, verdict = proven(problem, c, _SLIGHTLY)

@@ -11,8 +11,7 @@ from torch import Tensor, nn
 from torch.nn.functional import normalize, softplus
 
 from sidegan.base.arrays import Array, flatten, split
-from sidegan.design.excitation import mean_distance
-from sidegan.design.fidelity import mean_cosine
+from sidegan.design.fidelity import mean_cosine, mean_distance
 from sidegan.gan.tensors import tensor
 
 _PAIRS = 500  # seeds whose mean distance stands for all

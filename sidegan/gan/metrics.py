@@ -3,8 +3,8 @@
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.excitation import diversity, excite, mean_distance
-from sidegan.design.fidelity import beyond, proportions
+from sidegan.design.excitation import excite
+from sidegan.design.fidelity import beyond, diversity, mean_distance, proportions
 from sidegan.design.prediction import (
     TOGETHER,
     Prediction,
@@ -51,7 +51,7 @@ def measure(
         "condition_valid": float(np.median(condition[valid])) if valid.any() else float("nan"),
         "diagonal_ratio": float(np.median(excitation.diagonal_fitness)),
         "distance_valid": mean_distance(c[valid]) if valid.sum() > 1 else float("nan"),
-        **diversity(c, excitation),
+        **diversity(c, excitation.diagonal),
         **(proportions(c) if len(c) > 1 else {}),
         **({} if seeds is None else {"beyond": beyond(c, seeds)}),
         **expected_errors(constraints, trajectory, c[valid]),

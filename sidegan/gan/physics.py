@@ -11,8 +11,7 @@ import torch
 from torch import Tensor
 
 from sidegan.base.arrays import Array, split
-from sidegan.design.objective import pull_back
-from sidegan.design.penalty import Penalty
+from sidegan.design.objective import Penalty, pull_back
 from sidegan.design.problem import Problem
 from sidegan.gan.tensors import array, tensor
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor, nn
 
 from sidegan.design.excitation import excitation_of
-from sidegan.design.penalty import Penalty
+from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.gan import physics

@@ -10,7 +10,6 @@ from typing import TypeAlias
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.criteria import root_of
 from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
@@ -101,7 +100,7 @@ class Prediction:
         y = model.regressor(*model.usual_states()) / usual[:, None]
         rows = y.transpose(1, 2, 0)
         each = rows @ rows.mT / len(y)
-        self.goal = Goal("variance", targets=root_of(each.mean(0)).T)
+        self.goal = Goal("variance", targets=_root_of(each.mean(0)).T)
         self._each = each * unit * unit[:, None]
 
     def deviations(self, known: Array, motion: Array) -> Array:
@@ -135,3 +134,10 @@ def usual_torque(body: RigidBody) -> Array:
             "goal.objective=condition needs none, and the URDF that +experiment=identify leaves has masses"
         )
     return torque_scale(body, _FLOOR)
+
+
+def _root_of(target: Array) -> Array:
+    """F with F Fᵀ = target, (q, r), of a symmetric positive semidefinite target (q, q)."""
+    eigenvalues, vectors = np.linalg.eigh(target)
+    kept = eigenvalues > 0
+    return vectors[:, kept] * np.sqrt(eigenvalues[kept])

@@ -55,14 +55,13 @@ def draw_valid(
         c = sample(min(settings.batch, settings.draws - drawn))
         verdict = check(c)
         kept.append(c[verdict.valid])
-        drawn, valid = drawn + len(c), valid + len(kept[-1])
+        drawn += len(c)
+        valid += len(kept[-1])
         if report is not None:
             report(max(min(valid, count), drawn * count // settings.draws), count)
     if valid < settings.least:
-        number = f"only {valid}" if valid else "none"
-        verb = "are" if valid > 1 else "is"
         raise InfeasibleError(
-            f"{number} of {drawn} trajectories {origin} {verb} valid; "
+            f"{valid} of {drawn} trajectories {origin} are valid; "
             f"of the last {len(c)}, {summarise_faults(verdict.faults())}"
         )
     if valid < count:

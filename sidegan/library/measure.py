@@ -2,40 +2,29 @@
 
 import numpy as np
 
-from sidegan.base.arrays import Array, split
-from sidegan.design.excitation import Excitation, diversity, excite, nearest_distance
-from sidegan.design.fidelity import beyond, density_and_coverage, distance_to, proportions, told_apart
+from sidegan.base.arrays import Array
+from sidegan.design import fidelity
+from sidegan.design.excitation import excite
 from sidegan.library.collection import Library
-from sidegan.library.parquet import MARGIN
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
-_AT_ONCE = 250  # trajectories
 _LEAST = 1e-30  # of diag(YᵀY), which is zero where a column is never excited
 
 
 def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
     """A library of coefficients (N, J, H, 2) with everything measured about them."""
-    columns: dict[str, Array] = {}
-    for index in split(np.arange(len(c)), _AT_ONCE):
-        validity = check(constraints, trajectory, c[index])
-        excitation = excite(constraints.body, trajectory, c[index], round(RATE * trajectory.period))
-        found = {
-            "valid": validity.valid,
-            "fitness": excitation.eigenvalue_fitness,
-            "diagonal_fitness": excitation.diagonal_fitness,
-            "spectrum": excitation.spectrum,
-            "diagonal": excitation.diagonal,
-            **{f"{MARGIN}{name}": x for name, x in validity.margins.items()},
-        }
-        for name, x in found.items():  # in place: what a large library takes is held once
-            columns.setdefault(name, np.empty((len(c), *x.shape[1:]), x.dtype))[index] = x
-    margins = {name: columns.pop(f"{MARGIN}{name}") for name in validity.margins}
+    validity = check(constraints, trajectory, c)
+    excitation = excite(constraints.body, trajectory, c, round(RATE * trajectory.period))
     return Library(
         coefficients=c,
-        margins=margins,
-        **columns,
+        valid=validity.valid,
+        margins=validity.margins,
+        fitness=excitation.eigenvalue_fitness,
+        diagonal_fitness=excitation.diagonal_fitness,
+        spectrum=excitation.spectrum,
+        diagonal=excitation.diagonal,
         source=[source] * len(c),
         robot=constraints.arm.name,
         digest=constraints.arm.digest,
@@ -51,7 +40,7 @@ def summary(library: Library) -> dict[str, float]:
         "valid": float(library.valid.mean()),
         "condition": float(np.median(library.fitness)),
         "diagonal_ratio": float(np.median(library.diagonal_fitness)),
-        **diversity(library.coefficients, Excitation(library.spectrum, library.diagonal)),
+        **fidelity.diversity(library.coefficients, library.diagonal),
     }
 
 
@@ -63,16 +52,16 @@ def likeness(library: Library, seeds: Library) -> dict[str, float]:
     count = min(len(library), len(seeds))
     c, other = library.coefficients[:count], seeds.coefficients[:count]
     diagonals = (np.log(np.maximum(one.diagonal[:count], _LEAST)) for one in (library, seeds))
-    density, coverage = density_and_coverage(c, other)
-    density_diagonal, coverage_diagonal = density_and_coverage(*diagonals)
+    density, coverage = fidelity.density_and_coverage(c, other)
+    density_diagonal, coverage_diagonal = fidelity.density_and_coverage(*diagonals)
     return {
-        **proportions(c),
-        "nearest_other": nearest_distance(c),
-        "nearest_seed": distance_to(c, other),
-        "beyond": beyond(c, other),
+        **fidelity.proportions(c),
+        "nearest_other": fidelity.nearest_distance(c),
+        "nearest_seed": fidelity.distance_to(c, other),
+        "beyond": fidelity.beyond(c, other),
         "density": density,
         "coverage": coverage,
         "density_diagonal": density_diagonal,
         "coverage_diagonal": coverage_diagonal,
-        "told_apart": told_apart(c, other),
+        "told_apart": fidelity.told_apart(c, other),
     }

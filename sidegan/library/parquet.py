@@ -4,12 +4,12 @@ import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.storage import reading
+from sidegan.base.storage import read_parquet, reading
 from sidegan.base.typed import Number, Positive, build
 from sidegan.errors import ArtifactError, ConfigError
 
@@ -18,9 +18,6 @@ if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
 
 FORMAT = 1  # raise it when a column or a key of the metadata changes its meaning
 METADATA_KEY = b"sidegan"
-# Measured numbers hardly compress, and a dictionary of them only costs time.
-# Whoever writes or reads a file holds so many rows of it beside the library: 70 MB at seven joints.
-OPTIONS: dict[str, Any] = {"compression": "none", "use_dictionary": ["source"], "row_group_size": 50_000}
 MARGIN = "margin_"  # begins the names of the columns of margins
 
 
@@ -66,7 +63,8 @@ def table_of(family: Family, columns: dict[str, Array], source: list[str]) -> "p
     """Table of a library's columns, (N, …) each."""
     import pyarrow as pa
 
-    schema, arrays = _schema(family), {"source": pa.array(source, pa.string())}
+    schema = _schema(family)
+    arrays = {"source": pa.array(source, pa.string())}
     for name, x in columns.items():
         flat, kind = pa.array(x.ravel()), schema.field(name).type
         arrays[name] = flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=kind)
@@ -74,14 +72,17 @@ def table_of(family: Family, columns: dict[str, Array], source: list[str]) -> "p
     return pa.table(arrays, schema=schema).replace_schema_metadata({METADATA_KEY: metadata})
 
 
-def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Array], list[str]]:
-    """Family, columns and sources of a library's table that was read from ``path``.
+def content_of(path: Path) -> tuple[Family, dict[str, Array], list[str]]:
+    """Family, columns and sources of a library's file.
 
     Raises:
-        ArtifactError: when it is of an unknown format, or a column is missing, of another type or not finite.
+        ArtifactError: when it is damaged or of an unknown format, or a column is missing, of another type or
+            not finite.
     """
+    table = read_parquet(path)
     family = _family(path, table)
-    schema, columns = _schema(family), dict[str, Array]()
+    schema = _schema(family)
+    columns: dict[str, Array] = {}
     with reading(path, "library"):
         table = table.select(schema.names)
         for own, expected in zip(table.schema, schema):

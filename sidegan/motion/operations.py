@@ -20,23 +20,31 @@ def rows(chain: Chain, columns: Array, states: States) -> Array:
     A view of an array with the states last, in which products over samples are fast.
     """
     count, joints = states[0].shape
-    motion, of_links = _states(*(x[None] for x in states)), columns_of_links(columns, joints)
+    motion = _states(*(x[None] for x in states))
+    of_links = columns_of_links(columns, joints)
     y = np.zeros((len(columns), joints * (count + dynamics.LANES)))
     span = regressor.rows_of(chain, motion, (0, 0, count), of_links, dynamics.scratch(chain), y)
     whole = y[:, : joints * span].reshape(len(columns), joints, span)
     return whole[:, :, :count].transpose(2, 1, 0)
 
 
-def gram(chain: Chain, columns: Array, states: States) -> Array:
-    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J)."""
+def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) -> Array:
+    """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
+
+    Each joint's rows of Y count by its certainty, (J,); None: ones.
+    """
     batch, count, joints = states[0].shape
     size, of_links = len(columns), columns_of_links(columns, joints)
-    grams, rigid = np.empty((batch, size, size)), information.no_terms(joints)
+    grams = np.empty((batch, size, size))
+    rigid = information.no_terms(joints)
+    if certainty is not None:
+        rigid = rigid._replace(roots=array(certainty))
 
     def work(k: slice) -> None:
         y = dynamics.aligned(size, joints * regressor.SPAN)
-        motion, room = _states(*(x[k] for x in states)), dynamics.scratch(chain)
+        motion = _states(*(x[k] for x in states))
         signals = information.signals_for(rigid, count, 0)
+        room = dynamics.scratch(chain)
         information.weighted_grams(chain, motion, of_links, (rigid, signals), grams[k], room, y)
 
     share(work, batch, count)
@@ -79,7 +87,8 @@ def extremes(x: Array, low: int, high: int) -> tuple[Array, Array]:
     if size <= count:
         return eigh(x)
     scale = np.maximum(np.maximum(x.max((1, 2)), -x.min((1, 2))), np.finfo(x.dtype).tiny)
-    a, sound = array(x / scale[:, None, None]), np.zeros(batch, bool)
+    a = array(x / scale[:, None, None])
+    sound = np.zeros(batch, bool)
     values, vectors = np.zeros((batch, count)), np.zeros((batch, count, size))
 
     def work(k: slice) -> None:

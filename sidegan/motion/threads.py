@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
 import numpy as np
@@ -27,14 +27,11 @@ def share(work: Callable[[slice], None], batch: int, states: int) -> None:
 
 
 def each(work: Callable[[int], None], count: int) -> None:
-    """Do work 0, 1, … at the same time, the first of it here."""
-    others = [_pool(os.getpid(), count - 1).submit(work, k) for k in range(1, count)]
-    try:
+    """Do work 0, 1, … at the same time."""
+    if count == 1:
         work(0)
-    finally:
-        wait(others)
-    for other in others:
-        other.result()
+    else:
+        list(_pool(os.getpid(), count).map(work, range(count)))
 
 
 @cache

@@ -98,12 +98,9 @@ class Trajectory:
         jerk begins and ends with a step.
         """
         times = np.asarray(times, float)
-        if len(times) * self.harmonics > _CACHED:
-            basis = _basis(self.harmonics, self.period, times, order)
-        else:
-            basis = _cached_basis(self.harmonics, self.period, times.tobytes(), order)
+        make = _basis if len(times) * self.harmonics <= _CACHED else _basis.__wrapped__
         # A copy: whoever writes to it must not change what the next caller gets.
-        return basis.copy()
+        return make(self.harmonics, self.period, times.tobytes(), order).copy()
 
     def derivative_bound(self, order: int) -> Array:
         """Upper bound of the absolute derivative ``order``, 4 or more, of each basis function, (H, 2).
@@ -167,11 +164,8 @@ def concatenate(motion: Motion) -> Motion:
 
 
 @lru_cache(maxsize=_KEPT)
-def _cached_basis(harmonics: int, period: float, times: bytes, order: int) -> Array:
-    return _basis(harmonics, period, np.frombuffer(times), order)
-
-
-def _basis(harmonics: int, period: float, times: Array, order: int) -> Array:
+def _basis(harmonics: int, period: float, instants: bytes, order: int) -> Array:
+    times = np.frombuffer(instants)
     if not ((times >= -_OUTSIDE * period) & (times <= (1 + _OUTSIDE) * period)).all():
         raise ShapeError(f"times run from {times.min()} to {times.max()} s, expected 0 to {period} s")
     s = times / period

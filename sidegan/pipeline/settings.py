@@ -17,8 +17,8 @@ from sidegan.base.extras import extra
 from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
 from sidegan.cell import TrajectoryFamily, Workspace
 from sidegan.controllers import ExportSettings
+from sidegan.design.problem import SearchSettings
 from sidegan.design.selection import Selection
-from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import Surrogates, Variant
 from sidegan.identification import (

@@ -86,8 +86,8 @@ def has_surface(file: Path) -> bool:
         return True
 
 
-def read_mesh(file: Path) -> tuple[NDArray[np.float64], float]:
-    """Vertices (V, 3) of a mesh file, and the volume that its surface encloses.
+def read_mesh(file: Path) -> NDArray[np.float64]:
+    """Vertices (V, 3) of a mesh file.
 
     Raises:
         ConfigError: when it cannot be read.
@@ -98,7 +98,7 @@ def read_mesh(file: Path) -> tuple[NDArray[np.float64], float]:
         mesh = trimesh.load_scene(file).to_mesh()
         if len(mesh.faces) < _FEWEST:
             raise ValueError("it has no closed surface")
-        return np.asarray(mesh.vertices, float), abs(float(mesh.volume))
+        return np.asarray(mesh.vertices, float)
     except Exception as error:  # readers of meshes raise whatever they like
         raise ConfigError(f"mesh file {file} cannot be read: {error}") from error
 

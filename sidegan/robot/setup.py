@@ -47,7 +47,7 @@ class Setup:
 
 
 PLAIN = Setup()
-_WORD = re.compile(r"[A-Za-z_/.~][\w/.~-]*")
+_WORD = re.compile(r"…|[A-Za-z_/.~][\w/.~-]*")
 _NO_TEXT = {"null", "true", "false", "yes", "no", "on", "off", "nan", "inf"}
 
 

@@ -1,8 +1,8 @@
 """Conventional optimisers that make the seed set; the only door to pygmo."""
 
 from sidegan.seeding.gradient import Gradient
-from sidegan.seeding.make import Tasks, make_long, make_seeds
+from sidegan.seeding.make import make_long, make_seeds
 from sidegan.seeding.result import Optimiser, SeedBatch
 from sidegan.seeding.settings import Long, Seeds
 
-__all__ = ["Gradient", "Long", "Optimiser", "SeedBatch", "Seeds", "Tasks", "make_long", "make_seeds"]
+__all__ = ["Gradient", "Long", "Optimiser", "SeedBatch", "Seeds", "make_long", "make_seeds"]

@@ -27,6 +27,6 @@ class Gradient(Optimiser):
         from sidegan.design.goal import Goal
         from sidegan.design.search import Descent  # compiled: imported when it is used
 
-        descent = Descent(problem, Goal("diagonal" if problem.diagonal else "condition"), self.reserve)
+        descent = Descent(problem, Goal(), self.reserve)
         random = np.random.default_rng(source)
         return np.stack([descent.run(descent.start(random, reach), self.steps) for _ in range(count)])

@@ -1,7 +1,7 @@
 """Seed sets and long trajectories, made task by task: parallel, resumable, the same however many workers."""
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,39 +17,36 @@ _SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
 _SPARE_STARTS = 4  # of a long trajectory, for each that is set, while none is valid
 
 
-@dataclass(frozen=True)
-class Tasks:
-    """How a seed set is cut into tasks."""
-
-    count: int  # seeds of the set
-    batch: int  # seeds of one task
-    work: Path  # folder of the finished tasks' files, read again after an interrupt
-    workers: int | None = None  # processes; None: one per core
-
-
 def make_seeds(
-    problem: Problem, method: Optimiser, tasks: Tasks, random: np.random.SeedSequence
+    problem: Problem,
+    method: Optimiser,
+    count: int,
+    random: np.random.SeedSequence,
+    *,
+    batch: int,
+    work: Path,
+    workers: int | None = None,
 ) -> SeedBatch:
-    """``tasks.count`` valid seeds.
+    """So many valid seeds, a batch in each task; files in ``work`` are read again after an interrupt.
 
     Raises:
         InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
     """
-    tasks.work.mkdir(parents=True, exist_ok=True)
+    work.mkdir(parents=True, exist_ok=True)
     batches: list[SeedBatch] = []
     for _ in range(1 + _SPARE_ROUNDS):
-        missing, number = tasks.count - sum(map(len, batches)), len(batches)
+        missing, number = count - sum(map(len, batches)), len(batches)
         if missing <= 0:
             break
-        sizes = [min(tasks.batch, missing - i) for i in range(0, missing, tasks.batch)]
+        sizes = [min(batch, missing - i) for i in range(0, missing, batch)]
         jobs: list[Job] = []
         for index, size in enumerate(sizes, number):
             seed = np.random.SeedSequence(random.entropy, spawn_key=(*random.spawn_key, index))
-            jobs.append(partial(_task, problem, method, size, seed, tasks.work / f"seeds-{index:05d}.npz"))
-        batches += run_jobs("seeds", jobs, tasks.workers, missing)
+            jobs.append(partial(_task, problem, method, size, seed, work / f"seeds-{index:05d}.npz"))
+        batches += run_jobs("seeds", jobs, workers, missing)
     whole = SeedBatch.join(batches)
-    if len(whole) < tasks.count:
-        raise whole.shortfall(tasks.count)
+    if len(whole) < count:
+        raise whole.shortfall(problem.constraints, count)
     return whole
 
 
@@ -83,5 +80,5 @@ def make_long(
             break
     whole = SeedBatch.join(batches)
     if not len(whole):
-        raise whole.shortfall(1)
+        raise whole.shortfall(problem.constraints, 1)
     return replace(whole.best(1), cpu_seconds=time.process_time() - began)

@@ -6,20 +6,22 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import read_arrays, write_arrays
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.kernels import HOPELESS
-from sidegan.validity import summarise_faults
-from sidegan.validity.home import REMEDIES
+from sidegan.validity import Constraints, summarise_faults
+from sidegan.validity.remedies import remedy
 
 _FINER = 3  # the fitness reported is taken at so many times the problem's samples
 _REACH = 0.7  # share of the tightest limit that the first starts use; less in each further round
 _ILL = "the condition number"
-_SLOWER = "more time, trajectory.period=…"
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class SeedBatch:
     """Seeds and how they came about."""
 
     coefficients: Array  # of valid seeds [rad/s], (n, J, H, 2)
-    fitness: Array  # their condition number of YᵀY, or the diagonal fitness, (n,)
+    fitness: Array  # their condition number of YᵀY, (n,)
     attempts: int = 0  # starts that were optimised
     failed: int = 0  # starts that did not become valid seeds
     faults: dict[str, int] = field(default_factory=dict)  # how many of the failed starts violated what
@@ -68,15 +70,38 @@ class SeedBatch:
         kept = np.sort(np.argsort(self.fitness)[:count])
         return replace(self, coefficients=self.coefficients[kept], fitness=self.fitness[kept])
 
-    def shortfall(self, count: int) -> InfeasibleError:
+    def shortfall(self, constraints: Constraints, count: int) -> InfeasibleError:
         """The error that says why there are fewer than ``count`` seeds."""
         why = summarise_faults(self.faults) or "no start was finished"
-        worst = max(self.faults, key=self.faults.__getitem__, default="").partition(" of ")[0]
+        worst, _, where = max(self.faults, key=self.faults.__getitem__, default="").partition(" of ")
+        helps = f", or {remedy(constraints, (worst, where))}" if where else ""
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
             f"of those that failed, {why}; what may help: another home with more room around it, "
-            f"'trajectory.home=[…]', or {REMEDIES.get(worst, _SLOWER)}"
+            f"'trajectory.home=[…]', more time, trajectory.period=…{helps}"
         )
+
+
+def ship(path: Path, stamp: Mapping[str, Any], batch: SeedBatch) -> None:
+    """Write seeds that took long to make in single precision, with what they were made by."""
+    seeds = replace(batch, coefficients=batch.coefficients.astype(np.float32)).arrays()
+    write_arrays(path, {"stamp": np.array(json.dumps(stamp)), **seeds})
+
+
+def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | None:
+    """The first seeds of a file that ``ship`` wrote; None where others or fewer are there, or no file."""
+    if not path.exists():
+        return None
+    arrays = read_arrays(path)
+    seeds = SeedBatch.of(arrays)
+    if json.loads(arrays["stamp"].item()) != stamp or len(seeds) < count:
+        return None
+    return replace(
+        seeds,
+        coefficients=seeds.coefficients[:count].astype(float),
+        fitness=seeds.fitness[:count],
+        cpu_seconds=seeds.cpu_seconds * count / len(seeds),
+    )
 
 
 class Optimiser(ABC):
@@ -99,7 +124,8 @@ class Optimiser(ABC):
             InfeasibleError: when the arm cannot rest at home.
         """
         problem.constraints.refuse_home(problem.trajectory.home or ())
-        began, missing, batches = time.process_time(), count, list[SeedBatch]()
+        began = time.process_time()
+        missing, batches = count, list[SeedBatch]()
         for index in range(self.attempts):
             source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
             proposed = self.propose(problem, missing, _REACH ** (index + 1), source)

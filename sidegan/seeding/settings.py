@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import file_digest
 from sidegan.base.typed import Count, Positive, Seconds, Share, Size
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -17,11 +18,11 @@ from sidegan.seeding.published import REPOSITORY, PublishedSeeds
 from sidegan.seeding.result import Optimiser
 from sidegan.validity import Constraints
 
+# Settings of single methods: those that they need, and those that they may have.
 _NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
-_OPTIONAL = {("published", "box")}
+_ALLOWED = {"gradient": set[str](), "paper": {"strongest", "shipped"}, "published": {"box"}}
 _RESERVE = 0.2  # of the gradient method
 _ROUNDING = 1e-6  # of coefficients in single precision
-_OWN = ("reserve", "ants", "evaluations", "box")  # of one method each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +30,6 @@ class Seeds:
     """The conventional optimiser that makes the seed set, or where one that was published lies."""
 
     method: Literal["gradient", "paper", "published"] = "gradient"
-    fitness: Literal["eigenvalue", "diagonal"] = "eigenvalue"
     count: Count = 400
     samples: Size = 60  # time points per period
     batch: Size = 50  # trajectories per task
@@ -48,13 +48,11 @@ class Seeds:
     def __post_init__(self) -> None:
         if self.method == "gradient" and self.reserve is None:
             object.__setattr__(self, "reserve", _RESERVE)
-        for name in _OWN:
-            needed = name in _NEEDED[self.method]
-            if (self.method, name) not in _OPTIONAL and (getattr(self, name) is not None) != needed:
-                verb = "needs" if needed else "does not have"
+        needed, allowed = _NEEDED[self.method], _ALLOWED[self.method]
+        for name in sorted(set.union(*_NEEDED.values(), *_ALLOWED.values()) - allowed):
+            if (getattr(self, name) is not None) != (name in needed):
+                verb = "needs" if name in needed else "does not have"
                 raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
-        if self.method != "paper" and (self.strongest, self.shipped) != (None, None):
-            raise ConfigError(f"strongest and shipped are of method paper; choose seeds={self.method}")
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}, and seeds.folder=SIDE-GAN-Pytorch")
 
@@ -62,8 +60,9 @@ class Seeds:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""
         if self.method != "published":
             changes_nothing = ("folder", "shipped")
-            return {name: x for name, x in asdict(self).items() if name not in changes_nothing}
-        return {"method": self.method, "count": self.count, "files": self.published.digest}
+            settings = {name: x for name, x in asdict(self).items() if name not in changes_nothing}
+            return {**settings, "fitness": "eigenvalue"}  # of which there was another once
+        return {"method": self.method, "count": self.count, "files": file_digest(self.published.file)}
 
     @property
     def published(self) -> PublishedSeeds:
@@ -71,11 +70,7 @@ class Seeds:
         return PublishedSeeds(Path(self.folder or ""))
 
     def refuse_beyond(self, c: Array) -> None:
-        """Refuse coefficients [rad/s] beyond the box.
-
-        Raises:
-            ConfigError: says how far they reach.
-        """
+        """Refuse coefficients [rad/s] beyond the box, by a ConfigError that says how far they reach."""
         if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
             raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is without")
 
@@ -88,7 +83,7 @@ class Seeds:
 
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """Problem that the optimiser works on."""
-        return Problem(constraints, trajectory, self.samples, self.fitness == "diagonal", self.strongest)
+        return Problem(constraints, trajectory, self.samples, self.strongest)
 
 
 @dataclass(frozen=True, kw_only=True)

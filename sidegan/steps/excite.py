@@ -14,8 +14,8 @@ from sidegan.base.storage import read_json
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
 from sidegan.design.beside import compile_beside
+from sidegan.design.problem import SearchSettings
 from sidegan.design.search import ConditionGoal, design_set
-from sidegan.design.settings import SearchSettings
 from sidegan.errors import ConfigError, SideganError
 from sidegan.identification import GoalSettings, Terms
 from sidegan.identification.goals import usual_torque

@@ -11,7 +11,7 @@ from sidegan.base.random import stream
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
 from sidegan.errors import ConfigError
-from sidegan.seeding import SeedBatch, Seeds, Tasks, make_seeds
+from sidegan.seeding import SeedBatch, Seeds, make_seeds
 from sidegan.steps.trajectories import TrajectorySet
 
 
@@ -58,5 +58,12 @@ def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int |
         InfeasibleError: when too few starts become valid; says what they violate.
     """
     problem = settings.problem(cell.constraints, cell.trajectory)
-    tasks = Tasks(settings.count, settings.batch, work, workers)
-    return make_seeds(problem, settings.optimiser, tasks, stream(seed, "seeds"))
+    return make_seeds(
+        problem,
+        settings.optimiser,
+        settings.count,
+        stream(seed, "seeds"),
+        batch=settings.batch,
+        work=work,
+        workers=workers,
+    )

@@ -16,8 +16,7 @@ from sidegan.base.names import plain
 from sidegan.base.typed import settings_of
 from sidegan.cell import Cell
 from sidegan.controllers import ExportSettings, export_set, slower
-from sidegan.design.criteria import condition_of
-from sidegan.design.information import information_of
+from sidegan.design.information import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import InfeasibleError
 from sidegan.identification.goals import Prediction

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.base.arrays import Array, split
+from sidegan.base.arrays import Array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -16,7 +16,6 @@ COARSE = 0.1  # [s] longest cell of the first pass
 SPLIT = 3  # parts that a cell is cut into where it cannot be decided
 ORDERS = 5  # derivatives of the motion, from none on, that kernels take
 LEVELS = 7  # passes: the last one's cells are 0.1 s / 3⁶ = 0.14 ms long
-_SAMPLES_AT_ONCE = 200_000  # of the jerk: 11 MB for seven joints
 
 
 def coarse_cells(trajectory: Trajectory) -> int:
@@ -27,10 +26,8 @@ def coarse_cells(trajectory: Trajectory) -> int:
 def jerk_bound(trajectory: Trajectory, c: Array, cells: int) -> Array:
     """Upper bound of the absolute jerk [rad/s³] over the whole period, (B, J)."""
     times = trajectory.grid(cells)
-    snap = derivative_bound(trajectory, c, 4)
-    parts = split(c, max(1, _SAMPLES_AT_ONCE // cells))
-    sampled = np.concatenate([np.abs(trajectory.derivative(part, times, 3)).max(1) for part in parts])
-    return sampled + snap * (trajectory.period / cells / 2)
+    sampled = np.abs(trajectory.derivative(c, times, 3)).max(1)
+    return sampled + derivative_bound(trajectory, c, 4) * (trajectory.period / cells / 2)
 
 
 def derivative_bound(trajectory: Trajectory, c: Array, order: int) -> Array:

@@ -12,17 +12,10 @@ from sidegan.robot import Arm
 from sidegan.validity.regions import tables
 
 
-def capsule_axes(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """World end points [m] of each capsule's axis, two of (3, C, N), at joint positions (J, N)."""
-    capsules = arm.capsules
-    placed = place_points(arm, q, np.concatenate([capsules.a, capsules.b]), np.tile(capsules.link, 2))
-    count = len(capsules.radius)
-    return placed[:, :count], placed[:, count:]
-
-
 def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
     """World positions [m], (3, K, N), of points (K, 3) fixed to links (K,), -1 for the base."""
-    placed, (turns, places) = np.empty((3, len(points), q.shape[1])), frames_of(arm, q)
+    turns, places = frames_of(arm, q)
+    placed = np.empty((3, len(points), q.shape[1]))
     for link in np.unique(links).tolist():
         mine = links == link
         placed[:, mine] = np.einsum("ijn,kj->ikn", turns[link + 1], points[mine]) + places[link + 1][:, None]
@@ -32,7 +25,8 @@ def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
 def frames_of(arm: Arm, q: Array) -> tuple[Array, Array]:
     """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of the base and the joints, at (J, N)."""
     fixed, sine, cosine, origin, slide = (x[..., None] for x in chain_of(arm)[1:6])
-    turns, places = [np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))], [np.zeros((3, q.shape[1]))]
+    turns = [np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))]
+    places = [np.zeros((3, q.shape[1]))]
     for i, x in enumerate(q):
         own = (fixed[i] + sine[i] * np.sin(x) + cosine[i] * np.cos(x)).reshape(3, 3, -1)
         places.append(places[-1] + (turns[-1] * (origin[i] + slide[i] * x)).sum(1))

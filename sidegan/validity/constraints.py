@@ -111,21 +111,19 @@ class Constraints:
         rows = [self.higher.get(name, none) for name in DERIVATIVE_ORDER]
         return np.stack(rows) if self.higher else np.zeros((len(DERIVATIVE_ORDER), 0))
 
-    def margins(self, q: Array, dq: Array, ddq: Array, jerk: Array | None = None) -> dict[str, Array]:
+    def margins(self, *states: Array) -> dict[str, Array]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
 
-        At least zero is feasible. The jerk may be left out where it is not limited.
+        At least zero is feasible. States are position, velocity and acceleration, and jerk where it is
+        limited.
 
         Raises:
             ShapeError: when the states are not (N, J) each, or jerk is limited and not given.
         """
-        arm, states = self.arm, [q, dq, ddq, *([] if jerk is None else [jerk])]
-        if any(x.shape != (len(q), arm.joints) for x in states):
+        arm = self.arm
+        if len(states) < self.orders or {x.shape for x in states} != {(len(states[0]), arm.joints)}:
             shapes = ", ".join(str(x.shape) for x in states)
-            times = "three times" if jerk is None else "four times"
-            raise ShapeError(f"states are {shapes}, expected {times} (N, {arm.joints})")
-        if len(states) < self.orders:
-            raise ShapeError(f"jerk of {arm.name} is limited: margins need it beside the acceleration")
+            raise ShapeError(f"states are {shapes}, expected {self.orders} times (N, {arm.joints})")
         q, dq, ddq, *_ = states
         margins = {
             "position": np.minimum(q - arm.position_lower, arm.position_upper - q),
@@ -183,25 +181,26 @@ class Constraints:
 
     def described(self) -> str:
         """Description of what is checked and what is not, as one line for people."""
-        torque = int(np.isfinite(self.arm.torque_limit).sum()) if self.torque else 0
-        pairs, links, capsules = self.of_links, self.never_out, self.arm.capsules
-        shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
-        bare, noun = self.arm.joints - len(shaped), "joint origin" if capsules.points else "link"
+        arm, capsules, pairs = self.arm, self.arm.capsules, self.of_links
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
-        higher = "".join(f"{name} of {count}, " for name, count in limited.items())
-        never = f"; {len(pairs.never)} never touch" if pairs.never else ""
-        parts = [
-            f"position and velocity of {counted(self.arm.joints, 'joint')}, {higher}torque of {torque}",
-            f"{pairs.links} of {counted(pairs.links + len(pairs.named), 'pair')} of links"
-            + _except([str(one) for one in pairs.named], "may touch")
-            + never,
-            f"{len(self.guarded)} of {counted(len(self.guarded) + len(links), noun)} in "
-            + counted(len(self.regions), "region")
-            + _except(links, "never out"),
-            *([f"{self.kept_clear} kept clear"] if self.clearance else []),
-        ]
-        unchecked = f"; not checked: {counted(bare, 'link')} without a shape" if bare else ""
-        return "; ".join(parts) + unchecked
+        limited["torque"] = int(np.isfinite(arm.torque_limit).sum()) if self.torque else 0
+        limits = ", ".join(f"{name} of {count}" for name, count in limited.items())
+        apart = len(set(self.owners))
+        links = f"{apart} of {counted(apart + len(pairs.named), 'pair')} of links"
+        links += _except([str(one) for one in pairs.named], "may touch")
+        links += f"; {len(pairs.never)} never touch" if pairs.never else ""
+        guarded = counted(
+            len(self.guarded) + len(self.never_out), "joint origin" if capsules.points else "link"
+        )
+        regions = f"{len(self.guarded)} of {guarded} in {counted(len(self.regions), 'region')}"
+        regions += _except(self.never_out, "never out")
+        said = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
+        if self.clearance:
+            said.append(f"{self.kept_clear} kept clear")
+        shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
+        if bare := arm.joints - len(shaped):
+            said.append(f"not checked: {counted(bare, 'link')} without a shape")
+        return "; ".join(said)
 
     @property
     def kept_clear(self) -> str:
@@ -288,7 +287,8 @@ class Constraints:
                 "random configurations"
             )
         self.never_out = self._guarded_names(every[~leaves.ravel()])
-        short, planes = leaves & (farthest <= 0), self._region_of[len(self.regions) :]
+        short = leaves & (farthest <= 0)
+        planes = self._region_of[len(self.regions) :]
         kept = np.concatenate([leaves & ~short, short[planes]])
         short[planes] = False
         if short.any():

@@ -6,12 +6,13 @@ from functools import lru_cache
 
 import numpy as np
 
+from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.mounting import stands
 from sidegan.robot.visuals import foot
-from sidegan.validity.capsules import capsule_axes
+from sidegan.validity.capsules import clearances
 from sidegan.validity.pairs import sampled
-from sidegan.validity.regions import Plane
+from sidegan.validity.regions import Plane, tables
 
 _STANDS = 0.02  # share of random configurations above the floor from which on an arm stands on it
 _STEPS = 1_000  # per metre: heights are whole millimetres
@@ -63,9 +64,9 @@ def _lowest(arm: Arm) -> tuple[float, bool]:
 def _leaves(arm: Arm, plane: Plane) -> bool:
     """Whether every link that can be is before a plane in some share of random configurations."""
     arm = with_points(arm)
-    normal = np.array(plane.unit)
-    a, b = (np.einsum("k,k...->...", normal, x) for x in capsule_axes(arm, sampled(arm).T))
-    moving = arm.capsules.link >= 0
-    clear = np.minimum(a, b)[moving] - arm.capsules.radius[moving, None] > plane.offset
-    clear = clear[clear.any(1)]
-    return len(clear) > 0 and float(clear.all(0).mean()) >= _STANDS
+    moving = np.flatnonzero(arm.capsules.link >= 0)
+    guarded = np.stack([np.zeros_like(moving), moving], 1)
+    shapes = shapes_of(arm.capsules, guarded[:0], guarded, tables([plane]))
+    clear = clearances(chain_of(arm), shapes, sampled(arm))[1] > 0  # (N, K)
+    clear = clear[:, clear.any(0)]
+    return clear.size > 0 and float(clear.all(1).mean()) >= _STANDS

@@ -11,6 +11,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import sampled
+from sidegan.validity.remedies import remedy
 
 _SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their middle, one after the other
 _DRAWS = 500  # configurations in each
@@ -18,13 +19,6 @@ _CAREFUL = 0.8  # of the limits: a controller whose feedforward is wrong by a fo
 _HELD, _TRIED = 0.95, 1000  # share of the configurations in which the arm holds itself then, and how many
 _ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
 _TURN = 2.1 * math.pi  # [rad] that no home is away from zero without a reason
-_STATE = "state where it can rest, 'trajectory.home=[…]', or "
-# By the constraint that is in the way.
-REMEDIES = {
-    "torque": "give it more torque, robot.effort=… or, where springs help, 'robot.limits.effort={…}'",
-    "collision": "let links touch, 'robot.may_touch=[[…]]', or keep no distance, workspace.clearance=0",
-    "keep_out": "leave out what it cannot satisfy, workspace=free",
-}
 
 
 def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, ...] | None:
@@ -63,27 +57,24 @@ def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
 
 
 def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
-    """Why none of the positions is a home, of which these are the relative margins, and what may help.
-
-    The constraint that most of them violate alone is the one to mend.
-    """
-    failed = np.stack([(room <= 0).any(1) for room in rooms.values()])  # (constraints, N)
-    alone = (failed & (failed.sum(0) == 1)).sum(1)
-    name = [*rooms][int((alone * failed.shape[1] + failed.sum(1)).argmax())]
-    share = (rooms[name] <= 0).mean(0)
-    worst = int(share.argmax())
-    blamed = f"{name} of {constraints.labels[name][worst]} does not hold in {float(share[worst]):.0%} of them"
+    """Why none of the positions is a home, of which these are the relative margins, and what may help."""
+    violated = {
+        (name, where): share
+        for name, room in rooms.items()
+        for where, share in zip(constraints.labels[name], (room <= 0).mean(0).tolist())
+    }
+    (name, where), share = max(violated.items(), key=lambda item: item[1])
     return (
-        f"the zero position of {constraints.arm.name} is not feasible, and none of {failed.shape[1]:,} "
-        f"others is: {blamed}; {_STATE}{REMEDIES.get(name, 'widen the range, robot.limits.position')}"
+        f"the zero position of {constraints.arm.name} is not feasible, and none of {len(rooms[name]):,} "
+        f"others is: {name} of {where} does not hold in {share:.0%} of them; state where it can rest, "
+        f"'trajectory.home=[…]'; what may help besides: {remedy(constraints, (name, where))}"
     )
 
 
 def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
-    """Refuse joint positions, (J,), that make sense in degrees alone; another number of them is let through.
+    """Refuse joint positions, (J,), that make sense in degrees alone, by a ConfigError that has the radians.
 
-    Raises:
-        ConfigError: names the joint, its range, and the positions in radians.
+    Another number of positions is let through.
     """
     if len(positions) != arm.joints:
         return

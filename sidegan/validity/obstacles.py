@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # its parts are imported when they are used
-from numpy.typing import NDArray
 
+from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
-
-Points = NDArray[np.float64]
 
 _AROUND = 32  # planes around a cylinder: it grows by 0.5 % of its radius
 _TURN = np.radians(30)  # between planes that touch one edge
@@ -47,16 +45,12 @@ class Convex:
     edges, and others the corners, so that in front of those it is short by a few per cent.
     """
 
-    planes: Points  # unit normals, outwards, and offsets n·x [m], (K, 4)
-    points: Points  # corners [m], (V, 3)
+    planes: Array  # unit normals, outwards, and offsets n·x [m], (K, 4)
+    points: Array  # corners [m], (V, 3)
 
     @classmethod
-    def around(cls, points: Points) -> "Convex":
-        """The convex hull of points [m], (N, 3).
-
-        Raises:
-            ConfigError: when they have no volume.
-        """
+    def around(cls, points: Array) -> "Convex":
+        """The convex hull of points [m], (N, 3); a ConfigError where they have no volume."""
         points = np.asarray(points, float)
         try:
             hull = scipy.spatial.ConvexHull(points)
@@ -82,10 +76,6 @@ class Convex:
         ring = radius / np.cos(np.pi / _AROUND) * (np.cos(turn) * x + np.sin(turn) * np.cross(z, x))
         return cls.around(np.vstack([ring + a, ring + b]))
 
-    def placed(self, turn: Points, place: Points) -> "Convex":
-        """Body turned by (3, 3) and then moved by (3,) [m]."""
-        return Convex.around(self.points @ np.asarray(turn, float).T + np.asarray(place, float))
-
     def grown(self, by: float) -> "Convex":
         """The body with its planes so much [m] further out, and corners of cubes around its own."""
         corners = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T
@@ -99,7 +89,7 @@ class Convex:
         return [*centre.tolist(), float(np.linalg.norm(self.points - centre, axis=1).max()), 0.0, 0.0]
 
 
-def _touching(hull: "scipy.spatial.ConvexHull") -> Points:
+def _touching(hull: "scipy.spatial.ConvexHull") -> Array:
     """Unit normals, (K, 3), of planes on a hull's faces, around its edges and on its corners."""
     own = hull.equations[:, :3]
     i, j = np.repeat(np.arange(len(own)), 3), hull.neighbors.reshape(-1)
@@ -119,7 +109,7 @@ def _touching(hull: "scipy.spatial.ConvexHull") -> Points:
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
-def _directions() -> Points:
+def _directions() -> Array:
     """Unit vectors, (42, 3), spread evenly: corners and middles of the edges of an icosahedron."""
     golden = (1 + 5**0.5) / 2
     flat = [(0.0, s, t * golden) for s in (-1, 1) for t in (-1, 1)]

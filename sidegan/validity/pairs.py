@@ -13,7 +13,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import capsule_distances
-from sidegan.validity.pieces import PieceDistances, never_touching
+from sidegan.validity.pieces import PieceDistances
 
 _FAR = 0.2  # of an arm's length, that shapes of neighbours are nearer to each other
 _TRIED = 200  # configurations that these are tried in
@@ -45,7 +45,6 @@ class Pairs:
     """Capsules that are kept apart, and links that are not."""
 
     checked: Array  # (P, 2)
-    links: int  # pairs of links that are kept apart
     exempt: tuple[Links, ...]  # named ones; a link and the nearest one with a shape towards the base
     named: tuple[Exemption, ...]  # that the user or the description names
     never: tuple[Links, ...]  # that provably cannot touch
@@ -66,12 +65,11 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     touching = _Touching(arm)
     _refuse(arm, touching, tight)
     kept = np.array(sorted(k for links in touching.open for k in touching.rows[links]), int)
-    kept = kept[~never_touching(arm, touching.pairs[kept])]
+    kept = kept[~PieceDistances(arm, touching.pairs[kept]).never_touching()]
     owners = arm.capsules.owners
     left = {links_of(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
     return Pairs(
         checked=touching.pairs[kept],
-        links=len(left),
         exempt=(*touching.near, *touching.named),
         named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
         never=tuple(links for links in touching.open if links not in left),
@@ -87,7 +85,8 @@ def sampled(arm: Arm, count: int = SAMPLES) -> Array:
 def describe_displaced_shapes(arm: Arm) -> str:
     """Which neighbours have shapes that never come near each other; empty where all do."""
     link, owners = arm.capsules.link, arm.capsules.owners
-    parents, gaps = {links_of(*pair) for pair in arm.parents or ()}, dict[Links, float]()
+    parents = {links_of(*pair) for pair in arm.parents or ()}
+    gaps: dict[Links, float] = {}
     pairs = np.argwhere(np.tri(len(link), k=-1).T)
     least = capsule_distances(arm, sampled(arm, _TRIED), pairs).min(0)
     for (i, j), gap in zip(pairs.tolist(), least.tolist()):
@@ -115,26 +114,24 @@ def usual_gaps(arm: Arm) -> dict[Links, float]:
     }
 
 
-@dataclass(frozen=True)
-class RoomBetween:
-    """Links that are kept apart and have little room, by random configurations."""
-
-    usual: dict[Links, float]  # distances [m] that half of those exceed in which they do not touch
-    touching: dict[Links, float]  # shares in which they touch, where these are most
-
-
 @lru_cache(maxsize=16)
-def room_between(arm: Arm, need: float) -> RoomBetween:
-    """Room of those links that usually have less than they need [m]."""
-    touching, found = _Touching(arm), RoomBetween({}, {})
+def usual_room(arm: Arm, need: float) -> dict[Links, float]:
+    """Median distances [m] of links where they do not touch, of those that have less than they need."""
+    touching = _Touching(arm)
+    found: dict[Links, float] = {}
     for links in touching.open:
         distance = touching.nearest(links, need)
         free = distance[distance > 0]
         if len(free) and (usual := float(np.median(free))) < need:
-            found.usual[links] = usual
-        if (share := 1 - len(free) / len(distance)) > _OFTEN:
-            found.touching[links] = share
+            found[links] = usual
     return found
+
+
+@lru_cache(maxsize=16)
+def mostly_touching(arm: Arm) -> dict[Links, float]:
+    """Links that are kept apart and touch in most random configurations, and in which share of them."""
+    touching = _Touching(arm)
+    return {links: share for links in touching.open if (share := touching.share(links)) > _OFTEN}
 
 
 def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:

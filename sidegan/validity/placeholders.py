@@ -1,4 +1,4 @@
-"""Placeholders in a description: implausible limits."""
+"""Placeholders in a description: implausible limits and friction, and the settings that state others."""
 
 import math
 from functools import lru_cache
@@ -23,44 +23,37 @@ _MOSTLY = 0.95  # share of them, from which on limits hold it
 
 
 def describe_placeholder_limits(arm: Arm) -> str:
-    """Limits of an arm that no arm has, and the words that state others; empty where there are none."""
-    held, enough = _held(arm).max(0), enough_effort(arm)
-    units = [("m", "N") if slides else ("rad", "N·m") for slides in arm.prismatic.tolist()]
+    """Limits of an arm that no arm has, and the settings that state others; empty where there are none."""
     span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
-    speed = np.where(arm.prismatic, _FASTEST_SLIDE, _FASTEST)
     kinds = {
-        "position": (span, _far(arm, span), [f"±{{}} {length}" for length, _ in units]),
-        "velocity": (arm.velocity_limit, arm.velocity_limit > speed, [f"{{}} {x}/s" for x, _ in units]),
-        "effort": (arm.torque_limit, _strong(arm, held), [f"{{}} {force}" for _, force in units]),
+        "position": (span, _far(arm, span)),
+        "velocity": (
+            arm.velocity_limit,
+            arm.velocity_limit > np.where(arm.prismatic, _FASTEST_SLIDE, _FASTEST),
+        ),
+        "effort": (arm.torque_limit, _strong(arm)),
     }
     said, settings = [], []
-    for kind, (values, marked, forms) in kinds.items():
-        which = np.flatnonzero(marked).tolist()
-        by_value: dict[str, list[str]] = {}
-        for j in which:
-            by_value.setdefault(forms[j].format(f"{float(values[j]):.4g}"), []).append(arm.joint_names[j])
-        said += [f"{kind} {value} of {listed(names)}" for value, names in by_value.items()]
-        examples = {
-            arm.joint_names[j]: _example(kind, bool(arm.prismatic[j]), float(enough[j])) for j in which
-        }
-        settings += [override(f"limits.{kind}", examples, getattr(arm.setup.limits, kind))] if which else []
+    for kind, (values, marked) in kinds.items():
+        if marked.any():
+            said.append(f"{kind} of {arm.named(marked)} (up to {float(values[marked].max()):.4g})")
+            settings.append(limits_to_state(arm, kind, np.flatnonzero(marked).tolist()))
     if not said:
         return ""
-    return f"implausible limits: {'; '.join(said)}; state the arm's own, for example {' '.join(settings)}"
+    return f"implausible limits: {'; '.join(said)}; state the arm's own, {' '.join(settings)}"
 
 
 def describe_weak_limits(arm: Arm) -> str:
-    """Joints whose torque limits hold the arm in a part of its range alone, and words that state others."""
+    """Joints whose torque limits hold the arm in a part of its range alone, and the setting for others."""
     share = (_held(arm) <= arm.torque_limit).mean(0)
     weak = np.flatnonzero(share < _MOSTLY).tolist()
     if not weak:
         return ""
-    names, enough = arm.joint_names, enough_effort(arm)
-    said = [f"{names[j]} (effort {float(arm.torque_limit[j]):.4g}) in {float(share[j]):.0%}" for j in weak]
-    examples = {names[j]: float(f"{float(enough[j]):.2g}") for j in weak}
+    limits, names = arm.torque_limit.tolist(), arm.joint_names
+    said = [f"{names[j]} (effort {limits[j]:.4g}) in {float(share[j]):.0%}" for j in weak]
     return (
         f"limits that do not hold the arm still in all of its range: {listed(said)}; if they are not its "
-        f"own, state these, for example {override('limits.effort', examples, arm.setup.limits.effort)}"
+        f"own, state these, {limits_to_state(arm, 'effort', weak)}"
     )
 
 
@@ -76,10 +69,10 @@ def describe_excessive_friction(arm: Arm) -> str:
     )
 
 
-def enough_effort(arm: Arm) -> Array:
-    """Torques [N·m or N], (J,), that an arm may have: twice what holding it takes at most, or more."""
-    held = _held(arm).max(0)
-    return np.maximum(np.maximum(2 * held, 0.4 * float(held.max())), 1.0)
+def limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
+    """The setting that states limits of some joints, beside those that were given before."""
+    stated = {arm.joint_names[j]: "…" for j in joints}
+    return override(f"limits.{kind}", stated, getattr(arm.setup.limits, kind))
 
 
 @lru_cache(maxsize=16)
@@ -96,20 +89,11 @@ def _far(arm: Arm, span: Array) -> Array:
     return (span > _FARTHEST) | (~arm.prismatic & alike & (span > _TURN))
 
 
-def _strong(arm: Arm, held: Array) -> Array:
-    """Joints, (J,) bool, whose limits could hold the arm many times over, which takes so much, (J,)."""
-    limit, turns = arm.torque_limit, ~arm.prismatic
+def _strong(arm: Arm) -> Array:
+    """Joints, (J,) bool, whose torque limits could hold the arm many times over."""
+    limit, turns, held = arm.torque_limit, ~arm.prismatic, _held(arm).max(0)
     none = np.zeros_like(turns)
     if turns.any() and np.isfinite(limit[turns]).all():
         most = max(_SPARE * float(held[turns].max()), _WEAK) if held.any() else _UNKNOWN
         none = turns & (limit[turns].min() >= most)
     return none | (np.isfinite(limit) & (limit > _STRONGEST))
-
-
-def _example(kind: str, slides: bool, effort: float) -> float | tuple[float, float]:
-    """A limit that an arm may have, of a joint that so much effort is enough for [N·m or N]."""
-    if kind == "position":
-        return (-0.5, 0.5) if slides else (-3.14, 3.14)
-    if kind == "velocity":
-        return 0.1 if slides else 1.0
-    return float(f"{effort:.2g}")

@@ -6,11 +6,10 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
-from sidegan.robot.setup import allowed, override
+from sidegan.robot.setup import allowed
 from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
-from sidegan.validity.placeholders import enough_effort
+from sidegan.validity.placeholders import limits_to_state
 
 _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # times a trajectory's size, until some are invalid
 
@@ -44,27 +43,9 @@ def remedy(constraints: Constraints, where: Where) -> str:
     if constraint == "keep_out":
         nearer = "a smaller workspace.clearance=…, " if constraints.clearance else ""
         return f"{nearer}{home}, or workspace=free, without any region"
+    kind = "effort" if constraint == "torque" else constraint
+    limit = limits_to_state(arm, kind, [arm.joint_names.index(which)])
     if constraint == "position":
-        return f"{home}, or a wider range, {_example(arm, constraint, which)}"
+        return f"{home}, or a wider range, {limit}"
     more = "robot.effort=…, or " if constraint in ("velocity", "torque") else ""
-    return f"a larger limit, {more}{_example(arm, constraint, which)}"
-
-
-def _example(arm: Arm, constraint: str, joint: str) -> str:
-    """A limit of a joint as a word on the command line, a half wider than it is."""
-    j, name = arm.joint_names.index(joint), {"torque": "effort"}.get(constraint, constraint)
-    given = getattr(arm.setup.limits, name)
-    if constraint == "position":
-        lower, upper = float(arm.position_lower[j]), float(arm.position_upper[j])
-        more = (upper - lower) / 4
-        return override("limits.position", {joint: (_round(lower - more), _round(upper + more))}, given)
-    if constraint == "torque":
-        value = max(float(enough_effort(arm)[j]), 1.5 * float(arm.torque_limit[j]))
-    else:
-        limit = arm.velocity_limit if constraint == "velocity" else arm.higher_limits[constraint]
-        value = 1.5 * float(limit[j])
-    return override(f"limits.{name}", {joint: _round(value)}, given)
-
-
-def _round(value: float) -> float:
-    return float(f"{value:.2g}")
+    return f"a larger limit, {more}{limit}"

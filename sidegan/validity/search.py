@@ -13,17 +13,7 @@ from sidegan.motion.arrays import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.consistency import inertia_matrices
-from sidegan.validity.bounds import (
-    COARSE,
-    LEVELS,
-    ORDERS,
-    SPLIT,
-    Reaches,
-    coarse_cells,
-    derivative_bound,
-    jerk_bound,
-    travel,
-)
+from sidegan.validity import bounds
 from sidegan.validity.constraints import NAMES, Constraints
 
 _WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
@@ -35,10 +25,10 @@ class Search:
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
         self.trajectory, self.c = trajectory, c
         self.model = model_of(constraints)._replace(home=np.array(trajectory.home))
-        self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
+        self.jerk = bounds.jerk_bound(trajectory, c, max(2, int(trajectory.period / bounds.COARSE)))
         # Bounds of the fourth and the fifth derivative: an acceleration or a jerk drifts by the next one at
         # first, and that by the one after it.
-        self.drifts = np.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
+        self.drifts = np.stack([bounds.derivative_bound(trajectory, c, order) for order in (4, 5)])
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
 
@@ -47,20 +37,20 @@ class Search:
 
         A part of a cell is asked only what its whole could not decide.
         """
-        count = coarse_cells(self.trajectory)
+        count = bounds.coarse_cells(self.trajectory)
         cells = np.argwhere(np.ones((len(self.c), count), bool))
         asked = kernel.everything(self.model, len(cells))
-        for level in range(LEVELS):
-            undecided = self.visit(cells, asked, count, level == LEVELS - 1)
+        for level in range(bounds.LEVELS):
+            undecided = self.visit(cells, asked, count, level == bounds.LEVELS - 1)
             valid = np.all(self.smallest.margin >= 0, 1)  # so far
             open_ = undecided.any(1) & valid[cells[:, 0]]
             cells, asked = cells[open_], undecided[open_]
             if not len(cells):
                 break
-            finer = cells[:, 1:] * SPLIT + np.arange(SPLIT)
+            finer = cells[:, 1:] * bounds.SPLIT + np.arange(bounds.SPLIT)
             cells = np.stack([np.broadcast_to(cells[:, :1], finer.shape), finer], -1).reshape(-1, 2)
-            asked = asked.repeat(SPLIT, 0)
-            count *= SPLIT
+            asked = asked.repeat(bounds.SPLIT, 0)
+            count *= bounds.SPLIT
 
     def visit(self, cells: Array, asked: Array, count: int, last: bool) -> Array:
         """Update the margins from cells (N, 2) of (trajectory, index), of so many in a period.
@@ -75,7 +65,7 @@ class Search:
             used, rows = np.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2
         centres = (used + 0.5) * (2 * half)
-        functions = [flatten(self.trajectory.basis(centres, order), 1) for order in range(ORDERS)]
+        functions = [flatten(self.trajectory.basis(centres, order), 1) for order in range(bounds.ORDERS)]
         arrays = flatten(self.c, 2), self.jerk, self.drifts, np.stack(functions, 1), centres
         c, jerk, drifts, basis, times = map(array, arrays)
         motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
@@ -101,7 +91,8 @@ def _cuts(which: Array) -> list[int]:
 @lru_cache(maxsize=16)
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace as the kernel takes it, at home in zero."""
-    arm, reaches = constraints.arm, Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
+    arm = constraints.arm
+    reaches = bounds.Reaches.of(arm, constraints.pairs, constraints.guarded)
     drives, parameters = arm.known_drives, arm.inertial_parameters
     limit = arm.torque_limit - drives.coulomb
     arrays = {
@@ -119,7 +110,7 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "region_reach": reaches.regions,
         "reach_most": reaches.largest,
         # What bounds torques: the way to the next frame, mass, and norms of first and second moments of mass.
-        "travel": travel(arm),
+        "travel": bounds.travel(arm),
         "mass": np.abs(parameters[:, 0]),
         "first": np.linalg.norm(parameters[:, 1:4], axis=1),
         "spin": np.linalg.matrix_norm(inertia_matrices(parameters), ord=2),

@@ -7,8 +7,7 @@ import numpy as np
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.chains import driven
-from tests.validity.critical import limited
-from tests.validity.test_pieces import filled
+from tests.validity.critical import filled, limited
 
 DESK, BALL = Plane((0, 0, 1), 0.1), Sphere((0.4, 0.2, 0.5), 0.15)
 BOX, BEHIND = Box((0.4, 0.2, 0.3), (0.6, 0.5, 0.7)), Box((-0.7, -0.7, 0.3), (-0.4, -0.4, 0.5))

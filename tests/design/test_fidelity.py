@@ -1,4 +1,4 @@
-"""Measures of likeness: closed answers, and which of them sees through which cheat."""
+"""Measures of diversity and likeness: closed answers, and which of them sees through which cheat."""
 
 import math
 
@@ -6,16 +6,18 @@ import numpy as np
 import pytest
 
 from sidegan.base.arrays import flatten
-from sidegan.design.excitation import effective_rank, mean_distance, nearest_distance
 from sidegan.design.fidelity import (
     beyond,
     density_and_coverage,
     distance_to,
+    diversity,
+    effective_rank,
     mean_cosine,
-    mean_norm,
+    mean_distance,
+    nearest_distance,
+    proportions,
     told_apart,
 )
-from sidegan.errors import ShapeError
 
 N, D, BOX, NOISE, OFFSET = 300, 24, 0.2, 0.01, 0.3
 OTHER, HALF = np.random.default_rng(0).uniform(-BOX, BOX, (2, N, 2, D // 4, 2))
@@ -25,9 +27,9 @@ MEASURES = {
     "distance": mean_distance,
     "nearest": nearest_distance,
     "rank": effective_rank,
-    "rank, uncentred": lambda x: effective_rank(x, centred=False),
-    "cosine": mean_cosine,
-    "norm": mean_norm,
+    "rank, uncentred": lambda x: proportions(x)["rank_uncentred"],
+    "cosine": lambda x: proportions(x)["cosine"],
+    "norm": lambda x: proportions(x)["norm"],
     "beyond": lambda x: beyond(x, OTHER),
     "nearest seed": lambda x: distance_to(x, OTHER),
     "density": lambda x: density_and_coverage(x, OTHER)[0],
@@ -133,8 +135,40 @@ def test_density_and_coverage_by_hand():
     assert density_and_coverage(np.array([[11.0]]), other) == (0.0, 0.0)
 
 
-def test_rows_without_a_direction_and_sets_of_one():
+def test_rows_without_a_direction():
     assert mean_cosine(np.array([[1.0, 0.0], [-2.0, 0.0], [0.0, 3.0]])) == pytest.approx(-1 / 3)
     assert mean_cosine(np.zeros((3, 2))) == 0.0
-    with pytest.raises(ShapeError, match="sets of 2 rows or more are compared, got 1"):
-        mean_cosine(np.ones((1, 2)))
+
+
+@pytest.mark.parametrize(
+    ("x", "mean", "nearest"),
+    [
+        (np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0], [3.0, 4.0]]), (2 * 3 + 2 * 4 + 2 * 5) / 6, 3.0),
+        (np.eye(12).reshape(12, 2, 3, 2), math.sqrt(2), math.sqrt(2)),
+        (np.array([[0.0], [10.0]] * 5), 10 * 25 / 45, 0.0),  # modes far apart
+    ],
+)
+def test_distances_by_hand(x, mean, nearest):
+    assert mean_distance(x) == pytest.approx(mean)
+    assert nearest_distance(x) == pytest.approx(nearest)
+
+
+@pytest.mark.parametrize(
+    ("squares", "rank"),
+    [([], 0.0), ([1], 1.0), ([1] * 7, 7.0), ([3, 1], 4 / 3**0.75)],  # exp of the entropy of ¾ and ¼
+)
+def test_effective_rank_by_hand(squares, rank):
+    steps = np.diag(np.sqrt(squares + [0.0] * (9 - len(squares))))
+    assert effective_rank(np.concatenate([steps, -steps]) + 100.0) == pytest.approx(rank)
+
+
+def test_effective_rank_does_not_depend_on_scale_or_basis():
+    generator = np.random.default_rng(0)
+    x = generator.standard_normal((200, 6)) * np.arange(1, 7)
+    turn = np.linalg.qr(generator.standard_normal((6, 6)))[0]
+    assert effective_rank(1e-7 * x @ turn - 5.0) == pytest.approx(effective_rank(x), rel=1e-6)
+
+
+def test_a_single_trajectory_has_nothing_to_differ_from():
+    one = np.zeros((1, 2, 3, 2))
+    assert diversity(one, np.ones((1, 8))) == {}

@@ -1,20 +1,22 @@
 """The compiled goals of one trajectory: finite differences, and what their definitions give."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective
-from sidegan.design.penalty import Penalty
+from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
+from sidegan.kernels import HIGHEST, HOPELESS, LOWEST, SHARPNESS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_chain
 
 from .cases import CASES
-from .conftest import log_condition
 
 PENALTY = Penalty(300.0, 0.1, 0.1, 0.8)
 REFINE = 3
@@ -48,7 +50,6 @@ def goals(problem):
         "condition": Goal(),
         "condition by noise": Goal(**noisy),
         "condition of a set": Goal(prior=16 * prior),
-        "diagonal": Goal("diagonal"),
         "volume": Goal("volume", prior, targets=np.eye(rigid.count), **noisy),
         "variance": Goal("variance", prior, targets=np.eye(rigid.count)[:2]),
         "volume with friction": Goal("volume", targets=np.eye(model.count), **whole),
@@ -65,6 +66,15 @@ def motion_of(problem, coordinates, x, count, orders):
     return [family.derivative(c, family.grid(count), order)[0] for order in range(orders)]
 
 
+def log_condition(x):
+    """Logarithm of the smooth largest over the smooth smallest of values, ascending, (B, p) → (B,)."""
+    positive = x[:, -1:] > 0
+    values = np.where(positive, np.maximum(x, x[:, -1:] / HOPELESS), 1.0)
+    low, high = np.log(values[:, :LOWEST]), np.log(values[:, -HIGHEST:])
+    ends = logsumexp(-SHARPNESS * low, 1) + logsumexp(SHARPNESS * high, 1)
+    return np.where(positive[:, 0], ends / SHARPNESS, math.log(HOPELESS))
+
+
 def log_det(x):
     return np.linalg.slogdet(x).logabsdet
 
@@ -74,8 +84,6 @@ def goal_of(problem, goal, states):
     body, period = problem.body, problem.trajectory.period
     model = goal.model or TorqueModel(body, RIGID)
     told = information_on(model, states, goal.certainty)
-    if goal.kind == "diagonal":
-        return log_condition(np.sort(told.diagonal())[None]).item()
     whole = goal.rate * period * told
     prior = np.zeros_like(whole) if goal.prior is None else goal.prior
     if goal.kind == "condition":

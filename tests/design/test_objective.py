@@ -1,48 +1,101 @@
-"""The smooth condition number in closed forms; batches of values and gradients."""
+"""The compiled evaluation of single trajectories against margins and fitness: random arms and motions."""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from sidegan.design.objective import value_and_gradient
-from sidegan.design.penalty import Penalty
+from sidegan.design.goal import Goal
+from sidegan.design.objective import Objective, evaluator
 from sidegan.design.problem import HOPELESS, Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
+from tests.chains import constrained, driven, random_chain
+from tests.validity.critical import limited
 
-from .conftest import log_condition
+DESK = Plane((0.0, 0.0, 1.0), 0.1)
+ROUND = (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1))
+REGIONS = ((), (DESK,), (DESK, Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4))), ROUND)
+DISTANCE = 1.0
 
 
-@pytest.mark.parametrize(
-    ("values", "expected"),
-    [
-        # Equal extremes are log(number) / 6 outside of the true ones, whatever lies between.
-        ([0.5, 0.5, 0.5, 3.0, 8.0, 8.0], math.log(16) + (math.log(3) + math.log(2)) / 6),
-        ([0.5, 400, 500, 600, 700, 1e6], math.log(2e6)),
-        # What is not excited is as bad as hopeless and no worse; where nothing is told at all, as bad.
-        ([0.0, 5.0, 5.0, 5.0, 7.0], math.log(HOPELESS) + math.log(1 + (5 / 7) ** 6) / 6),
-        ([0.0] * 5, math.log(HOPELESS)),
-    ],
+def states_of(problem, c):
+    """Positions and as many derivatives as are limited at a problem's samples, (B, T, J) each."""
+    family, times = problem.trajectory, problem.trajectory.grid(problem.samples)
+    return [family.derivative(c, times, order) for order in range(problem.constraints.orders)]
+
+
+def candidates(problem, count, seed=0, size=1.0):
+    """Coefficients, (count, J, H, 2), of which some hold each constraint and some do not."""
+    random = np.random.default_rng(seed)
+    speed = problem.constraints.arm.velocity_limit
+    share = random.uniform(0.01, size, (count, 1, 1, 1))
+    return share * speed[:, None, None] * random.normal(size=(count, *problem.trajectory.shape))
+
+
+def by_definition(problem, c):
+    """Log fitness and violations, (B, 1 + G), from the problem's own."""
+    constraints = problem.constraints
+    margins = constraints.margins(*(part.reshape(-1, part.shape[2]) for part in states_of(problem, c)))
+    shares = constraints.relative(margins, DISTANCE).values()
+    violations = [-share.reshape(len(c), -1).min(1) for share in shares]
+    return np.stack([np.log(problem.fitness(c)), *violations], 1)
+
+
+def assert_same(problem, c):
+    """Both give the same numbers; violations are positive for the same trajectories."""
+    numbers, expected = evaluator(problem, DISTANCE)(c), by_definition(problem, c)
+    assert numbers.shape == expected.shape == (len(c), 1 + len(problem.constraints.labels))
+    # The smallest eigenvalue is known to so many rounding errors of the largest.
+    known = np.exp(expected[:, 0]) * 1e-13
+    np.testing.assert_allclose(numbers[known < 1e-3, 0], expected[known < 1e-3, 0], rtol=0, atol=1e-3)
+    excess = np.abs(numbers[:, 0] - expected[:, 0]) - 1e-9
+    assert (excess[known < 1e-3] <= known[known < 1e-3]).all()
+    np.testing.assert_allclose(numbers[:, 1:], expected[:, 1:], rtol=1e-9, atol=1e-9)
+    clear = np.abs(expected[:, 1:]) > 1e-9  # elsewhere rounding decides
+    assert ((numbers[:, 1:] > 0) == (expected[:, 1:] > 0))[clear].all()
+
+
+@pytest.mark.parametrize("samples", [511, 512, 700])
+def test_long_trajectories_are_taken_in_blocks_of_samples(planar, samples):
+    problem = Problem(Constraints(planar, []), Trajectory(2, 40, 96.0), samples)
+    assert_same(problem, candidates(problem, 8))
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    joints=st.integers(1, 8),
+    seed=st.integers(0, 10_000),
+    regions=st.sampled_from(REGIONS),
+    samples=st.sampled_from([9, 60, 64, 65, 150]),
+    limit=st.sampled_from([np.inf, 30.0, 300.0]),
+    torque=st.booleans(),
+    names=st.sets(st.sampled_from(["acceleration", "jerk"])),
+    strongest=st.sampled_from([None, 1, 5, 99]),
 )
-def test_the_smooth_condition_number_by_hand(values, expected):
-    value = log_condition(np.array([values]))
-    assert value.item() == pytest.approx(expected, rel=1e-9)
+def test_both_agree_on_random_arms(joints, seed, regions, samples, limit, torque, names, strongest):
+    limits = np.full(joints, limit)
+    limits[::2] = 150.0
+    arm = limited(replace(random_chain(joints, seed)[0], torque_limit=limits), sorted(names), share=0.2)
+    arm = arm if seed % 2 else driven(arm, seed)
+    home = 0.3 * (arm.position_lower + arm.position_upper)
+    trajectory = Trajectory(joints, 3, 7.0, home.tolist())
+    problem = Problem(constrained(arm, regions, torque), trajectory, samples, strongest)
+    assert_same(problem, candidates(problem, 4, seed))
 
 
-@pytest.mark.parametrize("diagonal", [False, True])
-def test_rest_that_feels_no_torque_is_the_worst_there_is(planar, diagonal):
-    """Without gravity: all elements of its Gram matrix are equal, which is not the best ratio of them."""
+def test_an_arm_that_does_not_move_has_a_hopeless_fitness(lwr_problem):
+    evaluation, still = evaluator(lwr_problem, DISTANCE), np.zeros((1, *lwr_problem.trajectory.shape))
+    np.testing.assert_allclose(evaluation(still), by_definition(lwr_problem, still), atol=1e-9)
+    assert evaluation(still)[0, 0] == pytest.approx(np.log(HOPELESS))
+
+
+def test_rest_that_feels_no_torque_is_the_worst_there_is(planar):
+    """Without gravity: all eigenvalues of its Gram matrix are equal, which is not the best ratio of them."""
     arm = replace(planar, gravity=0 * planar.gravity)
-    problem = Problem(Constraints(arm), Trajectory(2, 3, 8.0), diagonal=diagonal)
-    value, gradient = value_and_gradient(problem, np.zeros((2, 2, 3, 2)), Penalty(0.0))
-    assert value == pytest.approx(math.log(HOPELESS)) and (gradient == 0).all()
-
-
-def test_a_batch_is_the_same_as_one_by_one(planar_problem, random):
-    c = planar_problem.start(3, random)
-    together = value_and_gradient(planar_problem, c, Penalty(30.0))
-    alone = zip(*(value_and_gradient(planar_problem, one[None], Penalty(30.0)) for one in c))
-    for whole, parts in zip(together, alone):
-        np.testing.assert_allclose(np.concatenate(parts), whole)
+    problem, gradient = Problem(Constraints(arm), Trajectory(2, 3, 8.0)), np.ones((2, 6))
+    value, cost = Objective(problem, Goal())(np.zeros((2, 6)), gradient)
+    assert value == math.inf and cost == 0 and (gradient == 0).all()

@@ -7,12 +7,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sidegan.design.criteria import condition_of
-from sidegan.design.excitation import effective_rank, excite, mean_distance, nearest_distance
-from sidegan.design.greedy import greedy
-from sidegan.design.information import information_of
-from sidegan.design.optimal import a_optimal, d_optimal
-from sidegan.design.selection import Selection
+from sidegan.design.excitation import excite
+from sidegan.design.fidelity import effective_rank, mean_cosine, mean_distance, nearest_distance
+from sidegan.design.information import condition_of, information_of
+from sidegan.design.selection import Selection, a_optimal, d_optimal, greedy
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -35,9 +33,8 @@ def each(work, words, *values):
     return [(partial(work, x), words) for x in values]
 
 
-DIVERSITY = (mean_distance, nearest_distance, effective_rank)
+DIVERSITY = (mean_distance, nearest_distance, effective_rank, mean_cosine)
 NUMBERS = [
-    *each(condition_of, r"expected \(q, q\)", np.ones(3), np.ones((2, 3)), np.ones((0, 0))),
     *each(condition_of, "not finite", np.full((2, 2), NAN)),
     *each(partial(d_optimal, SIX), " of 6", 0, -1, 7),
     *each(partial(a_optimal, count=1), r"expected \(N, q, q\)", SIX[:0], SIX[0]),

@@ -10,9 +10,8 @@ import pinocchio as pin
 import pytest
 
 from sidegan.design.goal import Goal
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import ConditionGoal, Descent, design_set, search
-from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
@@ -144,18 +143,10 @@ def test_a_home_with_hardly_any_room_is_answered(planar, gap, evaluations):
     assert np.abs(c).max() > 0.02
 
 
-@pytest.mark.parametrize(
-    ("of", "words"),
-    [
-        (lambda arm: (Constraints(arm), [0, 0, 0, 2.5, 0, 0, 0]), "position of joint_4"),
-        (lambda arm: (Constraints(arm, [Box((-0.2, -0.2, 0.9), (0.2, 0.2, 1.5))]), None), "keep_out"),
-        (lambda arm: (Constraints(slow(arm, 1, 0.1)), [0, 1.57, 0, 0, 0, 0, 0]), "torque of joint_2"),
-    ],
-)
-def test_a_home_that_is_not_feasible_is_refused(arm, of, words):
-    constraints, home = of(arm)
-    with pytest.raises(InfeasibleError, match=f"home position .*{words}"):
-        searched(Problem(constraints, Trajectory(7, home=home)))
+def test_a_home_that_is_not_feasible_is_refused(arm):
+    home = [0, 0, 0, 2.5, 0, 0, 0]
+    with pytest.raises(InfeasibleError, match=r"home position .*position of joint_4"):
+        searched(Problem(Constraints(arm), Trajectory(7, home=home)))
 
 
 def test_what_violates_a_constraint_however_small_is_reported(planar, monkeypatch):
@@ -176,7 +167,6 @@ def test_each_goal_is_served_best_by_what_was_searched_for_it(problem_of, random
     prior, targets = 100 * problem.gram(problem.start(1, random))[0], np.eye(43)
     goals = {
         "condition": Goal(),
-        "diagonal": Goal("diagonal"),
         "variance": Goal("variance", prior, targets=targets),
         "volume": Goal("volume", prior, targets=targets),
     }

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from sidegan.base.arrays import flatten
-from sidegan.design.excitation import excite, mean_distance
+from sidegan.design.excitation import excite
+from sidegan.design.fidelity import mean_distance
 from sidegan.gan.metrics import expected_errors, measure
 
 

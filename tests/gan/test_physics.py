@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.design.penalty import Penalty
+from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan import physics
 from sidegan.gan.tensors import tensor

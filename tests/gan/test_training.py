@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.design.excitation import mean_distance
+from sidegan.design.fidelity import mean_distance
 from sidegan.errors import SideganError
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories

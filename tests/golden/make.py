@@ -17,18 +17,18 @@ import numpy as np
 import pandas as pd
 import torch
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, flatten
 from sidegan.base.typed import build
 from sidegan.design.excitation import excitation_of
-from sidegan.design.greedy import greedy
-from sidegan.design.information import information_of, weighted_gram
-from sidegan.design.objective import value_and_gradient
-from sidegan.design.optimal import a_optimal, d_optimal
-from sidegan.design.penalty import Penalty
+from sidegan.design.goal import Goal
+from sidegan.design.information import information_of
+from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
+from sidegan.design.selection import a_optimal, d_optimal, greedy
 from sidegan.gan.physics import energies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
+from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
 from sidegan.recording.check import read_and_check, split
@@ -91,11 +91,10 @@ def candidates(name: str, own: dict[str, np.ndarray]) -> Array:
 def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     """Gram, slopes, sums and margins of a few trajectories."""
     body, trajectory = problem.body, problem.trajectory
-    gram, sides = problem.gram(c), draw(1, body.parameters_count + 1, 3)
-    found = {"gram": gram @ sides[1:], "spectrum": excitation_of(body, gram).spectrum}
+    grams, sides = problem.gram(c), draw(1, body.parameters_count + 1, 3)
+    found = {"gram": grams @ sides[1:], "spectrum": excitation_of(body, grams).spectrum}
     for kind, penalty in (("plain", None), ("penalised", Penalty.reserving(1e2, 0.05))):
-        found[f"{kind}_value"], found[f"{kind}_slopes"] = value_and_gradient(problem, c, penalty)
-    found["diagonal_slopes"] = value_and_gradient(replace(problem, diagonal=True), c, None)[1]
+        found[f"{kind}_value"], found[f"{kind}_slopes"] = _slopes(problem, c, penalty)
     x = torch.from_numpy(c).clone().requires_grad_(True)
     goal = _volume(problem, x)
     found["goal"], found["goal_slopes"] = goal.detach().numpy(), torch.autograd.grad(goal, x)[0]
@@ -112,14 +111,19 @@ def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     return found
 
 
+def _slopes(problem: Problem, c: Array, penalty: Penalty | None) -> tuple[Array, Array]:
+    """Values, (B,), and gradients, (B, J, H, 2), of condition number and penalty together."""
+    objective, gradient = Objective(problem, Goal(), penalty), np.empty_like(c)
+    values = [sum(objective(x, slope)) for x, slope in zip(flatten(c, 2), flatten(gradient, 2))]
+    return np.array(values), gradient
+
+
 def _volume(problem: Problem, c: torch.Tensor) -> torch.Tensor:
     """Minus the mean log eigenvalue of the weighted information of pairs, 0-dimensional."""
     weights = 1 / np.arange(1.0, 1 + problem.body.joints)
     subspace, logs = problem.body.base.subspace, []
     for pair in c[: len(c) // 2 * 2].split(2):
-        grams = weighted_gram(
-            problem.body, problem.trajectory, pair.detach().numpy(), problem.samples, weights
-        )
+        grams = gram(problem.body, problem.trajectory, pair.detach().numpy(), problem.samples, weights)
         whole = grams.sum(0)
         directions = subspace @ np.linalg.eigh(subspace.T @ whole @ subspace)[1]
         logs.append(energies(problem, pair, directions, weights).sum(0).log())

@@ -10,9 +10,8 @@ import pytest
 
 from sidegan.base.arrays import flatten
 from sidegan.design.objective import Objective
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import design_set
-from sidegan.design.settings import SearchSettings
 from sidegan.identification import FULL, estimate
 from sidegan.identification.goals import Parameters, Prediction, Tool
 from sidegan.identification.model import states_within

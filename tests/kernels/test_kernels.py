@@ -10,8 +10,8 @@ from sidegan.base.threads import on_threads
 from sidegan.kernels import dynamics
 from sidegan.kernels.dynamics import Limits
 from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
-from sidegan.motion import threads
-from sidegan.motion.dynamics import RigidBody, gram, gram_of
+from sidegan.motion import operations, threads
+from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
 from tests.motion.conftest import body_and_states, close, normal
@@ -27,7 +27,8 @@ def test_grams_and_sums_are_those_of_the_regressor(chain, size):
     body, states = body_and_states(chain, *size)
     y, torque = body.base_regressor(*states), normal(*size, body.joints)
     rows = y.reshape(len(y), -1, y.shape[-1])
-    close(gram_of(body, *states), rows.mT @ rows / size[1], 1e-13)
+    grams = operations.gram(body.chain, body.base.columns, states, None)
+    close(grams, rows.mT @ rows / size[1], 1e-13)
     rows = np.concatenate([y, torque[..., None]], 3)[0].swapaxes(0, 1)
     close(body.sums(*(x[0] for x in states), torque[0]), rows.mT @ rows, 1e-13)
 

@@ -55,8 +55,8 @@ def test_no_more_than_the_most_are_drawn_and_their_share_is_reported_where_it_is
 @pytest.mark.parametrize(
     ("every", "least", "words"),
     [
-        (1000, 1, "none of 60 trajectories polished is valid; of the last 20, 20 violate torque of wrist"),
-        (20, 4, "only 3 of 60 trajectories polished are valid; of the last 20, 19 violate"),
+        (1000, 1, "0 of 60 trajectories polished are valid; of the last 20, 20 violate torque of wrist"),
+        (20, 4, "3 of 60 trajectories polished are valid; of the last 20, 19 violate"),
     ],
 )
 def test_too_few_are_refused(every, least, words):

@@ -11,7 +11,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.store import Store
 from sidegan.robot import load_robot
-from sidegan.seeding import Gradient, Tasks, make_seeds
+from sidegan.seeding import Gradient, make_seeds
 from sidegan.validity import Constraints
 
 METHOD = Gradient(steps=10, attempts=5, reserve=0.2)
@@ -23,8 +23,8 @@ def run(root, method=METHOD, workers=1):
     problem = Problem(Constraints(load_robot("planar2"), []), Trajectory(2, 3, 8.0), samples=20)
 
     def make(build):
-        tasks = Tasks(COUNT, BATCH, build.work, workers)
-        batch = make_seeds(problem, method, tasks, np.random.SeedSequence(4))
+        tasks = {"batch": BATCH, "work": build.work, "workers": workers}
+        batch = make_seeds(problem, method, COUNT, np.random.SeedSequence(4), **tasks)
         write_arrays(build.folder / "seeds.npz", {"c": batch.coefficients, "fitness": batch.fitness})
         write_json(build.folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
 

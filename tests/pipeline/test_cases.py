@@ -84,8 +84,8 @@ def test_many_harmonics_have_as_many_samples(excited):
         (("collision", "base – link1"), "'robot.may_touch=[[base, link1]]'"),
         (("keep_out", "link3 in region 0"), "workspace=free"),
         (("torque", "joint1"), "robot.effort=…, or 'robot.limits.effort={joint1: "),
-        (("velocity", "joint2"), "robot.effort=…, or 'robot.limits.velocity={joint2: 2.4}'"),
-        (("position", "joint3"), "'robot.limits.position={joint3: [-4.2, 4.2]}'"),
+        (("velocity", "joint2"), "robot.effort=…, or 'robot.limits.velocity={joint2: …}'"),
+        (("position", "joint3"), "'robot.limits.position={joint3: …}'"),
     ],
 )
 def test_each_constraint_has_a_remedy(excited, where, said):
@@ -97,7 +97,7 @@ def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
     c = found_for(context).coefficients[None]
     said = describe_weak_set(context.cell, ConditionGoal(context.cell.problem), 0.05 * c, 1e7)
     assert "it uses 5% of the limits on motion, its condition is 1e7; what limits it is " in said
-    assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: 0.\d", said)
+    assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: (0.2|…), ", said)
     assert describe_weak_set(context.cell, ConditionGoal(context.cell.problem), c, 100.0) == ""
 
 
@@ -108,7 +108,7 @@ def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
             TOUCHING,
             r"in most configurations: link1 – link3 in \d\d%; .*'robot.may_touch=\[\[link1, link3\]\]'",
         ),
-        (WEAK, r"joint1 \(effort 8\) in \d\d%, .*'robot.limits.effort={joint1: \d\d"),
+        (WEAK, r"joint1 \(effort 8\) in \d\d%, .*'robot.limits.effort={joint1: …"),
         (STICKY, r"friction of joint0, joint1, .* takes more than its torque limit.*robot.friction=false"),
         (ALIKE, r"masses of link0, link1, link2, link3 are placeholders .* mean nothing until"),
     ],

@@ -15,7 +15,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf, write_urdf
 from sidegan.robot.meshes import find_mesh
 from sidegan.robot.mjcf_shapes import write_shape
-from sidegan.validity.capsules import capsule_axes, place_points
+from sidegan.validity.capsules import place_points
 
 from .urdf import one_joint, outside
 
@@ -110,7 +110,8 @@ class TestMjcf:
         data, q = mujoco.MjData(model), np.array([0.3, -0.4, 0.2])
         data.qpos[:3] = q
         mujoco.mj_kinematics(model, data)
-        a, b = (x[:, :, 0].T for x in capsule_axes(arm, q[:, None]))
+        ends, links = (arm.capsules.a, arm.capsules.b), arm.capsules.link
+        a, b = (place_points(arm, q[:, None], x, links)[:, :, 0].T for x in ends)
         pieces, radius = arm.capsules.pieces, arm.capsules.radius.tolist()
         fitted = pieces.fitted
         assert (~fitted).sum() == 1

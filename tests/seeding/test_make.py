@@ -7,7 +7,7 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding import Gradient, Seeds, Tasks, make_long, make_seeds, result
+from sidegan.seeding import Gradient, Seeds, make_long, make_seeds, result
 from sidegan.validity import check
 from tests.seeding.conftest import METHODS
 
@@ -15,8 +15,7 @@ METHOD = METHODS["gradient"]
 
 
 def made(problem, work, workers=1, method=METHOD, count=5):
-    tasks = Tasks(count, 2, work, workers)
-    return make_seeds(problem, method, tasks, np.random.SeedSequence(4))
+    return make_seeds(problem, method, count, np.random.SeedSequence(4), batch=2, work=work, workers=workers)
 
 
 class Spied:
@@ -85,20 +84,21 @@ def test_what_never_becomes_valid_ends_with_the_reason(planar_problem, tmp_path,
 @pytest.mark.parametrize(
     ("faults", "remedy"),
     [
-        ({"velocity of elbow": 2, "torque of elbow": 9}, r"robot\.limits\.effort=\{…\}"),
-        ({"collision of base – forearm": 2}, "workspace.clearance=0"),
+        ({"velocity of elbow": 2, "torque of elbow": 9}, r"robot\.limits\.effort=\{elbow: …\}"),
+        ({"collision of base – forearm": 2}, "may_touch=\\[\\[base, forearm"),
         ({"keep_out of forearm in region 0": 2}, "workspace=free"),
         ({}, "trajectory.period=…"),
     ],
 )
-def test_too_few_seeds_come_with_what_may_help(faults, remedy):
+def test_too_few_seeds_come_with_what_may_help(planar_problem, faults, remedy):
     nothing = np.zeros((0, 2, 3, 2))
-    error = result.SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults).shortfall(6)
+    batch = result.SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults)
+    error = batch.shortfall(planar_problem.constraints, 6)
     with pytest.raises(InfeasibleError, match=rf"what may help: another home .*trajectory\.home=.*{remedy}"):
         raise error
 
 
-COMMON = {"fitness": "eigenvalue", "count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
+COMMON = {"count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
 
 
 def test_a_folder_is_part_of_what_makes_published_seeds_alone():
@@ -109,9 +109,9 @@ def test_a_folder_is_part_of_what_makes_published_seeds_alone():
 @pytest.mark.parametrize(
     ("words", "method", "options"),
     [
-        ("method paper needs evaluations", "paper", {"ants": 30}),
+        ("method paper needs evaluations", "paper", {"ants": 30, "box": 0.2}),
         ("method gradient does not have ants", "gradient", {"reserve": 0.2, "ants": 30}),
-        ("strongest and shipped are of method paper", "gradient", {"reserve": 0.2, "strongest": 35}),
+        ("method gradient does not have strongest", "gradient", {"reserve": 0.2, "strongest": 35}),
         ("method published does not have reserve; choose it by seeds=pub", "published", {"reserve": 0.1}),
         ("folder is not set: git clone https://", "published", {}),
     ],

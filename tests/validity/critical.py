@@ -12,6 +12,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules, load_robot
 from sidegan.robot.arm import Pieces
 from sidegan.validity import Box, Constraints, Convex, Plane, Region, Sphere
+from sidegan.validity.capsules import place_points
 from sidegan.validity.regions import tables
 
 HIGHEST = {"acceleration": 8.0, "jerk": 60.0}  # [rad/s², rad/s³]
@@ -40,6 +41,14 @@ def segments_as_capsules(
     none = np.zeros(len(ends[0]))
     capsules = Capsules(none.astype(int) - 1, *ends, none, *2 * [("",) * len(none)])
     return chain_of(load_robot("planar2")), shapes_of(capsules, pairs, guarded, tables(regions))
+
+
+def capsule_axes(arm: Arm, q: Array) -> tuple[Array, Array]:
+    """World end points [m] of each capsule's axis, two of (3, C, N), at joint positions (J, N)."""
+    capsules = arm.capsules
+    placed = place_points(arm, q, np.concatenate([capsules.a, capsules.b]), np.tile(capsules.link, 2))
+    count = len(capsules.radius)
+    return placed[:, :count], placed[:, count:]
 
 
 def moderate(arm: Arm, trajectory: Trajectory, batch: int, seed: int) -> Array:

@@ -12,11 +12,10 @@ from sidegan.base.arrays import Array
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
 from sidegan.validity.bounds import capsule_reach
-from sidegan.validity.capsules import capsule_axes
 from tests.chains import random_chain, random_states
 from tests.oracle import chain_model
 
-from .critical import only
+from .critical import capsule_axes, only
 
 CHAINS = [0, 1, 2, 3, 5, 9]  # joints; 0: the LWR
 ROUNDING = 1e-9

@@ -1,6 +1,5 @@
 """The check of whole trajectories: what dense sampling finds, it finds; what is comfortable, it accepts."""
 
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -124,27 +123,18 @@ def test_failure_says_what_where_when_and_by_how_much(constraint, moved, by, whe
     assert str(failure) == f"{constraint} of {where} at {failure.time:.3f} s: margin {failure.margin:.4g}"
 
 
-def test_result_depends_on_neither_batch_nor_chunks_nor_threads(arm, monkeypatch):
+def test_result_depends_on_neither_batch_nor_threads(arm):
     constraints, trajectory = Constraints(arm, [DESK]), family(arm)
-    c = 0.12 * drawn(trajectory, 12)
-    whole = check(constraints, trajectory, c)
-    assert 0 < whole.valid.sum() < 12
-    single = [check(constraints, trajectory, one[None]) for one in c]
-    monkeypatch.setattr("sidegan.validity.search._WORTH_A_THREAD", 50)
+    c = 0.12 * drawn(trajectory, 300)  # cells enough for three threads
     with on_threads(3):
-        shared = check(constraints, trajectory, c)
-    assert np.array_equal(whole.valid, shared.valid)
-    monkeypatch.setattr(sys.modules["sidegan.validity.check"], "_CELLS_AT_ONCE", 70)
-    chunked = check(constraints, trajectory, c)
-    clear = np.abs(np.stack(list(whole.margins.values()))).min(0) > 1e-9  # elsewhere rounding decides
-    assert clear.sum() > 6
-    assert np.array_equal(whole.valid[clear], chunked.valid[clear])
-    assert np.array_equal(whole.valid[clear], np.concatenate([v.valid for v in single])[clear])
+        whole = check(constraints, trajectory, c)
+    single = [check(constraints, trajectory, one[None]) for one in c[:12]]
+    valid = np.concatenate([one.valid for one in single])
+    clear = np.abs(np.stack(list(whole.margins.values()))[:, :12]).min(0) > 1e-9  # elsewhere rounding decides
+    assert clear.sum() > 6 and 0 < valid.sum() < 12
+    assert np.array_equal(whole.valid[:12][clear], valid[clear])
     for name, margin in whole.margins.items():
-        np.testing.assert_allclose(shared.margins[name], margin, rtol=0, atol=1e-14)
-        assert np.array_equal(shared.elements[name], whole.elements[name])
-        np.testing.assert_allclose(chunked.margins[name], margin, atol=1e-9)
-        np.testing.assert_allclose(np.concatenate([v.margins[name] for v in single]), margin, atol=1e-9)
+        np.testing.assert_allclose(np.concatenate([v.margins[name] for v in single]), margin[:12], atol=1e-9)
 
 
 def test_a_state_on_the_limit_is_not_called_valid(planar: Arm) -> None:

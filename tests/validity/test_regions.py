@@ -50,7 +50,7 @@ RANDOM = np.random.default_rng(0)
 TURN = np.linalg.qr(RANDOM.normal(size=(3, 3)))[0]
 BODIES = {
     "ball": BALL,
-    "box": BLOCK.placed(TURN, np.array([0.1, 0.2, -0.1])),
+    "box": Convex.around(BLOCK.points @ TURN.T + np.array([0.1, 0.2, -0.1])),
     "cylinder": ROD,
     "wedge": Convex.around(np.array([[x, *yz] for x in (0, 1) for yz in ((0, 0), (0.05, 0), (0, 0.5))])),
     "cloud": Convex.around(0.3 * RANDOM.normal(size=(40, 3))),

@@ -10,9 +10,8 @@ from sidegan.base.storage import write_json
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.prediction import Prediction, TorqueNoise, wanted_torques
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import search
-from sidegan.design.settings import SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
 from sidegan.library.draw import Draws, Expansion, draw_valid
@@ -134,7 +133,7 @@ def long_family(run: RunContext, harmonics: int) -> Trajectory:
 def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
     """The best single long trajectory with so many harmonics, by gradients."""
     settings = run.cfg.long
-    seeds = {"fitness": run.cfg.seeds.fitness, "reserve": run.cfg.seeds.reserve}
+    seeds = {"fitness": "eigenvalue", "reserve": run.cfg.seeds.reserve}
     return run.artifact(
         "long",
         f"{settings.steps}-{settings.period:g}s-{harmonics}h",
@@ -146,7 +145,7 @@ def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
 
 def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     settings, family, seeds = run.cfg.long, long_family(run, harmonics), run.cfg.seeds
-    problem = Problem(run.cell.constraints, family, settings.samples, diagonal=seeds.fitness == "diagonal")
+    problem = Problem(run.cell.constraints, family, settings.samples)
     method = Gradient(settings.steps, attempts=1, reserve=seeds.reserve or 0.0)
     made = make_long(problem, method, settings.starts, run.random(f"long {harmonics}"), build.report)
     library = measured(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")

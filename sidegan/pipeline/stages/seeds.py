@@ -14,8 +14,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stage import Stage
-from sidegan.seeding.result import SeedBatch
-from sidegan.seeding.shipped import shipped
+from sidegan.seeding.result import SeedBatch, shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 
@@ -27,9 +26,8 @@ def seed_set(run: RunContext) -> Artifact:
     """The seed set; each method is a maker of its own."""
     settings = run.cfg.seeds
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
-    label = settings.method if settings.fitness == "eigenvalue" else f"{settings.method}-{settings.fitness}"
     make = _read if settings.method == "published" else _make
-    return run.artifact(maker, label, make, settings.stamped(), title="seeds", alone=True)
+    return run.artifact(maker, settings.method, make, settings.stamped(), title="seeds", alone=True)
 
 
 def origin(run: RunContext) -> dict[str, Any]:
