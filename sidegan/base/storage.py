@@ -148,12 +148,26 @@ def readable(path: Path) -> bool:
     return True
 
 
-def read_parquet(path: Path) -> "pa.Table":
-    """Table of a Parquet file, checked by its pages' checksums; an ArtifactError where it is not whole."""
+def read_parquet(path: Path) -> Iterator["pa.Table"]:
+    """Tables of a Parquet file's row groups, one without rows where there is none.
+
+    They are checked by their pages' checksums; an ArtifactError where the file is not whole.
+    """
     import pyarrow.parquet as pq
 
     with reading(path, "Parquet"), pq.ParquetFile(path, page_checksum_verification=True) as file:
-        return file.read()
+        if not file.num_row_groups:
+            yield file.schema_arrow.empty_table()
+        for k in range(file.num_row_groups):
+            yield file.read_row_group(k)
+
+
+def parquet_rows(path: Path) -> int:
+    """Number of rows of a Parquet file, without reading them; an ArtifactError where it is not whole."""
+    import pyarrow.parquet as pq
+
+    with reading(path, "Parquet"):
+        return pq.read_metadata(path).num_rows
 
 
 @contextmanager

@@ -38,7 +38,6 @@ def _compile() -> None:
     from sidegan.kernels import goals
     from sidegan.kernels.objective import slopes
     from sidegan.motion.dynamics import gram
-    from sidegan.motion.operations import extremes
     from sidegan.motion.trajectory import Trajectory
     from sidegan.robot import load_robot
     from sidegan.validity import Constraints, check
@@ -51,7 +50,7 @@ def _compile() -> None:
     slopes.compile_for(objective.plan, 1, objective.scratch)
     still = np.zeros((1, *family.shape))
     check(constraints, family, still)
-    extremes(gram(constraints.body, family, still), 1, 1)
+    gram(constraints.body, family, still)
 
 
 if __name__ == "__main__":

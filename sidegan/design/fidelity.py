@@ -3,26 +3,36 @@
 A set is rows of any shape, (N, …): coefficients [rad/s], or the logarithm of diag(YᵀY).
 """
 
+import logging
+
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 
 _NOISE_BATCHES = 10  # the paper averages over ten noise batches
-_AT_ONCE = 100  # rows whose distances to all others are held
+_NUMBERS = 2_000_000  # distances that are held at once: 16 MB
+_PAIRED = 5_000  # rows, all pairs of which are looked at
+_EXACT = 20_000  # rows, each of which is compared with all others
+_SAMPLED = 500  # rows that stand for more than those
 _NEIGHBOURS = 5  # k of density and coverage, as their authors have it
 _FOLDS = 10  # of the classifier's cross-validation
 _RIDGE = 0.1  # of its least squares
 _NOTHING = 1e-12  # a shorter row has no direction
 
+log = logging.getLogger(__name__)
+
 
 def diversity(c: Array, diagonal: Array) -> dict[str, float]:
     """The paper's two mean distances, over batches, and two measures that modes cannot fool.
 
-    Of coefficients, (N, J, H, 2), and the diagonals of YᵀY, (N, p). A single trajectory has none.
+    Of coefficients, (N, J, H, 2), and the diagonals of YᵀY, (N, p). Of very large sets they are estimates
+    from a sample, which is logged. A single trajectory has none.
     """
     if len(c) < 2:
         return {}
+    if len(c) > _EXACT:
+        log.info("diversity of %d trajectories is estimated from a sample of them", len(c))
     batch = max(2, len(c) // _NOISE_BATCHES)
     pairs = [
         (mean_distance(x), mean_distance(y))
@@ -39,21 +49,34 @@ def diversity(c: Array, diagonal: Array) -> dict[str, float]:
 
 
 def mean_distance(x: Array) -> float:
-    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity)."""
+    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity).
+
+    Of more than 5,000 rows, over the pairs of that many of them.
+    """
     from scipy.spatial.distance import pdist
 
-    return float(pdist(_rows(x)).mean())
+    rows = _rows(x)
+    return float(pdist(rows[_sample(len(rows), _PAIRED)] if len(rows) > _PAIRED else rows).mean())
 
 
 def nearest_distance(x: Array) -> float:
-    """Mean distance of a row to its nearest other row: zero when samples repeat themselves."""
+    """Mean distance of a row to its nearest other row: zero when samples repeat themselves.
+
+    Of more than 20,000 rows, the mean over 500 of them, each with its nearest one among all.
+    """
     rows = _rows(x)
+    chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else np.arange(len(rows))
     nearest = []
-    for part in split(np.arange(len(rows)), _AT_ONCE):
+    for part in split(chosen, max(1, _NUMBERS // len(rows))):
         distances = _distances(rows[part], rows)
         distances[np.arange(len(part)), part] = np.inf
         nearest.append(distances.min(1))
     return float(np.concatenate(nearest).mean())
+
+
+def _sample(count: int, size: int) -> Array:
+    """Indices of some of so many rows, the same each time."""
+    return np.random.default_rng(0).permutation(count)[:size]
 
 
 def effective_rank(x: Array, centred: bool = True) -> float:

@@ -135,7 +135,7 @@ def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
     distance is the clearance that counts like a whole limit [m].
     """
     one = Objective(problem, Goal())
-    measure = kernel.Measure(diagonal=False, weakest=problem.weakest, distance=distance)
+    measure = kernel.Measure(weakest=problem.weakest, distance=distance)
     kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
     def evaluate(c: Array) -> Array:

@@ -21,6 +21,7 @@ _ROWS = 4000  # whose differences stay near the processor
 _TIE = 1e-9  # criteria (logarithms) that differ by less are equal
 _AT_ONCE = 1024  # candidates: 15 MB of 43 × 43
 _PRIOR = 1e-3  # of an average trajectory, that is known before the first choice
+_HELD = 20_000  # trajectories whose information is held: 300 MB at 43 parameters
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +45,32 @@ def choose(settings: Selection, body: RigidBody, trajectory: Trajectory, c: Arra
     """
     if settings.method == "greedy":
         return greedy(diagonal, settings.count)
+
+    def information(some: Array) -> Array:
+        return information_of(body, trajectory, some, noise=settings.noise)
+
     pick = a_optimal if settings.method == "a_optimal" else d_optimal
-    return pick(information_of(body, trajectory, c, noise=settings.noise), settings.count)
+    pool = information(c) if len(c) <= _HELD else Candidates(len(c), lambda index: information(c[index]))
+    return pick(pool, settings.count)
+
+
+@dataclass(frozen=True)
+class Candidates:
+    """Candidates whose information is made when it is looked at: 15 kB each at 43 parameters."""
+
+    count: int
+    information: Callable[[Array], Array]  # indices (K,) → information, (K, q, q)
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __getitem__(self, indices: Array) -> Array:
+        return self.information(indices)
+
+    def mean(self, axis: Literal[0]) -> Array:
+        """Mean information, (q, q)."""
+        parts = split(np.arange(self.count), _AT_ONCE)
+        return sum((self[some].sum(axis) for some in parts), np.zeros(())) / self.count
 
 
 def greedy(diagonals: Array, count: int) -> Array:
@@ -88,7 +113,7 @@ def _share(x: Array, chosen: Array) -> Array:
     return x / largest if largest > 0 else np.zeros_like(x)
 
 
-def d_optimal(information: Array, count: int) -> Array:
+def d_optimal(information: Array | Candidates, count: int) -> Array:
     """Indices of the greedy pick of N matrices, (N, q, q), by log det(prior + Σ), in order, (count,).
 
     The prior is a thousandth of an average trajectory. The gain over it is monotone and submodular, so the
@@ -104,7 +129,7 @@ def d_optimal(information: Array, count: int) -> Array:
     return _optimal(information, count, _log_det, bounded=True)
 
 
-def a_optimal(information: Array, count: int) -> Array:
+def a_optimal(information: Array | Candidates, count: int) -> Array:
     """Indices of the greedy pick of N matrices, (N, q, q), by tr (prior + Σ)⁻¹, in order, (count,).
 
     The sum of the parameters' variances, in their own units, is made small step by step. That is not
@@ -116,9 +141,11 @@ def a_optimal(information: Array, count: int) -> Array:
     return _optimal(information, count, _log_precision, bounded=False)
 
 
-def _optimal(information: Array, count: int, criterion: Callable[[Array], Array], bounded: bool) -> Array:
+def _optimal(
+    information: Array | Candidates, count: int, criterion: Callable[[Array], Array], bounded: bool
+) -> Array:
     """Indices of the greedy pick; ``bounded``: a candidate never adds more than it would have before."""
-    if information.ndim != 3 or not len(information):
+    if isinstance(information, np.ndarray) and (information.ndim != 3 or not len(information)):
         raise ShapeError(f"information is {information.shape}, expected (N, q, q), N ≥ 1")
     total, order = _PRIOR * information.mean(0), list[int]()
     if not math.isfinite(condition_of(total)):
@@ -135,7 +162,7 @@ def _optimal(information: Array, count: int, criterion: Callable[[Array], Array]
             best = max(best, float(added[some].max()))
         chosen = int((added >= added.max() - _TIE).argmax())
         order.append(chosen)
-        total = total + information[chosen]
+        total = total + information[np.array([chosen])][0]
         if bounded:
             most = np.where(added > -np.inf, added, most)
         most[chosen] = -np.inf

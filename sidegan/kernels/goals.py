@@ -15,16 +15,16 @@ from sidegan.kernels.dynamics import clear
 from sidegan.kernels.eigen import add_to, all_eigenpairs, factorise, invert_factor, product
 from sidegan.kernels.jit import kernel, part
 
-CONDITION, DIAGONAL, VARIANCE, VOLUME, TOOL = range(5)  # kinds of goals
+CONDITION, VARIANCE, VOLUME, TOOL = range(4)  # kinds of goals
 _TINY = 1e-300
 
 
 class GoalArrays(NamedTuple):
     """Function that is to be made small.
 
-    The ratio of the diagonal of G; for M = prior + amount · G in an orthonormal basis the condition number
-    of M, or the logarithm of trace or determinant of A M⁻¹ Aᵀ for targets A. For a tool, whose torques are
-    those of parameters A, the log determinant of its covariance with the others unknown, after so many runs
+    For M = prior + amount · G in an orthonormal basis the condition number of M, or the logarithm of trace or
+    determinant of A M⁻¹ Aᵀ for targets A. For a tool, whose torques are those of parameters A, the log
+    determinant of its covariance with the others unknown, after so many runs,
     of which the last is with the tool.
     """
 
@@ -177,20 +177,6 @@ def _condition(goal: GoalArrays, subspace: Array, work: Scratch) -> float:
 
 
 @kernel
-def _diagonal(gram: Array, work: Scratch) -> float:
-    """Smooth log ratio of the diagonal; writes its directions, which are base columns."""
-    count = len(work.values[0])
-    for k in range(count):
-        clear(work.base[k])
-        i = _end_of(gram, count, k)
-        work.values[0][k], work.base[k, i] = gram[i, i], 1.0
-    value = _smooth_ratio(work.values[0], work.slopes)
-    for k in range(count):
-        work.weights[k] = work.slopes[k]
-    return value
-
-
-@kernel
 def _times(lower: Array, x: Array, out: Array) -> None:
     """Write L x for a lower triangular L: from the orthonormal basis to the base columns, for instance."""
     for i in range(len(lower)):
@@ -286,8 +272,6 @@ def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: Scratch) -> tu
     scale = to_orthonormal(subspace, gram, work.product, work.inner)
     if not (math.isfinite(scale) and scale > 0):
         return np.inf, 0
-    if goal.kind == DIAGONAL:
-        return _diagonal(gram, work), len(work.values[0])
     runs = goal.runs if goal.kind == TOOL else 1.0
     for i in range(len(gram)):
         for j in range(len(gram)):

@@ -248,7 +248,6 @@ _EPS = float(np.finfo(np.float64).eps)
 class Measure(NamedTuple):
     """Meaning of the numbers."""
 
-    diagonal: bool  # diagonal fitness instead of the eigenvalue fitness
     weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
     distance: float  # clearance that counts like a whole limit [m]
 
@@ -293,14 +292,9 @@ def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
 
 @kernel
 def _ratio(plan: Plan, measure: Measure, work: Scratch) -> float:
-    """Largest over smallest eigenvalue or diagonal element of YᵀY; infinite where that is rounding."""
+    """Largest over smallest eigenvalue of YᵀY; infinite where that is rounding."""
     extra, size = (plan.extra, work.signals), len(plan.subspace)
     weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
-    if measure.diagonal:
-        low, high = np.inf, 0.0
-        for p in range(size):
-            low, high = min(low, work.gram[0, p, p]), max(high, work.gram[0, p, p])
-        return high / low if low > _EPS * high else np.inf
     inner = work.goal.inner
     scale = to_orthonormal(plan.subspace, work.gram[0], work.goal.product, inner)
     if not (math.isfinite(scale) and scale > 0):

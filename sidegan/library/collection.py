@@ -1,6 +1,6 @@
 """A trajectory library: coefficients with their margins, excitation and origin."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.storage import write_parquet
+from sidegan.base.storage import parquet_rows, read_parquet, write_parquet
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.library.parquet import MARGIN, Family, content_of, table_of
+from sidegan.library.parquet import MARGIN, OPTIONS, Family, content_of, table_of
 
 if TYPE_CHECKING:
     from sidegan.robot import Arm
@@ -66,35 +66,56 @@ class Library:
 
     def merge(self, *others: "Library") -> "Library":
         """These trajectories followed by the others'; a ShapeError where two differ in their ``family``."""
-        parts = (self, *others)
-        for other in others:
-            mine, theirs = asdict(self.family()), asdict(other.family())
-            differences = [f"{key} {x} and {theirs[key]}" for key, x in mine.items() if x != theirs[key]]
-            if differences:
-                raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
-        each = [part.columns() for part in parts]
-        columns = {name: np.concatenate([one[name] for one in each]) for name in each[0]}
-        return replace(self, **_fields(columns), source=[one for part in parts for one in part.source])
+        return _joined((self, *others), sum(map(len, (self, *others))))
 
     def save(self, path: Path) -> None:
         """Write one Parquet file, a row per trajectory, whole or not at all; an empty library has no row."""
-        table = table_of(self.family(), self.columns(), self.source)
-        # Measured numbers hardly compress, and a dictionary of them only costs time.
-        write_parquet(path, table, compression="none", use_dictionary=["source"])
+        write_parquet(path, table_of(self.family(), self.columns(), self.source), **OPTIONS)
 
     @classmethod
-    def load(cls, path: Path, arm: "Arm | None" = None) -> "Library":
+    def load(cls, path: Path, arm: "Arm | None" = None, *others: Path) -> "Library":
         """Library of a file that ``save`` wrote, to the last bit; of one arm, or of any when None.
 
+        Of several files, one after the other, as ``merge`` puts them together, in memory but once.
+
         Raises:
-            ArtifactError: when the file is missing, damaged, of an unknown format, or for another arm.
+            ArtifactError: when a file is missing, damaged, of an unknown format, or for another arm.
+            ShapeError: when two files differ in their ``family``.
         """
-        family, columns, source = content_of(path)
+        paths = (path, *others)
+        rows = sum(parquet_rows(one) for one in paths)
+        return _joined((part for one in paths for part in _parts(one, arm)), rows)
+
+
+def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
+    """What a file holds, piece by piece."""
+    for table in read_parquet(path):
+        family, columns, source = content_of(path, table)
         if arm is not None and arm.digest != family.digest:
             made_for = f"{family.robot} (digest {family.digest})"
             raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
         facts = {name: getattr(family, name) for name in ("robot", "digest", "period")}
-        return cls(**_fields(columns), **facts, source=source, home=tuple(family.home))
+        yield Library(**_fields(columns), **facts, source=source, home=tuple(family.home))
+
+
+def _joined(parts: Iterable[Library], count: int) -> Library:
+    """One library of so many trajectories: a part is held beside it, and not all of them twice."""
+    first, rows, columns, source = None, 0, dict[str, Array](), list[str]()
+    for part in parts:
+        first = first or part
+        _refuse_others(asdict(first.family()), asdict(part.family()))
+        for name, x in part.columns().items():
+            columns.setdefault(name, np.empty((count, *x.shape[1:]), x.dtype))[rows : rows + len(part)] = x
+        rows += len(part)
+        source.extend(part.source)
+    assert first is not None
+    return replace(first, **_fields(columns), source=source)
+
+
+def _refuse_others(mine: dict[str, Any], theirs: dict[str, Any]) -> None:
+    differences = [f"{key} {mine[key]} and {theirs[key]}" for key in mine if mine[key] != theirs[key]]
+    if differences:
+        raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
 
 
 def _fields(columns: dict[str, Array]) -> dict[str, Any]:

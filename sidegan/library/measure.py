@@ -2,29 +2,40 @@
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, split
 from sidegan.design import fidelity
 from sidegan.design.excitation import excite
 from sidegan.library.collection import Library
+from sidegan.library.parquet import MARGIN
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
 RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
+_AT_ONCE = 250  # trajectories
 _LEAST = 1e-30  # of diag(YᵀY), which is zero where a column is never excited
 
 
 def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
     """A library of coefficients (N, J, H, 2) with everything measured about them."""
-    validity = check(constraints, trajectory, c)
-    excitation = excite(constraints.body, trajectory, c, round(RATE * trajectory.period))
+    columns: dict[str, Array] = {}
+    for index in split(np.arange(len(c)), _AT_ONCE):
+        validity = check(constraints, trajectory, c[index])
+        excitation = excite(constraints.body, trajectory, c[index], round(RATE * trajectory.period))
+        found = {
+            "valid": validity.valid,
+            "fitness": excitation.eigenvalue_fitness,
+            "diagonal_fitness": excitation.diagonal_fitness,
+            "spectrum": excitation.spectrum,
+            "diagonal": excitation.diagonal,
+            **{f"{MARGIN}{name}": x for name, x in validity.margins.items()},
+        }
+        for name, x in found.items():  # in place: what a large library takes is held once
+            columns.setdefault(name, np.empty((len(c), *x.shape[1:]), x.dtype))[index] = x
+    margins = {name: columns.pop(f"{MARGIN}{name}") for name in validity.margins}
     return Library(
         coefficients=c,
-        valid=validity.valid,
-        margins=validity.margins,
-        fitness=excitation.eigenvalue_fitness,
-        diagonal_fitness=excitation.diagonal_fitness,
-        spectrum=excitation.spectrum,
-        diagonal=excitation.diagonal,
+        margins=margins,
+        **columns,
         source=[source] * len(c),
         robot=constraints.arm.name,
         digest=constraints.arm.digest,

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels import dynamics, eigen, information, regressor
+from sidegan.kernels import dynamics, information, regressor
 from sidegan.kernels.chain import Chain
 from sidegan.kernels.waves import waves
 from sidegan.motion.arrays import array
-from sidegan.motion.threads import AS_STATES, each, eigh, share, threads_for
+from sidegan.motion.threads import each, share, threads_for
 
 States = Sequence[Array]
 
@@ -76,31 +76,6 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
 
     each(work, threads)
     return products.sum(0)
-
-
-def extremes(x: Array, low: int, high: int) -> tuple[Array, Array]:
-    """The smallest and largest eigenvalues, ascending, (B, low + high), and eigenvectors (B, p, low + high).
-
-    All eigenpairs where there are no more than that.
-    """
-    (batch, size), count = x.shape[:2], low + high
-    if size <= count:
-        return eigh(x)
-    scale = np.maximum(np.maximum(x.max((1, 2)), -x.min((1, 2))), np.finfo(x.dtype).tiny)
-    a = array(x / scale[:, None, None])
-    sound = np.zeros(batch, bool)
-    values, vectors = np.zeros((batch, count)), np.zeros((batch, count, size))
-
-    def work(k: slice) -> None:
-        eigen.extremes(a[k], low, values[k], vectors[k], sound[k], *eigen.scratch(size, count))
-
-    share(work, batch, AS_STATES)
-    pairs = values * scale[:, None], vectors.swapaxes(1, 2)
-    if not sound.all():
-        rest, ends = ~sound, [*range(low), *range(size - high, size)]
-        for x_of_all, x_of_rest in zip(pairs, eigh(x[rest])):
-            x_of_all[rest] = x_of_rest[..., ends]
-    return pairs
 
 
 def columns_of_links(columns: Array, joints: int) -> regressor.Columns:

@@ -10,7 +10,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.threads import threads
 
-AS_STATES = 50  # a small matrix is as much work as so many states
+_AS_STATES = 50  # a small matrix is as much work as so many states
 _WORTH_A_THREAD = 1_000  # states: half a millisecond of work
 
 
@@ -50,5 +50,5 @@ def eigh(x: Array) -> tuple[Array, Array]:
     def work(k: slice) -> None:
         values[k], vectors[k] = np.linalg.eigh(x[k])
 
-    share(work, len(x), AS_STATES)
+    share(work, len(x), _AS_STATES)
     return values, vectors

@@ -142,9 +142,8 @@ class RunContext:
 
     def load(self, artifact: Artifact, *others: Artifact) -> Library:
         """Trajectories in artifacts that must be there, one after the other."""
-        paths = [self.store.require(one) / LIBRARY for one in (artifact, *others)]
-        first, *more = [Library.load(path, self.cell.arm) for path in paths]
-        return first.merge(*more)
+        first, *more = (self.store.require(one) / LIBRARY for one in (artifact, *others))
+        return Library.load(first, self.cell.arm, *more)
 
     def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
         """Table in an artifact that must be there."""

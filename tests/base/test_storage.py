@@ -24,7 +24,7 @@ WRITERS = {
 READERS = {
     "json": read_json,
     "arrays": read_arrays,
-    "parquet": read_parquet,
+    "parquet": lambda path: pa.concat_tables(read_parquet(path)),
 }
 
 
@@ -55,6 +55,7 @@ def test_what_is_written_is_read(path):
     assert state.keys() == STATE.keys() and all(np.array_equal(state[key], STATE[key]) for key in STATE)
     WRITERS["parquet"](path)
     assert READERS["parquet"](path).equals(TABLE)
+    assert storage.parquet_rows(path) == len(TABLE)
     write_bytes(path, b"\x00\xff")
     assert path.read_bytes() == b"\x00\xff"
 

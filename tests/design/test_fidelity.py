@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sidegan.base.arrays import flatten
+from sidegan.design import fidelity
 from sidegan.design.fidelity import (
     beyond,
     density_and_coverage,
@@ -172,3 +173,12 @@ def test_effective_rank_does_not_depend_on_scale_or_basis():
 def test_a_single_trajectory_has_nothing_to_differ_from():
     one = np.zeros((1, 2, 3, 2))
     assert diversity(one, np.ones((1, 8))) == {}
+
+
+def test_a_sample_of_a_large_set_tells_nearly_the_same(monkeypatch):
+    x = np.random.default_rng(0).standard_normal((3000, 2, 3, 2))
+    exact = nearest_distance(x), mean_distance(x)
+    monkeypatch.setattr(fidelity, "_EXACT", 2999)
+    monkeypatch.setattr(fidelity, "_PAIRED", 1000)
+    assert (nearest_distance(x), mean_distance(x)) == pytest.approx(exact, rel=0.03)
+    assert nearest_distance(x) != exact[0]

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.library import Library
+from sidegan.library import Library, parquet
 
 FOUR = pa.list_(pa.float64(), 4)
 MARGINS = ("position", "velocity", "collision")
@@ -85,12 +85,19 @@ def test_pandas_reads_it_and_its_metadata_say_what_it_is(path):
     assert (expected | {"joints": 2, "harmonics": 3, "parameters": 4}).items() <= stored.items()
 
 
-def test_merge_and_take_undo_each_other():
+def test_merge_and_take_undo_each_other(tmp_path, monkeypatch):
     one, other = library(4, seed=1), library(5, seed=2)
     both = one.merge(other)
     assert_same(both.take(range(4)), one)
     assert_same(both.take(np.arange(4, 9)), other)
     assert_same(one.merge(one.take([])), one)
+    monkeypatch.setitem(parquet.OPTIONS, "row_group_size", 2)
+    for name, part in (("one", one), ("other", other), ("none", one.take([]))):
+        part.save(tmp_path / name)
+    assert_same(Library.load(tmp_path / "one", None, tmp_path / "other", tmp_path / "none"), both)
+    with pytest.raises(ShapeError, match="period"):
+        library(period=8.0).save(tmp_path / "slow")
+        Library.load(tmp_path / "one", None, tmp_path / "slow")
     twice = one.take([3, 0, 3])
     assert twice.source == [one.source[i] for i in (3, 0, 3)]
     for name, x in twice.columns().items():
