@@ -28,6 +28,8 @@ def check(x, alone=False):
     values, vectors, sound = np.zeros((batch, count)), np.zeros((batch, count, size)), np.zeros(batch, bool)
     eigen.extremes(x.copy(), LOW, values, vectors, sound, *eigen.scratch(size, count))
     assert sound.all() or not alone
+    if not sound.any():
+        return
     x, values, vectors = x[sound], values[sound], vectors[sound].swapaxes(1, 2)
     expected = np.linalg.eigvalsh(x)[:, [*range(LOW), *range(size - HIGH, size)]]
     np.testing.assert_allclose(values, expected, rtol=0, atol=1e-14 * size)
