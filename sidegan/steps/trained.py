@@ -22,7 +22,6 @@ def trained(
     *,
     surrogates: Path | None = None,
     box: float | None = None,
-    start: Path | None = None,
 ) -> Trained:
     """A variant, trained from the start or from where its training was killed.
 
@@ -33,7 +32,6 @@ def trained(
         run: how it is run.
         surrogates: folder of those that it learns from; None where it has none.
         box: largest absolute coefficient [rad/s] that it may yield; None: any.
-        start: file of a generator from whose network it starts.
 
     Raises:
         ArtifactError: when a surrogate is missing, damaged, or of another arm.
@@ -41,7 +39,7 @@ def trained(
     """
     if seeds is None:
         seeds = random_trajectories(cell.constraints, cell.trajectory, run.seed, box)
-    data = Data(cell.constraints, cell.trajectory, seeds, box=box, start=start)
+    data = Data(cell.constraints, cell.trajectory, seeds, box=box)
     if surrogates is not None and variant.features:
         predictor, converter = load_surrogates(surrogates, variant, cell.arm, cell.trajectory)
         data = replace(data, success_predictor=predictor, converter=converter)

@@ -8,7 +8,7 @@ import torch
 
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.gan import physics
+from sidegan.gan import reward
 from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, Plane
@@ -51,14 +51,14 @@ def assert_slope(function, c, noise):
 def test_energies_are_those_of_the_gram_matrix(arm_problem, noise, directions):
     c, equal = arm_problem.start(200, noise), np.ones(7)
     expected = (directions * (arm_problem.gram(c) @ directions)).sum(1)
-    np.testing.assert_allclose(physics.energies_of(arm_problem, c, directions, equal), expected)
-    np.testing.assert_allclose(physics.energies(arm_problem, tensor(c), directions, 2 * equal), 4 * expected)
+    np.testing.assert_allclose(reward.energies_of(arm_problem, c, directions, equal), expected)
+    np.testing.assert_allclose(reward.energies(arm_problem, tensor(c), directions, 2 * equal), 4 * expected)
 
 
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_the_gradient_of_energies_agrees_with_finite_differences(arm_problem, noise, directions, weights):
     def logs(x):
-        return physics.energies(arm_problem, x, directions, np.array(WEIGHTS[weights])).log().sum()
+        return reward.energies(arm_problem, x, directions, np.array(WEIGHTS[weights])).log().sum()
 
     assert_slope(logs, arm_problem.start(4, noise, 0.9), noise)
 
@@ -69,7 +69,7 @@ def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_proble
     problem = replace(arm_problem, constraints=Constraints(replace(arm, torque_limit=arm.torque_limit / 2)))
 
     def squares(x):
-        return physics.violation(problem, x, Penalty(3.0)).square().sum()
+        return reward.violation(problem, x, Penalty(3.0)).square().sum()
 
     assert assert_slope(squares, problem.start(4, noise, 1.6), noise) > 1e-3
 
@@ -79,7 +79,7 @@ def test_single_precision_and_rest_have_finite_energies_and_slopes(planar, noise
     every, equal = np.eye(problem.body.parameters_count), np.ones(2)
 
     def total(x):
-        return physics.energies(problem, x, every, equal).sum()
+        return reward.energies(problem, x, every, equal).sum()
 
     for c in (problem.start(4, noise), np.zeros((2, *problem.trajectory.shape))):
         value, slope = by_autograd(total, c.astype(np.float32))

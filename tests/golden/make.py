@@ -26,7 +26,7 @@ from sidegan.design.objective import value_and_gradient
 from sidegan.design.optimal import a_optimal, d_optimal
 from sidegan.design.penalty import Penalty
 from sidegan.design.problem import Problem
-from sidegan.gan.physics import energies
+from sidegan.gan.reward import energies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
 from sidegan.motion.trajectory import Trajectory

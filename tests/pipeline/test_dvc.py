@@ -69,14 +69,18 @@ def test_hydra_reads_every_command(pipeline):
 
 @pytest.fixture
 def dvc(tmp_path):
-    """DVC in a repository of its own with our tracked files: arguments → the stages that it ran."""
+    """DVC in a repository of its own with the files that it watches: arguments → the stages that it ran.
+
+    The package is that of the clone, whose kernels are compiled: numba would compile a copy's anew. Stages
+    do their tasks themselves: workers take longer to start than to do them.
+    """
     pytest.importorskip("dvc")
     files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True).stdout
-    kept = "conf", "experiments", "sidegan", "small", "dvc.", "params.", ".dvc", ".gitignore"
+    kept = "conf", "experiments", "small", "dvc.", "params.", ".dvc", ".gitignore"
     for file in (one for one in files.decode().split("\0") if one.startswith(kept)):
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_bytes((ROOT / file).read_bytes())
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "LOKY_MAX_CPU_COUNT": "1"}
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
 
     def run(*arguments):
@@ -98,7 +102,6 @@ def test_the_small_scale_is_made_once_and_a_change_makes_anew_what_depends_on_it
     versions = tmp_path / "params.yaml"
     versions.write_text(re.sub(r"\bdensity: \d+", "density: 99", versions.read_text()))
     assert dvc(*small, "repro") == ["report"]
-    assert len(list(tmp_path.glob("small/outputs/density/planar2-*"))) == 2
     eigen = tmp_path / "conf" / "gan" / "eigen.yaml"
     eigen.write_text(f"{eigen.read_text()}# another generator\n")
     assert dvc(*small, "repro", "--dry") == ["gan"], "what follows is known when its results are there"
