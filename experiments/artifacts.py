@@ -64,7 +64,7 @@ class Artifacts:
     seeds = cached_property(lambda self: self.report(seed_set(self.run)))
     random = cached_property(lambda self: self.report(random_set(self.run)))
     surrogates = cached_property(lambda self: self.report(surrogates(self.run)))
-    speed = cached_property(lambda self: self.costs(timing(self.run, "eigen")))
+    speed = cached_property(lambda self: self.costs(timing(self.run)))
 
     @property
     def cfg(self) -> Config:

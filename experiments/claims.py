@@ -12,9 +12,8 @@ import pandas as pd
 
 from experiments import claims_identification, claims_training
 from experiments.artifacts import Artifacts
-from experiments.finding import Judgement
 from experiments.reference import PAPER
-from experiments.verdicts import HOLDS, MIXED, NOT, OPEN, PART, UNDECIDED, UNKNOWN
+from experiments.verdicts import HOLDS, MIXED, NOT, OPEN, PART, UNDECIDED, UNKNOWN, Judgement
 from sidegan.base.names import counted
 
 _SIGNS = {HOLDS: "🟢", PART: "🟡", MIXED: "🟠", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}

@@ -8,19 +8,23 @@ import pandas as pd
 
 from experiments import exp1, exp2
 from experiments.artifacts import Artifacts
-from experiments.finding import GANS, SIDE_GANS, Judgement, ratios, words
 from experiments.reference import PAPER
 from experiments.verdicts import (
+    GANS,
     REPEAT,
+    SIDE_GANS,
     TRAINING,
+    Judgement,
     above,
     by_set,
     interval,
     log_ratio,
     not_below,
     of_several,
+    ratios,
     together,
     within,
+    words,
 )
 
 _COMPARABLE = 1.25  # ratio of errors up to which they are comparable
@@ -116,10 +120,8 @@ def _smallest_norm(made: Artifacts) -> Judgement:
     """Whether eigen's covariance norm is below that of every other set of Table III."""
     facts = made.whole_facts
     per_sample = facts.assign(covariance_norm=facts.covariance_norm * facts.samples)
-    effects, otherwise = (
-        _over_eigen(made, facts),
-        together(map(above, _over_eigen(made, per_sample).values())),
-    )
+    effects = _over_eigen(made, facts)
+    otherwise = together(map(above, _over_eigen(made, per_sample).values()))
     ours = f"theirs over eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
     return Judgement.of_each(map(above, effects.values()), ours)
 

@@ -12,32 +12,30 @@ from scipy.stats import kendalltau
 
 from experiments import generality
 from experiments.artifacts import Artifacts
-from experiments.finding import (
-    GANS,
-    SIDE_GANS,
-    Judgement,
-    at,
-    by_epoch,
-    intervals,
-    ratios,
-    shares,
-    unless_same,
-    words,
-)
 from experiments.reference import PAPER
 from experiments.training import EARLY, LATE, RELIABLE
 from experiments.verdicts import (
+    GANS,
     HOLDS,
     NOT,
+    SIDE_GANS,
     TRAINING,
     UNKNOWN,
+    Judgement,
     above,
+    at,
     below,
     beside,
+    by_epoch,
+    intervals,
     log_odds,
     not_below,
     proportion,
+    ratios,
+    shares,
     together,
+    unless_same,
+    words,
 )
 from sidegan.base.arrays import Array
 from sidegan.base.names import plain

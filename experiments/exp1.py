@@ -11,7 +11,6 @@ import pandas as pd
 
 from experiments import training
 from experiments.artifacts import Artifacts
-from experiments.finding import SIDE_GANS, words
 from experiments.pages import leave
 from experiments.reference import PAPER
 from experiments.verdicts import (
@@ -19,6 +18,7 @@ from experiments.verdicts import (
     HOLDS,
     NOT,
     REPEAT,
+    SIDE_GANS,
     TRAINING,
     Interval,
     above,
@@ -26,6 +26,7 @@ from experiments.verdicts import (
     interval,
     log_ratio,
     of_several,
+    words,
 )
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables

@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.finding import words
 from experiments.pages import leave
 from experiments.reference import PAPER
-from experiments.verdicts import REPEAT, TRAINING, interval, of_several
+from experiments.verdicts import REPEAT, TRAINING, interval, of_several, words
 from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.replication import FITTED

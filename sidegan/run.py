@@ -14,10 +14,10 @@ from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from sidegan.pipeline.callbacks import end_sweep
 from sidegan.pipeline.compose import explain
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
+from sidegan.pipeline.sweep import end_sweep
 
 _UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs
 
@@ -39,7 +39,7 @@ def main() -> int:
         end_sweep("KILLED")
         code, words = INTERRUPTED, "\nstopped; the same command continues where it stopped"
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
-        code, words = BAD_CONFIG, f"error: {explain(error, sys.argv[1:])}"
+        code, words = BAD_CONFIG, f"error: {explain(error)}"
     except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILURE

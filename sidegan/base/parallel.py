@@ -1,12 +1,11 @@
 """A few independent tasks at once, each in a process of its own with one thread, with progress.
 
-joblib runs them: in worker processes of this machine (loky), or on a Dask cluster. Which it is changes
+joblib runs them in worker processes of this machine (loky), or a Dask cluster does. Which it is changes
 nothing about what the tasks give back.
 """
 
 import logging
 import os
-import signal
 import threading
 import time
 import warnings
@@ -35,17 +34,34 @@ Job = Callable[[Report], Any]
 
 
 @contextmanager
-def engine(name: str, scheduler: str | None = None, workers: int | None = None) -> Iterator[None]:
-    """Every ``run_jobs`` of this process uses this engine, ``loky`` or ``dask``, within the block.
+def on_cluster(scheduler: str | None) -> Iterator[None]:
+    """Every ``run_jobs`` of this process uses a Dask cluster within the block; none: workers of this machine.
 
-    Dask's scheduler is at an address, ``tcp://host:8786``, or a cluster on this machine is started, with so
-    many workers or one per core. A ConfigError where Dask or its workers cannot be used.
+    Args:
+        scheduler: address of the cluster, ``tcp://host:8786``.
+
+    Raises:
+        SideganError: when the scheduler does not answer.
+        ConfigError: when Dask is not installed, or a worker has several threads.
     """
     global _client
-    if name == "loky":
+    if scheduler is None:
         yield
         return
-    with _cluster(scheduler, cores(workers)) as _client:
+    with extra("dask"):
+        from distributed import Client
+
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong comes as an error
+    try:
+        client = Client(scheduler, timeout=_CONNECT)
+    except (OSError, ValueError) as error:
+        raise SideganError(f"no Dask scheduler answers at {scheduler}: {error}") from error
+    with client:
+        crowded = [name for name, threads in client.nthreads().items() if threads > 1]
+        if crowded:  # jobs set the threads of their whole process, so none may share one
+            names = ", ".join(crowded[:3])
+            raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
+        _client = client
         try:
             yield
         finally:
@@ -65,7 +81,7 @@ def cpu_seconds() -> float:
 
 
 def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: int = 100) -> list[Any]:
-    """Results of the jobs, in their order, the same whatever the engine and the number of workers.
+    """Results of the jobs, in their order, the same wherever they run and whatever the number of workers.
 
     Args:
         description: what they do, for the progress bar and for the SideganError of workers that were lost.
@@ -155,33 +171,3 @@ def _lost(error: Exception) -> str:
     if isinstance(error, KilledWorker):
         return f"{killed}, time and again"
     return "" if _client.status == "running" else "the Dask cluster went away"
-
-
-@contextmanager
-def _cluster(scheduler: str | None, workers: int) -> "Iterator[Client]":
-    """Client of a Dask cluster; one on this machine is started, and ends with the block."""
-    with extra("dask"):
-        from distributed import Client, LocalCluster
-
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong comes as an error
-    if scheduler is None:
-        options: dict[str, Any] = {"memory_limit": 0, "silence_logs": logging.CRITICAL, "preload": [__name__]}
-        options |= {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": ":0"}
-        with LocalCluster(**options) as cluster, Client(cluster) as client:
-            yield client
-        return
-    try:
-        client = Client(scheduler, timeout=_CONNECT)
-    except (OSError, ValueError) as error:
-        raise SideganError(f"no Dask scheduler answers at {scheduler}: {error}") from error
-    with client:
-        crowded = [name for name, threads in client.nthreads().items() if threads > 1]
-        if crowded:  # jobs set the threads of their whole process, so none may share one
-            names = ", ".join(crowded[:3])
-            raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
-        yield client
-
-
-def dask_setup(worker: Any) -> None:
-    """Dask calls this in each worker of a cluster here: the keyboard interrupts the main process alone."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -139,10 +139,10 @@ def read_arrays(path: Path) -> "dict[str, Array]":
         return dict(file)
 
 
-def readable(path: Path) -> bool:
-    """Whether a file of arrays is there and whole: what a resumed run needs not make again."""
+def readable(path: Path, read: Callable[[Path], Any] = read_arrays) -> bool:
+    """Whether a file, of arrays by default, is there and whole: a resumed run does not make it again."""
     try:
-        read_arrays(path)
+        read(path)
     except ArtifactError:
         return False
     return True

@@ -1,7 +1,7 @@
 """SIDE-GAN, after figure 1 of the paper; the only door to torch and Lightning.
 
     generator                    networks.Generator; with its scale and limits generator.TrajectoryGenerator
-    … that looks at the motion   correction.Correction
+    … that looks at the motion   rollout.Correction
     discriminators, both         networks.Discriminator; with its examples losses.Adversary
     success predictor            surrogates.SuccessPredictor
     converter to the spectrum    surrogates.Converter
@@ -12,6 +12,6 @@
 
 Other rooms pass arrays, and this one tensors: tensors.array and tensors.tensor are the border.
 
-The recipe as the authors published it: ``Published…`` in variants, their networks and surrogates in the
-files ``published_*``.
+The recipe as the authors published it: ``Published…`` in variants, ``Convolutional…`` in networks, and
+published_surrogates.
 """

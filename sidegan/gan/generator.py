@@ -2,20 +2,17 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.correction import Correction
-from sidegan.gan.files import read_tensors, write_tensors
 from sidegan.gan.limits import Box, LimitLayer
-from sidegan.gan.networks import Generator
-from sidegan.gan.published_networks import ConvolutionalGenerator
+from sidegan.gan.networks import ConvolutionalGenerator, Generator
+from sidegan.gan.rollout import Correction
 from sidegan.gan.scaling import PublishedScaling, Scaling
-from sidegan.gan.tensors import array
+from sidegan.gan.tensors import array, read_tensors, write_tensors
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.seeding.published import Layout
@@ -101,21 +98,6 @@ class TrajectoryGenerator(nn.Module):
         }
         write_tensors(path, content)
 
-    def start_from(self, path: Path) -> None:
-        """Take over the network of a generator's file, of any arm; scale, limits and corrections stay.
-
-        Raises:
-            ArtifactError: for a truncated or foreign file, or a network of another size.
-        """
-        content = _content(path)
-        if content["network"] != self.network.settings:
-            raise ArtifactError(
-                f"{path} has a network of {content['network']}, expected {self.network.settings}"
-            )
-        name = "network."
-        weights = {key.removeprefix(name): x for key, x in content["weights"].items() if key.startswith(name)}
-        self.network.load_state_dict(weights)
-
     @classmethod
     def load(cls, path: Path, arm: Arm) -> "TrajectoryGenerator":
         """Generator of an arm from a file that ``save`` wrote; no code in the file is run.
@@ -123,7 +105,9 @@ class TrajectoryGenerator(nn.Module):
         Raises:
             ArtifactError: for a truncated or foreign file, or another arm.
         """
-        content = _content(path)
+        content = read_tensors(path)
+        if not isinstance(content, dict) or content.get("format") != _FORMAT:
+            raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
         if content["digest"] != arm.digest:
             raise ArtifactError(
                 f"{path} was trained for {content['robot']} (digest {content['digest'][:12]}), "
@@ -143,10 +127,3 @@ class TrajectoryGenerator(nn.Module):
         generator = cls(network, scaling, family, arm, **last)
         generator.load_state_dict(content["weights"])
         return generator.eval()
-
-
-def _content(path: Path) -> dict[str, Any]:
-    content = read_tensors(path)
-    if not isinstance(content, dict) or content.get("format") != _FORMAT:
-        raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
-    return content

@@ -6,20 +6,19 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
-from sidegan.gan.files import read_tensors, write_network
 from sidegan.gan.labels import Labelled, blend, label
-from sidegan.gan.lightning import pl
 from sidegan.gan.published_surrogates import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogate
-from sidegan.gan.tensors import array, tensor
+from sidegan.gan.tensors import array, read_tensors, tensor, write_network
 from sidegan.gan.trainer import Progress, Shuffled, fit
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm

@@ -7,15 +7,14 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.gan.files import read_tensors, write_network
-from sidegan.gan.lightning import pl
-from sidegan.gan.published_networks import IMAGE
-from sidegan.gan.tensors import tensor
+from sidegan.gan.networks import IMAGE
+from sidegan.gan.tensors import read_tensors, tensor, write_network
 from sidegan.gan.trainer import Progress, fit
 
 _FIRST = 200  # channels of the first layer

@@ -4,10 +4,10 @@ from itertools import chain
 from typing import Any
 
 import numpy as np
+import pytorch_lightning as pl
 import torch
 
 from sidegan.gan.labels import Labelled, label
-from sidegan.gan.lightning import pl
 from sidegan.gan.settings import Refresh
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.tensors import tensor

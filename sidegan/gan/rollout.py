@@ -1,4 +1,6 @@
-"""The roll-out as a fixed first layer: what a surrogate sees of a trajectory."""
+"""The roll-out as a fixed first layer of networks that see what a trajectory does over time."""
+
+import math
 
 import numpy as np
 import torch
@@ -10,6 +12,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
 _PEAKS = 4  # finer time points per step at which the limit use is taken, so that peaks are seen
+_POINTS = 4  # time points per harmonic that corrections see
 _ACCELERATION = 5.0  # [rad/s²] that counts as one
 
 
@@ -57,3 +60,27 @@ class RollOut(nn.Module):
         peaks = [nn.functional.max_pool1d(x, _PEAKS) for x in tightest]
         q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rate, motion[2]))
         return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
+
+
+class Correction(nn.Module):
+    """Changes of images (B, 2, J, H), by the images and the roll-out of their trajectories; none at first.
+
+    What a joint's motion is worth depends on where the others are at that time, which coefficients hide and
+    positions show: it learns the step that an optimiser would take from there.
+    """
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
+        super().__init__()
+        size, steps = math.prod(trajectory.shape), _POINTS * trajectory.harmonics
+        self.roll_out = RollOut(arm, trajectory, steps)
+        inputs = size + steps * self.roll_out.channels
+        last = nn.Linear(width, size)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        hidden = [nn.Linear(inputs, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU()]
+        self.layers = nn.Sequential(*hidden, last)
+
+    def forward(self, images: Tensor, c: Tensor) -> Tensor:
+        """Changes of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""
+        seen = torch.cat([images.flatten(1), self.roll_out(c).flatten(1)], 1)
+        return self.layers(seen).view_as(images)

@@ -9,16 +9,8 @@ from pydantic import Field
 from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.errors import ConfigError
 
-Name = Literal[
-    "Vanilla",
-    "Eigen",
-    "Diagonal",
-    "Predicting",
-    "Exact",
-    "PublishedVanilla",
-    "PublishedEigen",
-    "PublishedDiagonal",
-]
+_Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
+Name = Literal[_Ours, "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"]
 Beta = Annotated[float, Field(ge=0, lt=1)]
 _SURROGATES = ("features", "success", "fitness")  # losses by surrogates
 

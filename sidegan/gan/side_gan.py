@@ -5,16 +5,15 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from pathlib import Path
 from typing import Any
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
 from sidegan.base.arrays import Array
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.lightning import pl
 from sidegan.gan.limits import Box
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import Generator
@@ -37,7 +36,6 @@ class Data:
     success_predictor: Any = None  # a trained network, where the variant has features; None elsewhere
     converter: Any = None  # likewise
     box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
-    start: Path | None = None  # file of a generator, of any arm, from whose network one starts
 
 
 class SideGAN(pl.LightningModule):
@@ -80,10 +78,7 @@ class SideGAN(pl.LightningModule):
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
         last: dict[str, Any] = {"limited": settings.limited, "box": box, "corrections": settings.corrections}
-        made = TrajectoryGenerator(network, scaling, family, self.data.constraints.arm, **last)
-        if self.data.start is not None:
-            made.start_from(self.data.start)
-        return made
+        return TrajectoryGenerator(network, scaling, family, self.data.constraints.arm, **last)
 
     @abstractmethod
     def losses(self) -> list[Loss]:

@@ -8,10 +8,10 @@ any variant that learns from them.
 from itertools import pairwise
 from typing import Any
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
-from sidegan.gan.lightning import pl
 from sidegan.gan.rollout import RollOut
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm

@@ -7,12 +7,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import pytorch_lightning as pl
 import torch
 from torch import Tensor
 
 from sidegan.base.parallel import Report
-from sidegan.gan.files import readable_tensors
-from sidegan.gan.lightning import pl
+from sidegan.base.storage import readable
+from sidegan.gan.tensors import read_tensors
 
 _log = logging.getLogger(__name__)
 
@@ -59,7 +60,7 @@ def fit(
             default_root_dir=work,
         )
         last = None if work is None else work / f"{_LAST}.ckpt"
-        known = last if last is not None and readable_tensors(last) else None
+        known = last if last is not None and readable(last, read_tensors) else None
         if last is not None and last.exists() and known is None:
             _log.warning("the checkpoint %s is damaged: the training starts over", last)
         try:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pytorch_lightning as pl
 import torch
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
@@ -12,15 +13,13 @@ from sidegan.base.parallel import Report
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.errors import InfeasibleError
-from sidegan.gan.files import read_tensors, write_tensors
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.lightning import pl
 from sidegan.gan.limits import Box
 from sidegan.gan.metrics import measure
 from sidegan.gan.refresh import Refreshed
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
-from sidegan.gan.tensors import array, tensor
+from sidegan.gan.tensors import array, read_tensors, tensor, write_tensors
 from sidegan.gan.trainer import fit
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory

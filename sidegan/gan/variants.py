@@ -13,13 +13,11 @@ from sidegan.design.excitation import excitation_of
 from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.gan import physics
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss
 from sidegan.gan.metrics import noises
-from sidegan.gan.networks import Discriminator
-from sidegan.gan.published_networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
-from sidegan.gan.reward import Energies, Worth
+from sidegan.gan.networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, Discriminator
+from sidegan.gan.reward import Energies, Worth, violation
 from sidegan.gan.scaling import PublishedScaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
@@ -122,10 +120,10 @@ class Exact(SideGAN):
         if settings.exact is None or settings.reward is None:
             raise ConfigError(f"{name} needs settings exact and reward")
         self.problem = Problem(data.constraints, data.trajectory, settings.exact.samples)
-        weighed = [
-            (getattr(settings.reward, name), noise) for name, noise in noises(self.problem.body).items()
-        ]
-        self.worths = [(weight, Worth(self.problem, noise)) for weight, noise in weighed if weight]
+        self.worths: list[tuple[float, Worth]] = []  # with their weights
+        for kind, noise in noises(self.problem.body).items():
+            if weight := getattr(settings.reward, kind):
+                self.worths.append((weight, Worth(self.problem, noise)))
         # The limits on motion hold by the generator's last layer.
         reserve = settings.exact.reserve
         self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
@@ -138,7 +136,7 @@ class Exact(SideGAN):
     def violation(self, batch: Batch) -> Tensor:
         """Mean squared relative violation of the constraints, with a reserve."""
         c = batch.coefficients
-        return physics.violation(self.problem, c, self.penalty).to(c).mean()
+        return violation(self.problem, c, self.penalty).to(c).mean()
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction: the noises share the batch, each with its weight."""
@@ -221,16 +219,6 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
     return entropy if kind == "entropy" else -entropy
 
 
-VARIANTS: dict[str, type[SideGAN]] = {
-    one.__name__: one
-    for one in (
-        Vanilla,
-        Eigen,
-        Diagonal,
-        Predicting,
-        Exact,
-        PublishedVanilla,
-        PublishedEigen,
-        PublishedDiagonal,
-    )
-}
+_OURS = Vanilla, Eigen, Diagonal, Predicting, Exact
+_PUBLISHED = PublishedVanilla, PublishedEigen, PublishedDiagonal
+VARIANTS: dict[str, type[SideGAN]] = {one.__name__: one for one in (*_OURS, *_PUBLISHED)}

@@ -18,6 +18,7 @@ from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
 from sidegan.pipeline.places import VERSIONS
 
+_STAGES = {"baseline": "random", "sums": "replication"}  # of makers that have another name than their stage
 Metrics = Mapping[str, float | Sequence[float | None]]
 
 
@@ -94,6 +95,11 @@ def version(maker: str) -> int:
     if maker not in versions():
         raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}")
     return versions()[maker]
+
+
+def stage_of(maker: str) -> str:
+    """Name of the stage in which a maker is."""
+    return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds: of stage seeds
 
 
 def flatten(value: Any, path: str = "") -> dict[str, Any]:

@@ -13,7 +13,6 @@ from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.names import folder_name
 from sidegan.errors import ConfigError
-from sidegan.pipeline.dangling import dangling
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages import STAGES
 
@@ -50,18 +49,16 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
         return hydra.compose("config", overrides=list(overrides))
 
 
-def explain(error: Exception, arguments: Sequence[str] = ()) -> str:
-    """Complaint about a command with such arguments, in our words where Hydra's advice leads astray."""
+def explain(error: Exception) -> str:
+    """Complaint about a command, in our words where Hydra's advice leads astray."""
     text = str(error)
     if isinstance(error, OmegaConfBaseException):  # an interpolation that leads nowhere
+        from sidegan.pipeline.settings import dangling
+
         return dangling(error)
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
         return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])
-    if listed := re.search(r"invalid literal for int\(\) with base 10: '([^']+)'", text):
-        names = [argument.partition("=")[0].lstrip("+~") for argument in arguments]
-        name = next((name for name in names if listed[1] in name.split(".")), listed[1])
-        return f"{name}: what this would set is a list, and {listed[1]} names no entry of it"
     plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
     if plugin and "Could not" in text:
         return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"

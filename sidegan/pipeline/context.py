@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import psutil
 
 from sidegan.base.names import folder_name
 from sidegan.base.random import number, stream
 from sidegan.base.storage import read_json
 from sidegan.cell import Cell
 from sidegan.cell.cell import described
-from sidegan.errors import ConfigError
 from sidegan.library import LIBRARY, Library
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
@@ -73,15 +71,6 @@ class RunContext:
         """A copy with another choice of a group: a condition, an arm."""
         kept = [override for override in self.overrides if override.partition("=")[0] != group]
         return replace(self, cfg=composed(*kept, f"{group}={name}"))
-
-    def require_room(self, count: int, setting: str) -> None:
-        """Refuse a setting by which there would be more trajectories than fit into memory."""
-        needed = 8 * count * self.cell.arm.joints * 2 * self.cfg.trajectory.harmonics
-        there = psutil.virtual_memory().total
-        if needed > there:
-            raise ConfigError(
-                f"{setting} takes {needed / 1e9:.3g} GB in memory, this machine has {there / 1e9:.3g} GB"
-            )
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
         """The random numbers of one purpose, independent of all others."""

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 from omegaconf import DictConfig
 
-from sidegan.base.parallel import engine
+from sidegan.base.parallel import on_cluster
 from sidegan.base.progress import duration
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError, SideganError, StorageError
-from sidegan.pipeline.callbacks import PARENT, STATUS
 from sidegan.pipeline.stages import STAGES
 from sidegan.pipeline.store import Store
+from sidegan.pipeline.sweep import PARENT, STATUS
 from sidegan.pipeline.tracking import Tracker
 
 if TYPE_CHECKING:  # and with it every room, which `--help` must not wait for
@@ -50,10 +50,9 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     for one in stages.values():  # what cannot work is refused before anything has been made
         list(one.artifacts(run))
         one.check(run)
-    parallel = config.parallel
     tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
     tracker = Tracker(run.store.root, config.experiment, name, config.tracking, tags)
-    with tracker, engine(parallel.backend, parallel.scheduler, parallel.workers):
+    with tracker, on_cluster(config.parallel.scheduler):
         tracker.log_params(config.plain())
         if config.has("robot"):
             run.log_decisions()

@@ -6,15 +6,16 @@ that it uses; the others are absent.
 
 import re
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from itertools import chain
-from typing import Any
+from typing import Annotated, Any
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from pydantic import Field
 
 from sidegan.base.extras import extra
-from sidegan.base.typed import Count, Natural, NonNegative, Open, Part, build
+from sidegan.base.typed import Count, Natural, NonNegative, Number, Open, Part, Positive, build
 from sidegan.cell import TrajectoryFamily, Workspace
 from sidegan.controllers import ExportSettings
 from sidegan.design.problem import SearchSettings
@@ -30,15 +31,75 @@ from sidegan.identification import (
     Terms,
 )
 from sidegan.library.draw import Expansion
-from sidegan.pipeline.dangling import dangling
-from sidegan.pipeline.schema import ConditionSettings, Discussion, Parallel, Plants, Robot
 from sidegan.plant import PlantSettings
+from sidegan.plant.recorded import Sensors
+from sidegan.plant.varied import VariedSettings
 from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
+from sidegan.robot import Setup
 from sidegan.seeding.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
+_SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
+Workers = Annotated[int, Field(ge=1, le=4096)]
+
+
+@dataclass(frozen=True)
+class ConditionSettings:
+    """Condition of a comparison: a recipe in a workspace, on one seed set."""
+
+    name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plants:
+    """Plants in the robot's place, and what is identified from them."""
+
+    count: Count = 2
+    plant: VariedSettings = VariedSettings()
+    sensors: Sensors = Sensors()
+    model: Terms = Terms()  # beside the rigid bodies
+
+
+@dataclass(frozen=True, kw_only=True)
+class Robot(Setup):
+    """Which arm: a built-in one, or the path of a description, and what is to be said beside it."""
+
+    name: str
+    gains: list[Number] | None = None  # of the drives, motor current to joint torque [N·m/A]
+    # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
+    effort: Part | None = None
+
+    @property
+    def setup(self) -> Setup:
+        """Statements of the user beside the description."""
+        return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Discussion:
+    """Fewer seeds, a kernel density estimate in place of the generator, and the speed of one."""
+
+    sizes: list[Count] = field(default_factory=lambda: [100, 200])  # of the seed set
+    bandwidths: list[Positive] = field(
+        default_factory=lambda: [1.0, 0.7, 0.5, 0.25, 0.1]
+    )  # of the kernel, in units of Scott's rule
+    draws: Count = 1000  # samples of the estimate whose validity is checked
+    trainings: list[Natural] = field(default_factory=lambda: [0])  # of each variant on fewer seeds
+    seconds: Positive = 3.0  # [s] of each measurement of speed
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parallel:
+    """How the work is spread over cores and machines."""
+
+    workers: Workers | None = None  # processes of this machine; null: one per core
+    scheduler: str | None = None  # of a Dask cluster whose workers are used in their place
+
+    def __post_init__(self) -> None:
+        if self.scheduler is not None and not _SCHEDULER.fullmatch(self.scheduler):
+            raise ConfigError(f"scheduler is {self.scheduler!r}, expected an address like tcp://host:8786")
 
 
 class Absent:
@@ -84,7 +145,6 @@ class Config:
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # train on so many of the seeds; null: on all
-    start: str | None = None  # file of a generator, from whose network those with surrogates start
     surrogates: Surrogates = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
@@ -159,7 +219,8 @@ class Config:
         """A recording that is named twice, or that a model would be validated on after training."""
         if not self.has("recordings", "validation"):
             return
-        training, held_out = ([*chain(*map(paths_of, one))] for one in (self.recordings, self.held_out))
+        training = [file for one in self.recordings for file in paths_of(one)]
+        held_out = [file for one in self.held_out for file in paths_of(one)]
         for name, files in (("recordings", training), ("validation", held_out)):
             yield from (f"{name} has {file} twice" for file in files if files.count(file) > 1)
         for file in held_out:
@@ -208,3 +269,9 @@ def validate(cfg: DictConfig) -> Config:
     if isinstance(robot, dict) and isinstance(robot.get("limits"), str):  # robot.limits=joint_limits.yaml
         robot["limits"] = {"file": robot["limits"]}
     return build(Config, values)
+
+
+def dangling(error: OmegaConfBaseException) -> str:
+    """A setting that refers to another one, which is not there, and what is wrong with it, in one line."""
+    reason = str(error.msg or error).splitlines()[0]
+    return f"{error.full_key}: {reason}" if error.full_key else reason

@@ -23,7 +23,7 @@ from sidegan.base.progress import duration
 from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
-from sidegan.pipeline.artifact import Artifact, Build, difference
+from sidegan.pipeline.artifact import Artifact, Build, difference, stage_of
 
 log = logging.getLogger(__name__)
 
@@ -71,8 +71,8 @@ class Store:
             return folder
         if (folder := self.folder(artifact)).exists():
             read_params(folder)  # raises, and says why, when it is damaged
-        maker, stage = artifact.maker, artifact.maker.rpartition("_")[2]
-        message = f"there is no {maker}/{artifact.label} for this configuration, run stage {stage} first"
+        name, stage = f"{artifact.maker}/{artifact.label}", stage_of(artifact.maker)
+        message = f"there is no {name} for this configuration, run stage {stage} first"
         differences = []
         for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
             with suppress(ArtifactError):  # another damaged one

@@ -1,20 +1,94 @@
-"""The table over all jobs of a sweep: what each left as its results, mean ± spread over random seeds."""
+"""A sweep: its parent run, and the table over all jobs, mean ± spread over random seeds."""
 
+import logging
+import os
+import re
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import yaml
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig
 
-from sidegan.base.storage import write_bytes
+from sidegan.base.storage import read_json, write_bytes
+from sidegan.errors import SideganError
+from sidegan.pipeline.tracking import Status, Tracker
 
 if TYPE_CHECKING:  # slow to import
     import pandas as pd
 
+log = logging.getLogger(__name__)
+
+PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may be other processes
+STATUS = "status.json"
 RESULTS = "results.csv"
-TABLE = "sweep"  # name of the table's files
+_TABLE = "sweep"  # name of the table's files
 _OVERRIDES = Path(".hydra", "overrides.yaml")  # of a job, in its folder
 _SEED = "seed"
+
+_parent: Tracker | None = None
+
+
+class SweepCallback(Callback):
+    """Hydra calls it before and after a sweep."""
+
+    def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
+        """Open the parent run."""
+        global _parent
+        folder = Path(config.hydra.sweep.dir)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:  # Hydra fails at the same next, and its error is the one that is shown
+            return
+        hidden = ("+experiment=", "outputs=")
+        swept = " ".join(name for name in config.hydra.overrides.task if not name.startswith(hidden))
+        name = f"{config.experiment} sweep {swept}".strip()[:200]
+        _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
+        if _parent.run_id:
+            os.environ[PARENT] = _parent.run_id
+
+    def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
+        """Record the table over all jobs, close the parent run, and leave with the worst job's code."""
+        sweep = Path(config.hydra.sweep.dir)
+        codes = job_codes(sweep)
+        worst = max(codes.values(), default=1)
+        try:
+            table = sweep_table([folder for folder, code in codes.items() if code == 0])
+            if table is not None and _parent is not None:
+                from sidegan.report.export import publish
+
+                caption = f"{config.experiment}, all jobs: mean ± standard deviation over seeds"
+                publish(table, sweep / _TABLE, caption, _parent)
+        except Exception:
+            log.exception("the table over all jobs could not be made")
+            worst = max(worst, 1)
+        for folder in (folder for folder, code in codes.items() if code):
+            log.error("error: job %s failed, see %s", folder.name, folder)
+        end_sweep("FAILED" if worst else "FINISHED")
+        if worst:
+            raise SystemExit(worst)
+
+
+def end_sweep(status: Status) -> None:
+    """Close the parent run, if one is open."""
+    global _parent
+    os.environ.pop(PARENT, None)
+    if _parent is not None:
+        _parent.finish(status)
+    _parent = None
+
+
+def job_codes(sweep: Path) -> dict[Path, int]:
+    """Exit code of each job of a sweep by its folder, in the order of the jobs."""
+    numbers = {folder: re.match(r"\d+", folder.name) for folder in sweep.iterdir() if folder.is_dir()}
+    folders = sorted((int(number[0]), folder) for folder, number in numbers.items() if number)
+    codes = dict.fromkeys((folder for _, folder in folders), 1)
+    for folder in codes:
+        with suppress(SideganError):  # the job was killed before it could tell
+            codes[folder] = read_json(folder / STATUS)["code"]
+    return codes
 
 
 def leave_results(results: "pd.DataFrame", folder: Path) -> None:

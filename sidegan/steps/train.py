@@ -204,18 +204,17 @@ def trained(
     *,
     surrogates: Path | None = None,
     box: float | None = None,
-    start: Path | None = None,
 ) -> Trained:
     """A variant, trained from the start or from where its training was killed.
 
     It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories where there are
-    none, and from the surrogates in a folder. It may yield coefficients within a box [rad/s] alone, and begin
-    with the network of a generator's file, ``start``. Errors are those of ``sidegan.gan.training.train``, and
-    an ArtifactError where a surrogate is missing, damaged, or of another arm.
+    none, and from the surrogates in a folder. It may yield coefficients within a box [rad/s] alone. Errors
+    are those of ``sidegan.gan.training.train``, and an ArtifactError where a surrogate is missing, damaged,
+    or of another arm.
     """
     if seeds is None:
         seeds = random_trajectories(cell.constraints, cell.trajectory, run.seed, box)
-    data = Data(cell.constraints, cell.trajectory, seeds, box=box, start=start)
+    data = Data(cell.constraints, cell.trajectory, seeds, box=box)
     if surrogates is not None and variant.features:
         predictor, converter = load_surrogates(surrogates, variant, cell.arm, cell.trajectory)
         data = replace(data, success_predictor=predictor, converter=converter)

@@ -1,6 +1,7 @@
 """Jobs in processes: the same results whatever works on them, and no process or error is lost."""
 
 import json
+import logging
 import os
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 from threadpoolctl import threadpool_info
 
 from sidegan.base import parallel
-from sidegan.base.parallel import cores, cpu_seconds, engine, run_jobs
+from sidegan.base.parallel import cores, cpu_seconds, on_cluster, run_jobs
 from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ConfigError, InfeasibleError, SideganError, StorageError
 from tests.waiting import wait_until
@@ -43,19 +44,22 @@ def die(report):
 
 @pytest.fixture(scope="module")
 def dask():
-    """Client of a cluster of two workers on this machine, shared by the tests."""
-    with engine("dask", workers=2):
-        client = parallel._client
-        parallel._client = None
-        yield client
+    """A cluster of two workers on this machine, shared by the tests."""
+    from distributed import LocalCluster
+
+    options = {"memory_limit": 0, "silence_logs": logging.CRITICAL, "dashboard_address": ":0"}
+    with LocalCluster(n_workers=2, threads_per_worker=1, **options) as cluster:
+        yield cluster
 
 
 @pytest.fixture(params=["here", "loky", "dask"])
-def workers(request, monkeypatch):
-    """Number of workers: this process alone, or two of each engine."""
-    if request.param == "dask":
-        monkeypatch.setattr(parallel, "_client", request.getfixturevalue("dask"))
-    return 1 if request.param == "here" else 2
+def workers(request):
+    """Number of workers: this process alone, or two of this machine or of a cluster."""
+    if request.param != "dask":
+        yield 1 if request.param == "here" else 2
+        return
+    with on_cluster(request.getfixturevalue("dask").scheduler_address):
+        yield 2
 
 
 @pytest.fixture
@@ -115,11 +119,11 @@ def test_dask_finishes_elsewhere_what_a_killed_worker_began_but_not_what_kills_e
             os.kill(os.getpid(), 9)
         return 7
 
-    monkeypatch.setattr(parallel, "_client", dask)
-    assert run_jobs("killed", [die_once, process], 2)[0] == 7 and marker.exists()
-    monkeypatch.setattr(dask.cluster.scheduler, "allowed_failures", 1)  # each costs a worker's start
-    with pytest.raises(SideganError, match="deadly: a worker process was killed"):
-        run_jobs("deadly", [die, process], 2)
+    with on_cluster(dask.scheduler_address):
+        assert run_jobs("killed", [die_once, process], 2)[0] == 7 and marker.exists()
+        monkeypatch.setattr(dask.scheduler, "allowed_failures", 1)  # each costs a worker's start
+        with pytest.raises(SideganError, match="deadly: a worker process was killed"):
+            run_jobs("deadly", [die, process], 2)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -127,7 +131,7 @@ def test_a_cluster_elsewhere_is_named_by_its_scheduler(threads):
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": threads, "processes": False, "dashboard_address": ":0"}
     refused = pytest.raises(ConfigError, match="--nthreads 1") if threads > 1 else nullcontext()
-    with distributed.LocalCluster(**options) as cluster, refused, engine("dask", cluster.scheduler_address):
+    with distributed.LocalCluster(**options) as cluster, refused, on_cluster(cluster.scheduler_address):
         # The cluster's workers are threads here: it was not run without them.
         assert run_jobs("one", [process], 1) == [os.getpid()]
 
@@ -151,7 +155,7 @@ def test_a_cluster_that_goes_away_is_reported(tmp_path):
 
     try:
         wait_until(lambda: file.exists() and file.read_text())
-        with engine("dask", json.loads(file.read_text())["address"]):
+        with on_cluster(json.loads(file.read_text())["address"]):
             assert len(run_jobs("short", [process], None)) == 1
             threading.Thread(target=end).start()
             with pytest.raises(SideganError, match="long: the Dask cluster went away"):
@@ -164,11 +168,11 @@ def test_a_cluster_that_goes_away_is_reported(tmp_path):
 
 def test_a_scheduler_that_does_not_answer_and_a_folder_that_is_not_shared_are_refused(monkeypatch):
     monkeypatch.setattr(parallel, "_CONNECT", 0.5)
-    with pytest.raises(SideganError, match="no Dask scheduler answers"), engine("dask", "tcp://127.0.0.1:9"):
+    with pytest.raises(SideganError, match="no Dask scheduler answers"), on_cluster("tcp://127.0.0.1:9"):
         pass
-    assert parallel._client is None
+    monkeypatch.setattr(parallel.Path, "cwd", lambda: "/no/such/folder")
     with pytest.raises(StorageError, match=r"does not see /no/such/folder .* shared file system"):
-        parallel._work(process, "/no/such/folder")
+        run_jobs("far away", [process, process], 2)
 
 
 def members(session):
@@ -179,18 +183,16 @@ def members(session):
                 yield one.pid
 
 
-@pytest.mark.parametrize("name", ["loky", "dask"])
-def test_workers_end_with_a_process_that_was_killed(tmp_path, name):
+def test_workers_end_with_a_process_that_was_killed(tmp_path):
     code = f"""
 import os, time
 from pathlib import Path
-from sidegan.base.parallel import engine, run_jobs
+from sidegan.base.parallel import run_jobs
 def note(report):
     Path({str(tmp_path)!r}, str(os.getpid())).touch()
     time.sleep(60)
 if __name__ == "__main__":
-    with engine({name!r}, workers=2):
-        run_jobs("notes", [note, note], 2)
+    run_jobs("notes", [note, note], 2)
 """
     main = subprocess.Popen([sys.executable, "-c", code], start_new_session=True)
     try:

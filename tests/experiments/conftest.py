@@ -3,7 +3,6 @@ import pytest
 from experiments import reproduction
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import timing
 from sidegan.pipeline.store import Store
 from tests.tiny import tiny
 
@@ -15,9 +14,7 @@ def page(outputs, tmp_path_factory):
     """Folder of the published page of a whole tiny run."""
     folder = tmp_path_factory.mktemp("reproduction")
     config = tiny(f"outputs={outputs}", f"publish={folder}/docs", *OWN, experiment="reproduction")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(timing, "_SECONDS", 0.1)
-        run_stages(config, folder, "first")
+    run_stages(config, folder, "first")
     return folder / "docs"
 
 

@@ -7,7 +7,6 @@ from scipy import stats
 
 from experiments import generality, verdicts
 from experiments.claims_training import CRITERIA, other_bases
-from experiments.finding import ratios, shares
 from experiments.verdicts import (
     HOLDS,
     MIXED,
@@ -22,6 +21,8 @@ from experiments.verdicts import (
     interval,
     log_odds,
     not_below,
+    ratios,
+    shares,
     tally,
     together,
     within,

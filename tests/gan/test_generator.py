@@ -4,7 +4,6 @@ import torch
 
 from sidegan.errors import ArtifactError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import Generator
 from sidegan.robot import load_robot
 from tests.gan.conftest import untrained
 from tests.validity.critical import limited
@@ -38,23 +37,6 @@ def test_samples_follow_their_seed(generator):
     stream = torch.Generator().manual_seed(1)
     assert np.array_equal(generator.sample(6, stream), a)
     assert (generator.sample(6, stream) != a).any()  # a stream goes on
-
-
-def test_a_generator_starts_from_the_network_of_another_and_keeps_its_own_scale(
-    planar, family, seeds, tmp_path
-):
-    other, own = (untrained(planar, family, scale * seeds) for scale in (1.0, 0.5))
-    torch.nn.init.normal_(other.network.layers[0].bias)
-    other.save(tmp_path / "other.pt")
-    own.start_from(tmp_path / "other.pt")
-    np.testing.assert_allclose(own.sample(20), 0.5 * other.sample(20), atol=1e-7)
-
-
-def test_a_network_of_another_size_is_no_start(planar, family, generator, tmp_path):
-    other = TrajectoryGenerator(Generator(2, 3, noise=7), generator.scaling, family, planar)
-    other.save(tmp_path / "other.pt")
-    with pytest.raises(ArtifactError, match=r"other.pt has a network of .*'noise': 7"):
-        generator.start_from(tmp_path / "other.pt")
 
 
 @pytest.mark.parametrize("change", [lambda c: torch.zeros(3), lambda c: [1, 2], lambda c: c | {"format": 7}])

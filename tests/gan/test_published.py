@@ -8,10 +8,9 @@ import pytest
 import torch
 
 from sidegan.errors import ConfigError
-from sidegan.gan.files import read_tensors
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.networks import IMAGE, ConvolutionalGenerator
 from sidegan.gan.pretraining import load_surrogates
-from sidegan.gan.published_networks import IMAGE, ConvolutionalGenerator
 from sidegan.gan.published_surrogates import (
     PublishedConverter,
     PublishedPredictor,
@@ -19,6 +18,7 @@ from sidegan.gan.published_surrogates import (
     read_weights,
 )
 from sidegan.gan.side_gan import Data
+from sidegan.gan.tensors import read_tensors
 from sidegan.gan.training import Run, train
 from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory

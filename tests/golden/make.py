@@ -25,7 +25,7 @@ from sidegan.design.information import information_of
 from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.design.selection import a_optimal, d_optimal, greedy
-from sidegan.gan.physics import energies
+from sidegan.gan.reward import energies
 from sidegan.identification import FULL, RIGID, EstimationSettings, Measurements, Terms, TorqueModel, estimate
 from sidegan.identification.workflow import identify_arm
 from sidegan.motion.dynamics import gram

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from sidegan.base.names import folder_name
 from sidegan.errors import ArtifactError
-from sidegan.pipeline.artifact import Artifact, difference, versions
+from sidegan.pipeline.artifact import Artifact, difference, stage_of, versions
+from sidegan.pipeline.stages import STAGES
 
 
 def artifact(settings, maker="gan", label="eigen", inputs=None, seed=3):
@@ -43,6 +44,10 @@ def test_a_raised_version_changes_the_maker_and_all_that_follows(monkeypatch):
 def test_a_maker_without_a_version_is_refused():
     with pytest.raises(ArtifactError, match=r"params\.yaml has no version of 'sedes'"):
         artifact({}, "sedes").digest  # noqa: B018
+
+
+def test_every_maker_is_in_a_stage_that_can_be_run():
+    assert {stage_of(maker) for maker in versions()} <= STAGES.keys()
 
 
 def test_the_digest_does_not_depend_on_the_order_of_settings_nor_on_names_for_people():

@@ -7,8 +7,9 @@ import pytest
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import stage
 from sidegan.pipeline.stages.baselines import long_family
-from sidegan.pipeline.stages.replication import replication, sums, whole_sets
+from sidegan.pipeline.stages.replication import replication, sums
 from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import whole_sets
 from sidegan.pipeline.store import Store
 from tests.tiny import tiny
 
@@ -58,7 +59,6 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
         ("identification.repeats=3", IDENTIFICATIONS),
         ("identification.reach=0.6", IDENTIFICATIONS | PLANTS | MEASURES),
         ("subset=20", {"surrogates"} | of(*LEARNING)),
-        (f"start={__file__}", of("eigen", "diagonal", "prediction")),
         # Long trajectories have the seeds' optimiser, but steps of their own.
         ("seeds.steps=21", lambda every: every - UNSEEDED - LONG),
         ("seeds.count=41", lambda every: every - UNSEEDED - LONG),

@@ -161,11 +161,6 @@ def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_reported(
         assert (course(folder, k)[STATES[4:]].abs().max() <= [2, 3]).all()
 
 
-def test_a_limit_on_one_joint_s_acceleration_leaves_the_others_free(ran):
-    table = pd.read_csv(ran("robot.limits.acceleration={shoulder: 2.0}", "goal.count=2") / "set.csv")
-    assert len(table) == 2 and (table["peak acceleration"].map(percent) <= 100).all()
-
-
 START = "controllers.start=[0.4,-0.3]"
 
 

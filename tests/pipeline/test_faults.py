@@ -4,7 +4,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -21,7 +20,6 @@ from sidegan.base.storage import read_arrays
 from sidegan.design.search import Descent
 from sidegan.errors import SideganError, StorageError
 from tests.pipeline import small_job
-from tests.waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 
@@ -78,29 +76,6 @@ def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monk
         parallel.run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
     assert parallel.run_jobs("after", [nap] * 3, 2) == [None] * 3
     assert not failed and not recwarn.list
-
-
-@pytest.mark.slow
-def test_an_interrupt_from_the_keyboard_is_no_concern_of_dask_workers(tmp_path):
-    pytest.importorskip("distributed")
-    code = (
-        "import signal, sys, time\nfrom functools import partial\n"
-        # Where the tests themselves run in the background, shells have told them to ignore it.
-        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-        "from sidegan.base.parallel import engine, run_jobs\n"
-        "def note(number, report):\n"
-        f"    open(f'{tmp_path}/{{number}}', 'w').close()\n    time.sleep(30)\n"
-        "try:\n"
-        "    with engine('dask', workers=2):\n"
-        "        run_jobs('notes', [partial(note, k) for k in range(5)], 2)\n"
-        "except KeyboardInterrupt:\n    sys.exit(130)\n"
-    )
-    command = [sys.executable, "-c", code]
-    main = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
-    wait_until(lambda: len(list(tmp_path.iterdir())) == 2 or main.poll() is not None)
-    os.killpg(main.pid, signal.SIGINT)  # as a terminal does
-    _, error = main.communicate(timeout=150)
-    assert (main.returncode, error) == (130, "")
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ import pytest
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline import run
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.callbacks import job_codes
 from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.sweep import job_codes
 
 
 def write_seeds(build):
@@ -151,7 +151,7 @@ def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, c
     def table(folders):
         raise StorageError("there is no table in job 0")
 
-    monkeypatch.setattr("sidegan.pipeline.callbacks.sweep_table", table)
+    monkeypatch.setattr("sidegan.pipeline.sweep.sweep_table", table)
     assert command("-m", "stages=[odd]", "seed=2") == 1
     assert "there is no table in job 0" in capsys.readouterr().err
 

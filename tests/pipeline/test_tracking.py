@@ -11,9 +11,8 @@ import pytest
 from mlflow import MlflowClient
 
 from sidegan.errors import InfeasibleError
-from sidegan.pipeline.callbacks import PARENT
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.sweep import leave_results, sweep_table
+from sidegan.pipeline.sweep import PARENT, leave_results, sweep_table
 from sidegan.pipeline.tracking import Tracker
 from tests.pipeline.conftest import NOWHERE, client_of
 

@@ -11,8 +11,8 @@ from sidegan.library.measure import measured
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS
 from sidegan.pipeline.stages.baselines import random_set
 from sidegan.pipeline.stages.identification import identification
-from sidegan.pipeline.stages.replication import replication, sums, whole_sets
-from sidegan.pipeline.stages.selection import ExcitationSet
+from sidegan.pipeline.stages.replication import replication, sums
+from sidegan.pipeline.stages.selection import ExcitationSet, whole_sets
 from tests.golden.make import draw
 
 RECORDED = {

@@ -1,8 +1,10 @@
 """Stage excite: the trajectories to execute on an arm, designed for what they are to tell, as files."""
 
 import logging
+import math
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from sidegan.base.names import counted, plain
@@ -11,11 +13,12 @@ from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.identification.uncertain import Uncertain
+from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.rehearsal import rehearsed
 from sidegan.pipeline.stages.sending import Steps, next_steps, order_of
 from sidegan.pipeline.tracking import Tracker
+from sidegan.plant import Executed, Plant
 from sidegan.recording.commanded import FOLDER
 from sidegan.report.export import publish
 from sidegan.robot import require_consistent
@@ -26,6 +29,7 @@ from sidegan.validity.home import refuse_degrees
 VIEW, GOAL, SET, REHEARSAL = "view.html", "goal", "set", "rehearsal"
 _TRAJECTORY = "trajectory", "trajectories"
 _PRINTED = 1e-4  # by how much a rate that a message names may be rounded
+_EVERY = 0.02  # [s] between the configurations of a rehearsal whose distances are looked at
 log = logging.getLogger(__name__)
 
 
@@ -56,7 +60,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         log.warning("%s", doubt)
     if cfg.controllers.rehearse:
         said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(run)}"
-        publish(rehearsed(run, slowed), folder / REHEARSAL, said, tracker)
+        publish(_rehearsed(run, slowed), folder / REHEARSAL, said, tracker)
 
 
 def _forget(folder: Path) -> None:
@@ -96,6 +100,30 @@ def _view(run: RunContext, slowed: TrajectorySet, steps: Steps, tracker: Tracker
         return ""
     tracker.log_artifact(path, "view")
     return f"to look at: {path.resolve().as_uri()}"
+
+
+def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
+    """Tracking error, largest torque and closest approach of trajectories, as MuJoCo runs them."""
+    plant = Plant(run.cell.whole_arm, run.cfg.plant)
+    family, times = slowed.family, slowed.family.times(plant.settings.rate)
+    rows = []
+    for c in slowed.coefficients:
+        planned = family.roll_out(c[None], times)
+        rows.append(_executed(run, planned, plant.follow(planned)))
+    return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))
+
+
+def _executed(run: RunContext, planned: Motion, executed: Executed) -> dict[str, str]:
+    """Tracking error, largest torque and closest approach of one execution, in words."""
+    error = np.abs(executed.position - planned.position[0]).max(0)
+    share = (np.abs(executed.torque) / run.cell.whole_arm.torque_limit).max(0)
+    stride = max(1, round(_EVERY * run.cfg.plant.rate))
+    nearest = float(run.cell.constraints.nearest(executed.position[::stride])[0].min())
+    return {
+        "tracking error [rad]": f"{error.max():.2g} ({run.cell.arm.joint_names[error.argmax()]})",
+        "largest torque": f"{share.max():.0%} ({run.cell.arm.joint_names[share.argmax()]})",
+        "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
+    }
 
 
 def _require_rate(run: RunContext) -> None:

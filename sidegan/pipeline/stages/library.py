@@ -5,16 +5,15 @@ from functools import partial
 
 import numpy as np
 
-from sidegan.base.extras import extra
 from sidegan.base.storage import write_json
 from sidegan.library import LIBRARY, Library
 from sidegan.library.draw import draw_valid
 from sidegan.library.measure import measured, summary
 from sidegan.pipeline.artifact import Artifact, Build
-from sidegan.pipeline.context import GENERATOR, REPORT, RunContext
+from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.training import generator, generators
+from sidegan.pipeline.stages.training import generator, generators, load_generator
 
 log = logging.getLogger(__name__)
 
@@ -37,12 +36,8 @@ def library(run: RunContext, name: str, training: int) -> Artifact:
 
 
 def _make(run: RunContext, build: Build, name: str, training: int) -> None:
-    with extra("paper"):
-        from sidegan.gan.generator import TrajectoryGenerator
-
     settings = run.cfg.library
-    path = run.store.require(generator(run, name, training)) / GENERATOR
-    network = TrajectoryGenerator.load(path, run.cell.arm)
+    network = load_generator(run, generator(run, name, training))
     sample = network.stream(run.number(f"library {name}", training))
     draws = draw_valid(sample, run.cell.check, settings, f"drawn from {name}", build.report)
     made = measured(run.cell.constraints, run.cell.trajectory, draws.coefficients, name)
@@ -65,9 +60,4 @@ def _union(run: RunContext, made: Library, random: np.random.Generator) -> dict[
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
-STAGES = {
-    "library": Stage(
-        lambda run: [library(run, *one) for one in generators(run)],
-        check=lambda run: run.require_room(run.cfg.library.count, "library.count"),
-    )
-}
+STAGES = {"library": Stage(lambda run: [library(run, *one) for one in generators(run)])}

@@ -18,10 +18,8 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.baselines import baselines, prediction
-from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import SEEDS, Pool
-from sidegan.pipeline.stages.training import generators
+from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
 _SMALLEST = 1e-6  # of the largest joint's torque, that a joint's counts as at least
@@ -30,8 +28,7 @@ _SMALLEST = 1e-6  # of the largest joint's torque, that a joint's counts as at l
 def pools(run: RunContext) -> list[Pool]:
     """What is measured: the baselines, the seeds, and what each generator made alone."""
     beside = [Pool(name, None, (one,)) for name, one in baselines(run).items()]
-    own = [Pool(name, training, (library(run, name, training),)) for name, training in generators(run)]
-    return [*beside, Pool(SEEDS, None, (seed_set(run),)), *own]
+    return [*beside, *whole_sets(run)]
 
 
 def measures(run: RunContext, pool: Pool) -> Artifact:

@@ -18,10 +18,7 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import FACTS, RESULTS, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.baselines import test_trajectories
-from sidegan.pipeline.stages.library import library
-from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import SEEDS, Pool
-from sidegan.pipeline.stages.training import generators
+from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
 SUMS = "sums.npz"
@@ -51,15 +48,6 @@ class Replication:
         noisy = (self.noise.state and "states", self.noise.torque and "torques")
         named = [] if self.noise.exact else [name for name in noisy if name]
         return "" if len(named) == len(noisy) else f"-{named[0] if named else 'exact'}"
-
-
-def whole_sets(run: RunContext) -> list[Pool]:
-    """Every whole set that is measured: the seeds and each library."""
-    made = [
-        (SEEDS, None, seed_set(run)),
-        *((*generator, library(run, *generator)) for generator in generators(run)),
-    ]
-    return [Pool(name, k, (artifact,)) for name, k, artifact in made]
 
 
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:

@@ -53,6 +53,12 @@ def pools(run: RunContext) -> list[Pool]:
     return [Pool(RANDOM, None, (random_set(run),)), Pool(SEEDS, None, (seeds,)), *grown]
 
 
+def whole_sets(run: RunContext) -> list[Pool]:
+    """The seeds, and what each generator made alone."""
+    made = [Pool(name, training, (library(run, name, training),)) for name, training in generators(run)]
+    return [Pool(SEEDS, None, (seed_set(run),)), *made]
+
+
 def selection(run: RunContext, pool: Pool) -> Artifact:
     """The set picked from a pool."""
     method = run.cfg.selection.method

@@ -1,18 +1,17 @@
 """Stages surrogates, gan, subsets: success predictor and converters, variants, and both on fewer seeds."""
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sidegan.base.arrays import split
-from sidegan.base.extras import require
+from sidegan.base.extras import extra, require
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import file_digest, read_arrays, reading, write_arrays, write_json
+from sidegan.base.storage import read_arrays, write_arrays, write_json
 from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings, Variant
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
@@ -20,6 +19,9 @@ from sidegan.pipeline.context import GENERATOR, HISTORY, REPORT, RunContext
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.seeding.published import WEIGHTS, Layout
+
+if TYPE_CHECKING:  # and with it torch
+    from sidegan.gan.generator import TrajectoryGenerator
 
 _CHECKED = 500  # trajectories whose validity is found at once
 SAMPLES = "samples.npz"  # of every epoch
@@ -44,26 +46,20 @@ def generator(run: RunContext, name: str, training: int, variant: Variant | None
     samples = _samples(run, variant)
     inputs: dict[str, Artifact | str] = {"seeds": seed_set(run)} if variant.seeded else {}
     inputs |= {"surrogates": surrogates(run)} if variant.features else {}
-    if start := _start(run, variant):
-        with reading(start, "generator"):
-            inputs |= {"start": file_digest(start)}
-    return run.artifact(
-        "gan",
-        name,
-        partial(_train, name=name, training=training, variant=variant),
-        (taught(run) if variant.seeded else {})
-        | asdict(variant)
-        | {"evaluation": run.cfg.evaluation, "box": _box(run, variant)}
-        | ({"samples": samples} if samples else {}),
-        inputs,
-        training=training,
-    )
+    settings = taught(run) if variant.seeded else {}
+    settings |= asdict(variant) | {"evaluation": run.cfg.evaluation, "box": _box(run, variant)}
+    if samples:
+        settings["samples"] = samples
+    make = partial(_train, name=name, training=training, variant=variant)
+    return run.artifact("gan", name, make, settings, inputs, training=training)
 
 
-def _start(run: RunContext, variant: Variant) -> Path | None:
-    """File of the generator from whose network a variant starts: of those with surrogates."""
-    ours = variant.features and variant.published is None
-    return Path(run.cfg.start).expanduser() if run.cfg.start is not None and ours else None
+def load_generator(run: RunContext, made: Artifact) -> "TrajectoryGenerator":
+    """The generator in an artifact that must be there."""
+    with extra("paper"):
+        from sidegan.gan.generator import TrajectoryGenerator
+
+    return TrajectoryGenerator.load(run.store.require(made) / GENERATOR, run.cell.arm)
 
 
 def _box(run: RunContext, variant: Variant) -> float | None:
@@ -126,8 +122,7 @@ def _train(run: RunContext, build: Build, name: str, training: int, variant: Var
         device=run.cfg.device,
         progress=build.report,
     )
-    box, start = _box(run, variant), _start(run, variant)
-    made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box, start=start)
+    made = trained(run.cell, variant, seeds, how, surrogates=folder, box=_box(run, variant))
     made.generator.save(build.folder / GENERATOR)
     if samples:
         write_arrays(build.folder / SAMPLES, {"images": made.samples})
@@ -155,21 +150,19 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
     jobs: list[Job] = [partial(pretraining.train_success, build.folder, run.number("success"), weights)]
     for name, x in features.items():
         jobs.append(partial(pretraining.train_features, name, x, build.folder, run.number(name)))
-    _report(build, run_jobs("surrogates", jobs, run.cfg.parallel.workers, len(jobs)))
+    report: dict[str, Any] = {}
+    for part in run_jobs("surrogates", jobs, run.cfg.parallel.workers, len(jobs)):
+        report |= finite(part)
+    write_json(build.folder / REPORT, report)
 
 
 def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> None:
-    from sidegan.gan.generator import TrajectoryGenerator
     from sidegan.steps.train import pretrain
 
-    vanilla = TrajectoryGenerator.load(run.store.require(negatives(run)) / GENERATOR, run.cell.arm)
+    vanilla = load_generator(run, negatives(run))
     seeds, workers = training_seeds(run).coefficients, run.cfg.parallel.workers
     report = pretrain(run.cell, seeds, vanilla, settings, build.folder, seed=run.cfg.seed, workers=workers)
     write_json(build.folder / REPORT, finite(report))
-
-
-def _report(build: Build, parts: Iterable[Mapping[str, Any]]) -> None:
-    write_json(build.folder / REPORT, {key: value for part in parts for key, value in finite(part).items()})
 
 
 def on_subset(run: RunContext, size: int) -> RunContext:
