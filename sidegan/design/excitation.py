@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sidegan.base.arrays import Array, split
+from sidegan.base.arrays import Array
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
-
-_AT_ONCE = 1000  # trajectories whose Gram matrices are held: 15 MB
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,4 @@ def excitation_of(body: RigidBody, grams: Array) -> Excitation:
 def excite(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80) -> Excitation:
     """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
     trajectory.check(c)
-    parts = [excitation_of(body, gram(body, trajectory, part, samples)) for part in split(c, _AT_ONCE)]
-    return Excitation(
-        np.concatenate([one.spectrum for one in parts]), np.concatenate([one.diagonal for one in parts])
-    )
+    return excitation_of(body, gram(body, trajectory, c, samples))

@@ -11,7 +11,7 @@ from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 
 _NOISE_BATCHES = 10  # the paper averages over ten noise batches
-_NUMBERS = 2_000_000  # distances that are held at once: 16 MB
+_NUMBERS = 2_000_000  # that are held at once: 16 MB
 _PAIRED = 5_000  # rows, all pairs of which are looked at
 _EXACT = 20_000  # rows, each of which is compared with all others
 _SAMPLED = 500  # rows that stand for more than those
@@ -87,8 +87,10 @@ def effective_rank(x: Array, centred: bool = True) -> float:
     Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
     """
     rows = _rows(x)
-    away = rows - rows.mean(0) if centred else rows
-    eigenvalues = np.maximum(np.linalg.eigvalsh(away.T @ away / len(rows)), 0)
+    middle = rows.mean(0) if centred else np.zeros_like(rows[0])
+    parts = (part - middle for part in split(rows, max(1, _NUMBERS // rows.shape[1])))
+    moments = sum((away.T @ away for away in parts), np.zeros(()))
+    eigenvalues = np.maximum(np.linalg.eigvalsh(moments / len(rows)), 0)
     total = eigenvalues.sum()
     rounding = len(rows) * np.finfo(float).eps * max(-rows.min(), rows.max())  # of the mean
     if total <= rounding**2 * rows.shape[1]:  # all rows are one

@@ -185,6 +185,8 @@ def _log_precision(matrices: Array) -> Array:
 
     traces = np.empty(len(matrices))
     for k, x in enumerate(matrices):  # one triangle of the inverse is half the work
-        factor, _ = lapack.dpotrf(x)
+        factor, failed = lapack.dpotrf(x)
+        if failed:
+            raise np.linalg.LinAlgError("matrices are not positive definite")
         traces[k] = lapack.dpotri(factor)[0].trace()
     return -np.log(traces)

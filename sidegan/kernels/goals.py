@@ -24,8 +24,7 @@ class GoalArrays(NamedTuple):
 
     For M = prior + amount · G in an orthonormal basis the condition number of M, or the logarithm of trace or
     determinant of A M⁻¹ Aᵀ for targets A. For a tool, whose torques are those of parameters A, the log
-    determinant of its covariance with the others unknown, after so many runs,
-    of which the last is with the tool.
+    determinant of its covariance with the others unknown, after so many runs, the last of them with the tool.
     """
 
     kind: int
