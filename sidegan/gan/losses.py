@@ -26,6 +26,7 @@ class Batch:
 
     coefficients: Tensor  # [rad/s], (B, J, H, 2)
     images: Tensor  # of the coefficients, (B, 2, …)
+    free: Tensor  # coefficients before a box cuts them, (B, J, H, 2)
     convert: "Callable[[Batch], Tensor]"
 
     @cached_property
@@ -79,11 +80,12 @@ def missing_distance(seeds: Array) -> Value:
 def common_offset(seeds: Array) -> Value:
     """Mean cosine between two trajectories beyond that of the seeds: of what all of a batch have in common.
 
-    Distances and covariances cannot see it. Where home is at the edge of a range seeds may have more in
+    Distances and covariances cannot see it. It is taken before a box cuts: what all push against the box has
+    no slope behind it, and would stay there. Where home is at the edge of a range seeds may have more in
     common than a generator needs.
     """
     most = min(max(mean_cosine(seeds), 0.0), _IN_COMMON)
-    return lambda batch: (_mean_cosine(batch.coefficients.flatten(1)) - most).clamp_min(0)
+    return lambda batch: (_mean_cosine(batch.free.flatten(1)) - most).clamp_min(0)
 
 
 def _mean_cosine(x: Tensor) -> Tensor:

@@ -109,6 +109,7 @@ class Variant:
     generator_steps: Count = 2  # per discriminator step
     fitness_start: Natural = 10  # first epoch in which the fitness loss counts
     learning_rate: Positive = 2e-3
+    warm_up: Share = 0.0  # share of the training over which the learning rate rises
     last_rate: Share = 0.02  # of the learning rate, to which it falls along half a cosine
     betas: tuple[Beta, Beta] = (0.5, 0.999)  # of Adam
     gaussian_start: bool = True  # the generator starts as the Gaussian with the seeds' mean and covariance
@@ -147,8 +148,9 @@ class Variant:
 
     def rate(self, share: float) -> float:
         """Learning rate when a share of the training is done."""
+        risen = min(1.0, share / self.warm_up) if self.warm_up else 1.0
         fallen = (1 - math.cos(math.pi * share)) / 2
-        return self.learning_rate * (1 + (self.last_rate - 1) * fallen)
+        return self.learning_rate * risen * (1 + (self.last_rate - 1) * fallen)
 
     @property
     def traits(self) -> Traits:
@@ -173,6 +175,7 @@ _SIDE = Variant(
     ),
     fitness_start=0,  # a start as the seeds' Gaussian needs no time without it
     learning_rate=3e-3,
+    warm_up=0.04,  # Adam's first steps are as large as any, and carry a whole batch into the box
     betas=(0.9, 0.99),  # the discriminators are one part among others
     reserve=0.03,
     refresh=Refresh(),

@@ -106,11 +106,13 @@ class SideGAN(pl.LightningModule):
 
     def forward(self, count: int) -> Batch:
         """So many new trajectories, as losses see them."""
-        images = self.generator.images(count)
-        c = self.generator.coefficients(images)
-        if self.generator.limits is not None or self.generator.box is not None:
-            images = self.generator.scaling.image(c)
-        return Batch(c, images, self.convert)
+        generator = self.generator
+        images = generator.images(count)
+        c = generator.coefficients(images)
+        free = c if generator.box is None else generator.scaling.coefficients(images)
+        if generator.limits is not None or generator.box is not None:
+            images = generator.scaling.image(c)
+        return Batch(c, images, free, self.convert)
 
     def convert(self, batch: Batch) -> Tensor:
         """Features that the converter predicts, (B, p)."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from sidegan.gan.limits import Box
 from sidegan.gan.losses import Batch, common_offset, missing_distance, missing_rank
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.tensors import tensor
@@ -64,7 +65,7 @@ def test_the_weight_of_violations_grows_geometrically(data, exact):
 
 def loss_of(value):
     """The loss of coefficients."""
-    return lambda c: value(Batch(c, c, lambda batch: c))
+    return lambda c: value(Batch(c, c, c, lambda batch: c))
 
 
 def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
@@ -96,6 +97,17 @@ def test_what_all_have_in_common_costs_where_distances_cannot_see_it(seeds):
     assert float(loss_of(offset)(copies)) == pytest.approx(1, abs=0.01)
     opposed = torch.cat([c, -c])  # nothing in common
     assert loss_of(offset)(opposed) == 0
+
+
+def test_what_all_push_against_the_box_is_drawn_back(made, full):
+    model = made(full)
+    model.generator.box, bias = Box(0.2), model.generator.network.shortcut.bias
+    with torch.no_grad():
+        bias += 20.0
+    batch, (*_, offset) = model(50), model.floors
+    (through_the_box,) = torch.autograd.grad(batch.coefficients.sum(), bias, retain_graph=True)
+    (slope,) = torch.autograd.grad(offset.value(batch), bias)
+    assert through_the_box.abs().max() < 1e-9 < 1e-6 < slope.abs().max()
 
 
 def test_a_collapsed_batch_gives_a_finite_slope(seeds):

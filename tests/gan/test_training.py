@@ -61,10 +61,11 @@ def test_an_interrupted_training_becomes_what_it_would_have_been(
     assert same_weights(made.generator, whole.generator)
 
 
-def test_the_learning_rate_falls_from_its_start_to_its_end(vanilla):
+def test_the_learning_rate_rises_and_falls_to_its_end(vanilla):
     falling = replace(vanilla, learning_rate=2.0, last_rate=0.1)
     assert [falling.rate(share) for share in (0, 0.5, 1)] == pytest.approx([2, 1.1, 0.2])
-    assert replace(falling, last_rate=1.0).rate(0.7) == 2
+    level = replace(falling, last_rate=1.0, warm_up=0.1)
+    assert [level.rate(share) for share in (0, 0.05, 0.1, 0.7)] == pytest.approx([0, 1, 2, 2])
 
 
 def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
