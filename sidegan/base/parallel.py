@@ -142,7 +142,7 @@ def _work(job: Job, folder: Path) -> tuple[Any, float]:
     except OSError as error:
         host = os.uname().nodename
         raise StorageError(
-            f"worker on {host} does not see {folder} ({error.strerror}); put it on a shared file system"
+            f"worker on {host} cannot read {folder} ({error.strerror}); put it on a shared file system"
         ) from error
     with one_thread():
         return job(lambda done, total: None), time.process_time() - began
@@ -161,7 +161,7 @@ def _leave_with(parent: int) -> None:
 
 def _lost(error: Exception) -> str:
     """Why workers were lost for good; empty for an error of a job."""
-    killed = "a worker process was killed, perhaps for want of memory"
+    killed = "a worker process was killed, perhaps because it ran out of memory"
     if isinstance(error, BrokenProcessPool):
         return killed
     if _client is None:
@@ -169,5 +169,5 @@ def _lost(error: Exception) -> str:
     from distributed import KilledWorker
 
     if isinstance(error, KilledWorker):
-        return f"{killed}, time and again"
+        return f"{killed}, repeatedly"
     return "" if _client.status == "running" else "the Dask cluster went away"

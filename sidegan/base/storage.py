@@ -188,7 +188,7 @@ def reading(path: Path, kind: str, refusal: type[SideganError] = ArtifactError) 
         if isinstance(error, OSError) and error.errno is not None:
             raise StorageError(f"cannot read {path}: {error.strerror or error}") from error
         reason = str(error).split("\n", 1)[0] or type(error).__name__
-        raise refusal(f"{path} is not a whole {kind} file: {reason}") from error
+        raise refusal(f"{path} is not a complete {kind} file: {reason}") from error
 
 
 def file_digest(path: Path) -> str:

@@ -29,22 +29,22 @@ def doubts(cell: "Cell") -> Iterator[str]:
     yield _masses(arm)
     if placeholders := describe_placeholder_links(arm):
         yield (
-            f"{placeholders}: torques, their limits, energies and what a set leaves uncertain mean "
+            f"{placeholders}: torques, torque limits, energies and expected uncertainties mean "
             "nothing until a model is identified; goal.objective=condition needs no masses"
         )
     if constraints.arm.capsules.points:
-        yield f"{arm.name} has no collision shapes: its joint origins alone keep out of regions"
+        yield f"{arm.name} has no collision shapes: only its joint origins are kept out of regions"
 
 
 def _masses(arm: Arm) -> str:
     """Links whose masses are doubtful, and the torques that depend on them."""
     masses = describe_doubtful_links(arm)
     if masses and not arm.inertial_parameters.any():
-        return f"{masses}; torques are not known: their limits are not checked and no peaks are shown"
+        return f"{masses}; torques are unknown: torque limits are not checked, peaks are not shown"
     if masses:
         last = max(map(arm.link_names.index, doubtful_links(arm)))
         moved = listed(arm.joint_names[: last + 1])
-        return f"{masses}; torques of {moved} may differ much from those that are checked and shown"
+        return f"{masses}; real torques of {moved} may differ greatly from those checked and shown"
     return ""
 
 
@@ -55,8 +55,8 @@ def _touching(cell: "Cell") -> str:
     if not said:
         return ""
     return (
-        f"links that touch in most configurations: {said}; correct their shapes, or, if nothing is "
-        f"wrong with their touching, {allowed(touching, cell.arm.setup.may_touch)} leaves them unchecked"
+        f"links that touch in most configurations: {said}; correct their shapes or, if contact "
+        f"is expected, leave them unchecked by {allowed(touching, cell.arm.setup.may_touch)}"
     )
 
 
@@ -67,17 +67,17 @@ def decisions(cell: "Cell") -> Iterator[str]:
     if cell.choices.home is None and (any(cell.home) or arm.home is not None):
         place, own = ", ".join(f"{x:g}" for x in cell.home), arm.home
         if own is not None and tuple(own) == cell.home:
-            why = "home is where the description has the arm rest:"
+            why = "home is the rest position of the description:"
         else:
-            why = f"{'zeros are' if own is None else 'its own is'} no feasible home; home is"
-        yield f"{why} {place}; trajectory.home=… sets another"
+            why = f"{'zero' if own is None else 'the rest position'} is not a feasible home; home is"
+        yield f"{why} {place}; trajectory.home=… changes it"
     if cell.choices.effort is None:
-        why = "" if cell.effort < 1 else ", since less would hardly hold the arm"
+        why = "" if cell.effort < 1 else ", since less might not hold the arm up"
         share = f"{cell.effort:.0%} of the velocity and torque limits{why}"
-        yield f"effort: {share}; robot.effort=… sets another"
+        yield f"effort: {share}; robot.effort=… changes it"
     yield _friction(cell)
     if cell.workspace.clearance is None and not constraints.arm.capsules.points:
-        yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… sets another distance"
+        yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… changes it"
     yield f"checked: {constraints.described()}"
 
 
@@ -86,10 +86,10 @@ def _friction(cell: "Cell") -> str:
     if not cell.constraints.torque or not cell.setup.friction:
         return ""
     if cell.arm.drives is None:
-        free = f"{1 - cell.effort:.0%} of the torque limits that are kept free are for it"
-        return f"the description states no friction: the {free}" if cell.effort < 1 else ""
+        free = f"{1 - cell.effort:.0%} of the torque limits in reserve must cover it"
+        return f"the description has no friction: the {free}" if cell.effort < 1 else ""
     viscous, dry, rotors = (int((x > 0).sum()) for x in vars(cell.arm.drives).values())
     return (
-        f"torques count the description's damping of {viscous}, friction of {dry} and armature "
-        f"of {counted(rotors, 'joint')}; robot.friction=false leaves it out"
+        f"torques include the description's damping of {viscous}, friction of {dry} and armature "
+        f"of {counted(rotors, 'joint')}; robot.friction=false leaves them out"
     )

@@ -26,7 +26,7 @@ from sidegan.validity.pairs import Links, usual_room
 Point = tuple[Number, Number, Number]
 
 _UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
-_DROPPED = "workspace=free drops it"
+_DROPPED = "workspace=free removes it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
 _USUALLY = (0.02, 0.01, 0.005, 0.0)  # [m] kept clear where nobody says how much: the first that leaves room
 _KEPT = 2 / 3  # share of the distance that is there, that is kept at most: the rest is room to move
@@ -77,7 +77,7 @@ class Region:
 
     def __post_init__(self) -> None:
         if len(self._given) != 1:
-            raise ConfigError("a region is one of plane, box, sphere, cylinder and mesh")
+            raise ConfigError("a region is exactly one of plane, box, sphere, cylinder or mesh")
 
     @property
     def _given(self) -> list[Any]:
@@ -197,9 +197,9 @@ class Workspace:
         own, behind = planes_of(arm)
         notes = [] if self._states_floor else [_told_floor(arm, [one for one in own if _is_floor(one)])]
         if walls := [one for one in own if not _is_floor(one)]:
-            notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description that no floor is")
+            notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description other than floors")
         if behind:
-            notes.append(f"planes that {arm.name} is behind nearly everywhere are left out: {behind}")
+            notes.append(f"planes that {arm.name} is nearly always behind are ignored: {behind}")
         return "; ".join(notes)
 
 
@@ -211,17 +211,17 @@ def _is_floor(plane: Plane) -> bool:
 def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
     """What the floor of an arm is, of whose description these planes face up, and what says another."""
     if own:
-        return f"floor at z = {max(one.offset for one in own):g} m, as the description has it; {_DROPPED}"
+        return f"floor at z = {max(one.offset for one in own):g} m, from the description; {_DROPPED}"
     floor = floor_under(arm)
     if floor is None and stands(arm):
-        return f"no floor: {arm.name} reaches below what it stands on nearly everywhere"
+        return f"no floor: {arm.name} nearly always reaches below what it stands on"
     if floor is None:
-        return f"no floor: {arm.name} hangs; set its keep-out regions by workspace.regions"
+        return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
     if floor_is_known(arm):
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
-    guess = f"a guess at what {arm.name} stands on, since no visual and no mesh shows it"
+    guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
     at = floor.offset
-    says = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' says where it is"
+    says = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' states its height"
     return f"floor at z = {floor.offset:g} m, {guess}: {says}; {_DROPPED}"
 
 

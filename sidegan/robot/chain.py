@@ -22,13 +22,13 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
         if joint.kind in REFUSED and joint.name not in given:
             still = override("locked", {joint.name: 0.0}, given)
             raise RobotError(
-                f"{tree.at(joint)} is {joint.kind}: {REFUSED[joint.kind]}; {still} has it stand at its origin"
+                f"{tree.at(joint)} is {joint.kind}: {REFUSED[joint.kind]}; {still} locks it at its origin"
             )
     moving = tuple(joint for joint in path if _moves(joint) and joint.name not in given)
     if not moving:
-        unlocked = " and are not locked" if given else ""
+        unlocked = " that are not locked" if given else ""
         raise RobotError(
-            f"{tree.where} has no joints that move{unlocked}, expected at least one, revolute or prismatic"
+            f"{tree.where} has no movable joints{unlocked}, expected at least one revolute or prismatic"
         )
     return moving, fixed_positions(tree, moving, given)
 
@@ -86,8 +86,8 @@ def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
     carrier = f"joint {shared[-1].name!r}" if shared else "the base"
     together = "both" if len(branches) == 2 else "all"
     raise RobotError(
-        f"{tree.where}: joints {' and '.join(branches)} {together} hang on {carrier}, expected one chain; "
-        f"choose where it ends: {'; or '.join(dict.fromkeys(offered))}"
+        f"{tree.where}: joints {' and '.join(branches)} {together} branch off {carrier}, expected one chain; "
+        f"choose its tip: {'; or '.join(dict.fromkeys(offered))}"
     )
 
 

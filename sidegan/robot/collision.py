@@ -70,8 +70,8 @@ def _refuse_other_orders(
     if wrong:
         shapes = listed([f"{link} {why}" for link, why in wrong.items()], 4)
         raise RobotError(
-            f"{description.path}: shapes of another order than the arm of {length:.2g} m: {shapes} "
-            'The scale of a mesh is metres per unit of its file, such as scale="0.001 0.001 0.001"'
+            f"{description.path}: shapes far too large or small for an arm of {length:.2g} m: {shapes}; "
+            'the scale of a mesh is in metres per unit of its file, such as scale="0.001 0.001 0.001"'
         )
 
 
@@ -95,9 +95,9 @@ def of_another_order(size: float, length: float, moves: bool, mesh: bool) -> str
     if not (moves or mesh):
         return ""
     if size > max(_AT_LEAST, (_LARGE if moves else _LARGE_BASE) * length):
-        return f"{size:.2g} m large: is it in millimetres?"
+        return f"{size:.2g} m across (in millimetres?)"
     if mesh and moves and size < _SMALL * length:
-        return f"{size:.2g} m large: are its millimetres made metres twice?"
+        return f"{size:.2g} m across (scaled from millimetres twice?)"
     return ""
 
 

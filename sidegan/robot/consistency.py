@@ -110,7 +110,7 @@ def placeholder_links(arm: Arm) -> list[str]:
 
 def describe_placeholder_links(arm: Arm) -> str:
     """Which links of an arm are placeholders; empty where none are."""
-    alike = "equal masses, equal inertias, centres in the joints"
+    alike = "equal masses and inertias, centres of mass at the joints"
     links = placeholder_links(arm)
     return f"masses of {listed(links)} are placeholders ({alike})" if links else ""
 

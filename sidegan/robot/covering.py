@@ -82,7 +82,7 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     elif hollow:
         from sidegan.robot.decomposition import decomposed
 
-        _log.info("dividing them into convex parts, which may take minutes, once")
+        _log.info("decomposing them into convex parts: this may take minutes, but only once")
         each = ((group, decomposed(group)) for group in groups)
         parts = [part for group, made in each for part in made or cut([group], _HOLLOW, _LITTLE, 0.0)]
     outer = [corners(part.reshape(-1, 3)) for part in parts]

@@ -31,7 +31,7 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
         """Position of a joint that mimics another: multiplier · its position + offset."""
         at, name = tree.at(joint), mimic.get("joint", "")
         if name not in tree.joints or name in free or name in followers:
-            wrong[joint.name] = f"{at} mimics another, {name!r}" if name else f"{at} mimics none"
+            wrong[joint.name] = f"{at} mimics {name!r}" if name else f"{at} mimics no joint"
             return 0.0
         followed = tree.joints[name]
         here = 0.0 if followed.kind == "fixed" else stand(followed, followers)
@@ -44,7 +44,7 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
         remedy = override("locked", dict.fromkeys(wrong, 0.0), given)
         first, *rest = wrong.values()
         said = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
-        raise RobotError(f"{said}: expected another joint that stands still; {remedy} locks them")
+        raise RobotError(f"{said}: expected another joint that does not move; lock it by {remedy}")
     return locked
 
 
@@ -53,9 +53,7 @@ def check_locked(tree: Tree, name: str, value: float) -> None:
     joint = tree.joints.get(name)
     if joint is None:
         movable = [one.name for one in tree.joints.values() if one.kind != "fixed"]
-        raise RobotError(
-            f"{tree.where} has no joint {name!r} that robot.locked could lock{meant(name, movable)}"
-        )
+        raise RobotError(f"{tree.where} has no joint {name!r} to lock (robot.locked){meant(name, movable)}")
     if joint.kind == "fixed":
         raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
     span = _range(tree, joint)
@@ -91,7 +89,7 @@ def describe_fixed(
         notes.append(
             f"{mass:.4g} kg of {listed(links)} lumped into {carrier}"
             if carrier
-            else f"standing still with the base: {listed(links)}"
+            else f"fixed to the base: {listed(links)}"
         )
     return notes
 

@@ -29,15 +29,15 @@ def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
             found.setdefault(kind, {})[name] = value
     if not found:
         raise RobotError(
-            f"robot.limits={given.file} limits no joint of {tree.where}, but {listed(others) or 'none'}; "
-            f"expected some of {listed([*tree.joints])}"
+            f"robot.limits={given.file} has limits for {listed(others) or 'no joint'}, none of which is in "
+            f"{tree.where}; expected some of {listed([*tree.joints])}"
         )
     try:
         read = build(Limits, found)
     except ConfigError as error:
         raise RobotError(f"robot.limits={given.file}: {error}") from error
-    more = f", beside joints that are not here: {listed(others)}" if others else ""
-    note = f"limits of {' and '.join(sorted(found))} are those of {given.file}{more}"
+    more = f"; joints that the arm does not have are ignored: {listed(others)}" if others else ""
+    note = f"{' and '.join(sorted(found))} limits come from {given.file}{more}"
     every: dict[str, Any] = {
         kind: (getattr(read, kind) or {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
     }

@@ -71,16 +71,16 @@ def limits_of(
         if planning:
             first, *others = described.missing
             missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
-            raise RobotError(f"{missing}; state what the arm can do, for example {lines}")
-        notes.append(f"limits that the description lacks are taken for {lines}")
+            raise RobotError(f"{missing}; state the arm's limits, for example {lines}")
+        notes.append(f"limits missing from the description are assumed to be {lines}")
     for kind in DERIVATIVE_ORDER:
         finite = [name for name, one in found.items() if math.isfinite(getattr(one, kind))]
         if own := [name for name in finite if name not in stated[kind]]:
-            other = f"'robot.limits.{kind}={{{own[0]}: …}}' states others"
-            notes.append(f"limits of {kind} are the description's of {listed(own)}; {other}")
+            other = f"'robot.limits.{kind}={{{own[0]}: …}}' overrides them"
+            notes.append(f"{kind} limits of {listed(own)} come from the description; {other}")
     if planning and not any(math.isfinite(one.effort) for one in found.values()):
         _log.warning(
-            "%s states no torque limits: torques are not checked; 'robot.limits.effort={%s: …}' states them",
+            "%s has no torque limits, so torques are unchecked; set them by 'robot.limits.effort={%s: …}'",
             tree.where,
             ": …, ".join(found),
         )
@@ -129,7 +129,7 @@ class _Described:
         if lower < upper:
             return self._softened(joint, span)
         example = (upper, lower) if lower > upper else example
-        why = f"the position limits {lower:g} to {upper:g}, expected lower < upper"
+        why = f"position limits {lower:g} to {upper:g}, expected lower < upper"
         return self._example("position", joint, example, why)
 
     def velocity(self, joint: Joint) -> float:
@@ -137,7 +137,7 @@ class _Described:
         velocity = self._number(joint, "velocity")
         if velocity > 0:
             return velocity
-        has = f"the velocity limit {joint.part('limit').get('velocity')}, expected one above 0"
+        has = f"velocity limit {joint.part('limit').get('velocity')}, expected more than 0"
         return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
     def effort(self, joint: Joint) -> float:
@@ -145,7 +145,7 @@ class _Described:
         effort = self._number(joint, "effort")
         if effort >= 0:
             return effort or math.inf
-        why = f"the effort limit {effort:g}, expected one above 0, or none"
+        why = f"effort limit {effort:g}, expected more than 0 or none"
         return self._example("effort", joint, -effort, why)
 
     def derivative(self, joint: Joint, kind: str) -> float:
@@ -158,13 +158,13 @@ class _Described:
         """Notes on ranges that soft limits narrow."""
         notes = []
         if self.useless:
-            notes.append(f"soft limits that leave no range are not used: {listed(self.useless)}")
+            notes.append(f"soft limits that leave no range are ignored: {listed(self.useless)}")
         if self.narrowed:
             ranges = listed([f"{name} {soft}" for name, (_, soft) in self.narrowed.items()])
             whole = override("limits.position", {name: span for name, (span, _) in self.narrowed.items()})
             notes.append(
-                f"soft limits hold, as drivers enforce them (safety_controller): {ranges}; "
-                f"{whole} has the whole range"
+                f"soft limits apply, since drivers enforce them (safety_controller): {ranges}; "
+                f"for the full range: {whole}"
             )
         return notes
 
@@ -236,10 +236,10 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
         wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
         more = override("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
-        notes.append(f"continuous joints may go half a turn from home: {ranges} rad ({more} for more)")
+        notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {more})")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
     if free and len(free) < len(moving):
-        notes.append(f"no limit on the torque of {listed(free)}")
+        notes.append(f"no torque limit for {listed(free)}")
     return notes
 
 

@@ -119,7 +119,7 @@ def _warn_of_missing(description: Description) -> None:
     files = listed([file for files in description.missing.values() for file in files], 4)
     _log.warning(
         "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s (not found: %s; "
-        "packages are looked for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+        "packages are searched for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
         description.path,
         bare,
         files,
@@ -131,8 +131,8 @@ def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str],
     if refused:
         pairs = listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4)
         _log.warning(
-            "%s: shapes stand badly for links that are near each other by design, and refuse so many of the "
-            "free configurations: %s; where these cannot touch, %s leaves them unchecked",
+            "%s: collision shapes are too coarse for links that are close by design, and rule out this share "
+            "of the free configurations: %s; if these cannot touch, leave them unchecked by %s",
             description.path,
             pairs,
             allowed(refused, [pair[:2] for pair in description.may_touch if pair[2] == "robot.may_touch"]),
@@ -154,10 +154,10 @@ def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
     if isinstance(name_or_path, str) and not path.suffix and path.name == name_or_path:
         if (found := _by_name(name_or_path)) is not None:
             return found
-        more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' knows many by name"
+        more = "" if find_spec("robot_descriptions") else "; pip install 'sidegan[named]' adds many more"
         names = ", ".join(built_in_robots())
         raise RobotError(
-            f"there is no robot named {name_or_path!r}, expected {names} or a URDF file's path{more}"
+            f"there is no robot named {name_or_path!r}, expected {names} or the path of a URDF file{more}"
         )
     raise RobotError(f"there is no URDF file {path}")
 
@@ -179,7 +179,7 @@ def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:
     except Exception as error:  # git, the network, the disk
         reason = " ".join(str(error).split())
         raise RobotError(
-            f"robot_descriptions cannot fetch {module.partition('.')[2]}: {reason}; with a file of your own: "
+            f"robot_descriptions cannot fetch {module.partition('.')[2]}: {reason}; to use your own file: "
             "robot.name=arm.urdf"
         ) from error
     for kind in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):

@@ -68,7 +68,7 @@ def metres_per_unit(file: Path) -> float:
     except (ET.ParseError, OSError):
         return 1.0  # readers of its shape say what is wrong with it
     except ValueError:
-        raise RobotError(f"mesh file {file} is in units of {stated!r}, expected a length") from None
+        raise RobotError(f"mesh file {file} has the unit {stated!r}, expected a number of metres") from None
     return size
 
 

@@ -45,7 +45,7 @@ def read_mjcf(path: Path) -> Source:
     text = ET.tostring(writer.root, encoding="utf-8")
     notes = writer.notes()
     if hidden:
-        notes.append(f"not shown, since its mesh is not there: {listed(list(hidden))}")
+        notes.append(f"not shown, since the mesh files are missing: {listed(list(hidden))}")
     return Source(
         text=text,
         root=ET.fromstring(text),
@@ -145,12 +145,12 @@ class _Writer:
         """Notes on what could not be carried over."""
         model, notes = self.model, []
         if self.dropped:
-            notes.append(f"shapes of no use for an arm left out: {listed(self.dropped)}")
+            notes.append(f"unsupported shapes left out: {listed(self.dropped)}")
         if model.dof_armature.any():
             notes.append("rotor inertias (armature) are not part of the rigid model")
         if floats := np.flatnonzero(model.body_gravcomp).tolist():
             names = listed([self.name("body", body) for body in floats])
-            notes.append(f"gravity of {names} is compensated (gravcomp): torques of actuators do not hold it")
+            notes.append(f"gravity of {names} is compensated (gravcomp): actuator torques exclude it")
         return notes
 
     def postures(self) -> dict[str, dict[str, float]]:

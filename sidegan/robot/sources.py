@@ -50,7 +50,7 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
         words = " ".join(str(error).split()) or type(error).__name__
         if unset := _UNSET.search(words):
             given = "".join(f"{name}: {value}, " for name, value in args.items())
-            words += f"; state it by 'robot.args={{{given}{unset[1]}: …}}'"
+            words += f"; set it by 'robot.args={{{given}{unset[1]}: …}}'"
         elif lost := _LOST.search(words):
-            words = f"there is no package {lost[1]}; put the folder that holds it on ROS_PACKAGE_PATH"
+            words = f"package {lost[1]} was not found; add the folder that contains it to ROS_PACKAGE_PATH"
         raise RobotError(f"{path}: xacro refuses it: {words}") from error

@@ -105,12 +105,10 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     children = {joint.child for joint in joints.values()}
     bases = [link for link in links if link not in children]
     if len(bases) != 1:
-        raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected one, the base")
+        raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected only the base")
     tree = Tree(where, bases[0], joints)
     if astray := sorted(link for link in children if not tree.path(link)[0].parent == bases[0]):
-        raise RobotError(
-            f"{where}: no joints lead from {bases[0]!r} to {', '.join(astray)}, expected one tree"
-        )
+        raise RobotError(f"{where}: no joints connect {bases[0]!r} to {', '.join(astray)}, expected one tree")
     return tree
 
 
@@ -122,16 +120,16 @@ def _joints(root: ET.Element, where: str) -> list[Joint]:
     for kind, given in names.items():
         name, count = Counter(given).most_common(1)[0] if given else ("", 0)
         if count > 1:
-            raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected different names")
+            raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
     links, taken, joints = set(names["link"]), set(), []
     for element, name in zip(root.findall("joint"), names["joint"]):
         at = f"{where}: joint {name!r}"
         parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
         for link in (parent, child):
             if link not in links:
-                raise RobotError(f"{at} joins the link {link!r}, which is not there")
+                raise RobotError(f"{at} refers to link {link!r}, which does not exist")
         if child in taken:
-            raise RobotError(f"{at} leads to link {child!r}, as another joint does; expected no loops")
+            raise RobotError(f"{at} is a second joint with child link {child!r}; expected no loops")
         taken.add(child)
         kind = element.get("type", "")
         if kind not in (*MOVABLE, *REFUSED, "fixed"):

@@ -51,7 +51,7 @@ def visual_parts(arm: Arm) -> list[Part]:
                 unread[frame.name] = str(error)
     if unread:
         why = next(iter(unread.values()))
-        _log.info("%s: shapes that are not shown are of %s: %s", arm.name, listed(list(unread)), why)
+        _log.info("%s: some shapes of %s are not shown: %s", arm.name, listed(list(unread)), why)
     return [part for part in parts if len(part.faces)]
 
 
@@ -105,7 +105,7 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
         description = read_description(arm.urdf, arm.setup, planning=False)
         model, root = build(description), read_source(arm.urdf, arm.setup.args).root
     except RobotError as error:
-        _log.warning("%s is shown as its collision shapes alone: %s", arm.name, error)
+        _log.warning("%s is shown with its collision shapes only: %s", arm.name, error)
         return
     for link in root.findall("link"):
         index = model.getFrameId(link.get("name", ""), pin.FrameType.BODY)

@@ -48,7 +48,7 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
     """
     require_consistent(arm, parameters)
     if not arm.urdf.is_file():
-        raise RobotError(f"{arm.name} has no URDF to start from: there is no file {arm.urdf}")
+        raise RobotError(f"{arm.name} has no description to start from: there is no file {arm.urdf}")
     source = read_source(arm.urdf, arm.setup.args)
     carriers = _carriers(arm, source.root)
     inertials = dict(zip(arm.link_names, map(_inertial, parameters)))
@@ -79,7 +79,7 @@ def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:
     tree = read_tree(root, str(arm.urdf))
     moved = {joint.child: name for name, joint in tree.joints.items() if name in arm.joint_names}
     if moved != dict(zip(arm.link_names, arm.joint_names)):
-        raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints are others")
+        raise RobotError(f"{arm.urdf} is no longer the description of {arm.name}: its joints differ")
     paths = {link: [joint.child for joint in tree.path(link) if joint.child in moved] for link in tree.links}
     return {link: path[-1] if path else None for link, path in paths.items()}
 
@@ -150,4 +150,4 @@ def _check(arm: Arm, parameters: Array, file: Path) -> None:
             value, same[name], rtol=0, atol=_TOLERANCE * max(scale, 1.0)
         ):
             what = name.replace("_", " ")
-            raise RobotError(f"{arm.urdf} with new inertias does not read as {arm.name}: another {what}")
+            raise RobotError(f"{arm.urdf} with new inertias does not read as {arm.name}: different {what}")

@@ -80,7 +80,7 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
 
     joints = constraints.arm.joints
     if trajectory.joints != joints:
-        raise ShapeError(f"trajectories of {trajectory.joints} joints for an arm of {joints}")
+        raise ShapeError(f"trajectories have {trajectory.joints} joints, the arm has {joints}")
     trajectory.check(c)
     found = []
     for part in split(c, max(1, _CELLS_AT_ONCE // coarse_cells(trajectory))):

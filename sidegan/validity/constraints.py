@@ -192,8 +192,8 @@ class Constraints:
         guarded = counted(
             len(self.guarded) + len(self.never_out), "joint origin" if capsules.points else "link"
         )
-        regions = f"{len(self.guarded)} of {guarded} in {counted(len(self.regions), 'region')}"
-        regions += _except(self.never_out, "never out")
+        regions = f"{len(self.guarded)} of {guarded} against {counted(len(self.regions), 'region')}"
+        regions += _except(self.never_out, "always inside")
         said = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
         if self.clearance:
             said.append(f"{self.kept_clear} kept clear")
@@ -210,7 +210,7 @@ class Constraints:
         less = [f"{' – '.join(pair)} {gap:g} m" for pair, gap in self.tight.items() if pair in self.owners]
         return (
             f"{self.clearance:g} m{links}"
-            + _except(self._guarded_names(near), "never so far")
+            + _except(self._guarded_names(near), "always closer")
             + _except(less, "less room")
         )
 
@@ -283,7 +283,7 @@ class Constraints:
         stuck = np.flatnonzero(~leaves.any(1))
         if len(stuck):
             raise InfeasibleError(
-                f"region {int(stuck[0])} cannot be kept: no link is outside of it in any of {SAMPLES:,} "
+                f"region {int(stuck[0])} cannot be avoided: no link is outside it in any of {SAMPLES:,} "
                 "random configurations"
             )
         self.never_out = self._guarded_names(every[~leaves.ravel()])

@@ -65,9 +65,9 @@ def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
     }
     (name, where), share = max(violated.items(), key=lambda item: item[1])
     return (
-        f"the zero position of {constraints.arm.name} is not feasible, and none of {len(rooms[name]):,} "
-        f"others is: {name} of {where} does not hold in {share:.0%} of them; state where it can rest, "
-        f"'trajectory.home=[…]'; what may help besides: {remedy(constraints, (name, where))}"
+        f"no feasible home of {constraints.arm.name} found at zero or among {len(rooms[name]):,} other "
+        f"positions: {share:.0%} of them violate {name} of {where}; state a home that is free by "
+        f"'trajectory.home=[…]'; what else may help: {remedy(constraints, (name, where))}"
     )
 
 
@@ -84,7 +84,7 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):
         j = int((np.abs(q) * beyond).argmax())
         raise ConfigError(
-            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, which goes from {float(lower[j]):.4g} "
+            f"{setting} has {float(q[j]):g} for {arm.joint_names[j]}, whose range is {float(lower[j]):.4g} "
             f"to {float(upper[j]):.4g} rad: are these degrees? In radians they are "
             f"'{setting}=[{', '.join(f'{x:.4g}' for x in turned.tolist())}]'"
         )

@@ -98,8 +98,8 @@ def describe_displaced_shapes(arm: Arm) -> str:
     if not far:
         return ""
     return (
-        f"shapes of neighbouring links never come near each other: {listed(far, _SHOWN)}; is the origin of a "
-        "shape wrong? Collisions and distances are those of the shapes alone"
+        f"shapes of adjacent links never come close to each other: {listed(far, _SHOWN)}; is the origin of a "
+        "shape wrong? Collision checks see the shapes only"
     )
 
 
@@ -145,8 +145,8 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
     return InfeasibleError(
-        f"workspace.clearance={clearance:g} cannot be kept, set a smaller one: always nearer are "
-        f"{listed(list(near), _NEAR)}; 'workspace.clearance={most:g}' leaves room for these"
+        f"workspace.clearance={clearance:g} is too large, these are always closer: "
+        f"{listed(list(near), _NEAR)}; try 'workspace.clearance={most:g}'"
     )
 
 
@@ -218,12 +218,12 @@ def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
         return
     if len(stuck) == len(touching.open) > _FEW:
         raise InfeasibleError(
-            f"all {len(stuck)} pairs of links of {arm.name} that are not adjacent touch in every one of "
-            f"{SAMPLES:,} random configurations, so that none can be checked: are the shapes in metres?"
+            f"all {len(stuck)} pairs of non-adjacent links of {arm.name} touch in every one of "
+            f"{SAMPLES:,} random configurations, so none can be checked: are the shapes in metres?"
         )
     names = listed([" and ".join(pair) for pair in stuck], _SHOWN)
     raise InfeasibleError(
         f"links of {arm.name} that touch in every one of {SAMPLES:,} random configurations: {names}; correct "
-        f"their shapes, or, if nothing is wrong with their touching, {allowed(stuck, arm.setup.may_touch)} "
-        "leaves these pairs unchecked"
+        "their shapes or, if contact is expected, leave these pairs unchecked by "
+        f"{allowed(stuck, arm.setup.may_touch)}"
     )

@@ -40,7 +40,7 @@ def describe_placeholder_limits(arm: Arm) -> str:
             settings.append(limits_to_state(arm, kind, np.flatnonzero(marked).tolist()))
     if not said:
         return ""
-    return f"implausible limits: {'; '.join(said)}; state the arm's own, {' '.join(settings)}"
+    return f"implausible limits: {'; '.join(said)}; state the real ones by {' '.join(settings)}"
 
 
 def describe_weak_limits(arm: Arm) -> str:
@@ -52,8 +52,8 @@ def describe_weak_limits(arm: Arm) -> str:
     limits, names = arm.torque_limit.tolist(), arm.joint_names
     said = [f"{names[j]} (effort {limits[j]:.4g}) in {float(share[j]):.0%}" for j in weak]
     return (
-        f"limits that do not hold the arm still in all of its range: {listed(said)}; if they are not its "
-        f"own, state these, {limits_to_state(arm, 'effort', weak)}"
+        f"torque limits that hold the arm still in only part of its range: {listed(said)}; if these are "
+        f"placeholders, state the real ones by {limits_to_state(arm, 'effort', weak)}"
     )
 
 
@@ -64,7 +64,7 @@ def describe_excessive_friction(arm: Arm) -> str:
     if not beyond.any():
         return ""
     return (
-        f"at its velocity limit the friction of {arm.named(beyond)} takes more than its torque limit; if it "
+        f"at its velocity limit, friction of {arm.named(beyond)} exceeds its torque limit; if this friction "
         "is a placeholder, robot.friction=false leaves it out"
     )
 

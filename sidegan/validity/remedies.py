@@ -33,19 +33,19 @@ def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where
 def remedy(constraints: Constraints, where: Where) -> str:
     """Settings by which a constraint no longer stands in the way, for people."""
     (constraint, which), arm = where, constraints.arm
-    home = "another home, 'trajectory.home=[…]'"
+    home = "another home ('trajectory.home=[…]')"
     if constraint == "collision":
         pair = which.split(" – ")
         gap = constraints.tight.get((pair[0], pair[1]), constraints.apart)
-        nearer = f"a smaller distance than {gap:g} m, workspace.clearance=…, " if gap else ""
+        nearer = f"a clearance below {gap:g} m (workspace.clearance=…), " if gap else ""
         touch = allowed([pair], arm.setup.may_touch)
-        return f"{nearer}{home}, or, if nothing is wrong with their touching, {touch}"
+        return f"{nearer}{home} or, if contact is expected, {touch}"
     if constraint == "keep_out":
-        nearer = "a smaller workspace.clearance=…, " if constraints.clearance else ""
-        return f"{nearer}{home}, or workspace=free, without any region"
+        nearer = "a smaller clearance (workspace.clearance=…), " if constraints.clearance else ""
+        return f"{nearer}{home} or no regions (workspace=free)"
     kind = "effort" if constraint == "torque" else constraint
     limit = limits_to_state(arm, kind, [arm.joint_names.index(which)])
     if constraint == "position":
-        return f"{home}, or a wider range, {limit}"
-    more = "robot.effort=…, or " if constraint in ("velocity", "torque") else ""
-    return f"a larger limit, {more}{limit}"
+        return f"{home} or a wider range ({limit})"
+    more = "robot.effort=… or " if constraint in ("velocity", "torque") else ""
+    return f"a larger limit ({more}{limit})"

@@ -26,7 +26,7 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
     """
     joints = constraints.arm.joints
     if {len(start), len(end)} != {joints} or not all(map(math.isfinite, (*start, *end))):
-        raise ShapeError(f"ends of a way must be {joints} finite joint positions each")
+        raise ShapeError(f"ends of a path must be {joints} finite joint positions each")
     ends = np.array([start, end], float)
     reaches = Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
     each = np.maximum(reaches.pairs, reaches.pieces), reaches.regions
@@ -44,7 +44,7 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
             return
         half /= 2
         share = np.concatenate([share[unsure] - half, share[unsure] + half])
-    raise InfeasibleError(f"the straight way passes too close to be sure, {float(share[0]):.1%} along it")
+    raise InfeasibleError(f"the straight path is nearly in contact {float(share[0]):.1%} along it")
 
 
 def _margins(constraints: Constraints, ends: Array, share: Array) -> dict[str, Array]:
@@ -55,7 +55,7 @@ def _margins(constraints: Constraints, ends: Array, share: Array) -> dict[str, A
         if len(bad):
             row, element = bad[share[bad[:, 0]].argmin()].tolist()
             raise InfeasibleError(
-                f"the straight way is not free: {name} of {constraints.labels[name][element]} has margin "
+                f"the straight path is not free: {name} of {constraints.labels[name][element]} has margin "
                 f"{float(margin[row, element]):.3g}, {float(share[row]):.0%} along it"
             )
     return margins

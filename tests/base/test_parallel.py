@@ -171,7 +171,7 @@ def test_a_scheduler_that_does_not_answer_and_a_folder_that_is_not_shared_are_re
     with pytest.raises(SideganError, match="no Dask scheduler answers"), on_cluster("tcp://127.0.0.1:9"):
         pass
     monkeypatch.setattr(parallel.Path, "cwd", lambda: "/no/such/folder")
-    with pytest.raises(StorageError, match=r"does not see /no/such/folder .* shared file system"):
+    with pytest.raises(StorageError, match=r"cannot read /no/such/folder .* shared file system"):
         run_jobs("far away", [process, process], 2)
 
 

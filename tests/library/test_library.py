@@ -137,7 +137,7 @@ LACKING = {name: rewritten(lambda table, name=name: table.drop_columns([name])) 
 BAD_FILES = [
     ("Parquet", flipped),
     ("not a library", replaced_metadata(None)),
-    ("not a whole library", replaced_metadata({b"sidegan": b"{"})),
+    ("not a complete library", replaced_metadata({b"sidegan": b"{"})),
     *((f"library.*{name}", lack) for name, lack in LACKING.items()),
     *((f"format {version}", rewritten(format=version)) for version in (0, 2, "1", None)),
     *((name, rewritten(**{name: 3})) for name in ("robot", "home")),

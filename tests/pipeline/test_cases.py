@@ -79,12 +79,12 @@ def test_many_harmonics_have_as_many_samples(excited):
     [
         (
             ("collision", "base – link1"),
-            "a smaller distance than 0.006 m, workspace.clearance=…, another home",
+            "a clearance below 0.006 m (workspace.clearance=…), another home",
         ),
         (("collision", "base – link1"), "'robot.may_touch=[[base, link1]]'"),
         (("keep_out", "link3 in region 0"), "workspace=free"),
-        (("torque", "joint1"), "robot.effort=…, or 'robot.limits.effort={joint1: "),
-        (("velocity", "joint2"), "robot.effort=…, or 'robot.limits.velocity={joint2: …}'"),
+        (("torque", "joint1"), "robot.effort=… or 'robot.limits.effort={joint1: "),
+        (("velocity", "joint2"), "robot.effort=… or 'robot.limits.velocity={joint2: …}'"),
         (("position", "joint3"), "'robot.limits.position={joint3: …}'"),
     ],
 )
@@ -109,7 +109,7 @@ def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
             r"in most configurations: link1 – link3 in \d\d%; .*'robot.may_touch=\[\[link1, link3\]\]'",
         ),
         (WEAK, r"joint1 \(effort 8\) in \d\d%, .*'robot.limits.effort={joint1: …"),
-        (STICKY, r"friction of joint0, joint1, .* takes more than its torque limit.*robot.friction=false"),
+        (STICKY, r"friction of joint0, joint1, .* exceeds its torque limit.*robot.friction=false"),
         (ALIKE, r"masses of link0, link1, link2, link3 are placeholders .* mean nothing until"),
     ],
     ids=["touching", "weak", "sticky", "alike"],
@@ -191,7 +191,7 @@ def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names
     assert context.cell.home == (home or (0,) * len(HOME))
     with caplog.at_level(logging.INFO):
         context.log_decisions()
-    assert ("home is where the description has the arm rest: 0.3, 0.6" in caplog.text) == (home is not None)
+    assert ("home is the rest position of the description: 0.3, 0.6" in caplog.text) == (home is not None)
     assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
 
 

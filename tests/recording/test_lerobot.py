@@ -77,7 +77,7 @@ def test_what_is_no_dataset_is_refused(made, tmp_path):
     for words, fault in (
         ("a LeRobot dataset without frames", first.unlink),
         ("no column episode_index", lambda: pd.DataFrame({"timestamp": [0.0]}).to_parquet(first)),
-        ("is not a whole JSON file", lambda: (folder / "meta" / "info.json").write_text("{")),
+        ("is not a complete JSON file", lambda: (folder / "meta" / "info.json").write_text("{")),
     ):
         fault()
         with pytest.raises(RecordingError, match=words):

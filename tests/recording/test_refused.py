@@ -74,7 +74,7 @@ FILES = [
     ("not of the same length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
     ("a number in each row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
-    ("is not a whole npz file", files.arrays(q=np.array([{}] * 200)), ARRAYS),
+    ("is not a complete npz file", files.arrays(q=np.array([{}] * 200)), ARRAYS),
     ("array q holds complex128, expected real numbers", files.arrays(q=1j * np.ones((200, 2))), ARRAYS),
     ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
     ("has no joint states on /arm, but on /joint_states", files.write_bag, {"topic": "/arm"}),

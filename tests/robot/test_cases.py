@@ -85,18 +85,18 @@ def test_an_arm_is_identified_whatever_its_masses_are(load, content):
 
 def test_an_identification_asks_for_no_limits_and_looks_for_no_meshes(load, caplog, tmp_path):
     text = arm_of({1: inertial() + mesh("lost.stl")}, '<limit effort="50"/>')
-    with pytest.raises(RobotError, match="state what the arm can do"):
+    with pytest.raises(RobotError, match="state the arm's limits"):
         load(text)
     caplog.clear()
     arm = load_robot(tmp_path / "robot.urdf", planning=False)
     assert not caplog.records and arm.velocity_limit.tolist() == [1.0] * 4
-    assert "limits that the description lacks are taken for 'robot.limits.position={joint0: " in arm.notes[0]
+    assert "missing from the description are assumed to be 'robot.limits.position={joint0: " in arm.notes[0]
 
 
 @pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])
 def test_shapes_that_are_displaced_are_named(load, place):
     said = describe_displaced_shapes(load(arm_of({1: inertial() + rod(f'xyz="{place}"')})))
-    assert "never come near each other: link0 – link1 (" in said
+    assert "never come close to each other: link0 – link1 (" in said
     arms = [load(arm_of()), load(arm_of(BARE, base="")), load_robot("kuka_lwr4"), load_robot("planar2")]
     assert [describe_displaced_shapes(arm) + describe_placeholder_limits(arm) for arm in arms] == [""] * 4
 
@@ -106,7 +106,7 @@ def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_c
     arm = load(arm_of(dict.fromkeys(range(4), inertial()), base=""))
     assert "floor at z = 0 m" in place.notes(arm)
     said = (constraints := place.around(arm)).described()
-    assert "0 of 0 pairs" in said and "4 of 4 joint origins in 1 region" in said and "clear" not in said
+    assert "0 of 0 pairs" in said and "4 of 4 joint origins against 1 region" in said and "clear" not in said
     low = np.array([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).astype(float)
     assert (constraints.at_rest(low)["keep_out"].min(1) > 0).tolist() == [False, True]
     assert np.isinf(constraints.nearest(low)[0]).all()

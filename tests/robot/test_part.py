@@ -87,7 +87,7 @@ def test_what_stands_still_is_reported_and_stays_in_the_collision_model(load):
     notes = "; ".join(arm.notes)
     assert "right_shoulder at 0.25 rad" in notes and "left_thumb at 0.25 m" in notes
     assert "3 kg of nail, tip lumped into left_lower" in notes
-    assert "standing still with the base: torso, right_upper, right_lower" in notes
+    assert "fixed to the base: torso, right_upper, right_lower" in notes
     still, moving = dict.fromkeys(["torso", "right_upper", "right_lower"], -1), {"left_upper": 0}
     owners = dict(zip(arm.capsules.names, arm.capsules.link.tolist()))
     assert owners == {**still, **moving, "left_lower": 1, "tip": 1}
@@ -102,13 +102,13 @@ REMEDIES = {
     "a mimic": (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
     "a floating base": (
         FLOATING,
-        r"'robot\.locked=\{first: 0\}' has it",
+        r"'robot\.locked=\{first: 0\}' locks it",
         Setup(locked={"first": 0.0}),
         "second",
     ),
     "a hand": (
         HAND,
-        r"where it ends: robot\.tip=l6 \(6 joints: a0 to a5\)$",
+        r"its tip: robot\.tip=l6 \(6 joints: a0 to a5\)$",
         Setup(tip="l6"),
         "a0 a1 a2 a3 a4 a5",
     ),

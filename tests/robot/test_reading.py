@@ -58,7 +58,7 @@ def test_a_floor_is_where_shapes_show_it_or_else_a_reported_guess(load, block, b
         assert floor_under(load(text)).offset == pytest.approx(height)
     arm = load(arm_of(base=base))
     said = workspace(choice="desk").notes(arm)
-    assert floor_is_known(arm) == known == ("a guess at what" not in said)
+    assert floor_is_known(arm) == known == ("a guess, since" not in said)
     assert known == (f"plane: {{normal: [0, 0, 1], offset: {height:g}}}" not in said)
 
 
@@ -84,8 +84,8 @@ def mjcf(**parts):
 
 PLANES = {  # what stands in the world beside the arm, gravity, and the planes that are kept out of
     "none": ("", "", [(0, 0, 1, 0.0)], "stands on"),
-    "a floor": (FLAT.format(-0.03), "", [(0, 0, 1, -0.03)], "z = -0.03 m, as the description has it"),
-    "a floor above the arm": (FLAT.format(3), "", [(0, 0, 1, 0.0)], "is behind nearly everywhere"),
+    "a floor": (FLAT.format(-0.03), "", [(0, 0, 1, -0.03)], "z = -0.03 m, from the description"),
+    "a floor above the arm": (FLAT.format(3), "", [(0, 0, 1, 0.0)], "is nearly always behind"),
     "a floor and a wall": (
         FLAT.format(0) + '<geom type="plane" size="1 1 1" pos="-0.7 0 0" zaxis="1 0 0"/>',
         "",
@@ -138,16 +138,16 @@ def test_meshes_are_in_the_unit_that_their_file_states(load, tmp_path, unit, met
 
 def test_a_unit_that_is_none_is_refused(load, tmp_path):
     (tmp_path / "box.dae").write_text(box('<unit meter="-1"/>'))
-    with pytest.raises(RobotError, match=r"box\.dae is in units of '-1', expected a length"):
+    with pytest.raises(RobotError, match=r"box\.dae has the unit '-1', expected a number of metres"):
         load(arm_of({1: inertial() + mesh("box.dae")}))
 
 
 ORDERS = {  # metres per unit that a description says of a mesh of 0.2 m, which is refused
-    "in millimetres": ("1000 1000 1000", "link1 2.3e+02 m large: is it in millimetres?"),
-    "in centimetres": ("100 100 100", "link1 23 m large: is it in millimetres?"),
+    "in millimetres": ("1000 1000 1000", "link1 2.3e+02 m across (in millimetres?)"),
+    "in centimetres": ("100 100 100", "link1 23 m across (in millimetres?)"),
     "twice made metres": (
         "0.001 0.001 0.001",
-        "link1 0.00023 m large: are its millimetres made metres twice?",
+        "link1 0.00023 m across (scaled from millimetres twice?)",
     ),
 }
 
@@ -168,11 +168,11 @@ SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range i
     'k_position="20" soft_lower_limit="-1" soft_upper_limit="1.5"': (
         -1,
         1.5,
-        "joint0 -1 to 1.5 rad; 'robot.limits.position={joint0: [-2.8, 2.8]}'",
+        "joint0 -1 to 1.5 rad; for the full range: 'robot.limits.position={joint0: [-2.8, 2.8]}'",
     ),
     'soft_lower_limit="-9" soft_upper_limit="1.5"': (-2.8, 1.5, "joint0 -2.8 to 1.5 rad;"),
     'soft_lower_limit="0" soft_upper_limit="0"': (-2.8, 2.8, ""),
-    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, "leave no range are not used: joint0"),
+    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, "leave no range are ignored: joint0"),
 }
 
 
@@ -191,7 +191,7 @@ def test_accelerations_and_jerks_of_a_description_are_limits_with_or_without_a_n
     for head in ("<robot", '<robot xmlns:drake="http://drake.mit.edu"'):
         arm = load(arm_of(limit=ours).replace("<robot", head, 1))
         assert arm.acceleration_limit.tolist() == [1.25] * 4 and arm.jerk_limit.tolist() == [70] * 4
-        assert "acceleration are the description's of joint0, joint1, joint2, joint3" in "; ".join(arm.notes)
+        assert "joint0, joint1, joint2, joint3 come from the description" in "; ".join(arm.notes)
         write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
         assert 'drake:acceleration="1.5"' in (tmp_path / "out.urdf").read_text()
         assert np.array_equal(load_robot(tmp_path / "out.urdf").acceleration_limit, arm.acceleration_limit)
@@ -231,11 +231,11 @@ def test_limits_are_read_from_a_joint_limits_yaml(load, tmp_path, what):
     arm = load(arm_of(), Setup(limits=replace(limits, velocity={"joint3": 0.5})))
     assert arm.velocity_limit.tolist() == [1.25, 2, 2, 0.5] and arm.jerk_limit is None
     assert arm.acceleration_limit.tolist() == [np.inf, 2.5, np.inf, np.inf] and arm.position_upper[2] == 1
-    assert f"are those of {file}, beside joints that are not here: finger" in "; ".join(arm.notes)
+    assert f"come from {file}; joints that the arm does not have are ignored: finger" in "; ".join(arm.notes)
 
 
 BAD = {
-    "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": "limits no joint of .* but finger",
+    "joint_limits: {finger: {has_jerk_limits: true, max_jerk: 1}}": "limits for finger, none of which is in",
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: fast}}": "jerk.joint0 is 'fast', expected",
     "joint_limits: {joint0: {has_jerk_limits: true, max_jerk: 0}}": "joint0 is 0, expected a number",
     "limits: 3": "has no joint_limits, expected MoveIt's",
@@ -253,7 +253,7 @@ def test_a_joint_limits_yaml_that_is_none_is_refused(load, tmp_path, text, said)
 def test_an_arm_without_torque_limits_is_reported_in_one_line(load, caplog):
     load(arm_of(limit=LIMIT.replace('effort="50"', 'effort="0"')))
     (line,) = [record.message for record in caplog.records if "torque" in record.message]
-    assert "states no torque limits" in line and "'robot.limits.effort={joint0: …, joint1: …" in line
+    assert "has no torque limits" in line and "'robot.limits.effort={joint0: …, joint1: …" in line
     caplog.clear()
     assert load(arm_of()).joints == 4 and not caplog.records
 
@@ -275,7 +275,7 @@ def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog,
         load(mjcf(asset=ASSET, geom=LOOK + HULL), SPEED, name="a.xml"),
         load(mjcf(), SPEED, name="b.xml"),
     )
-    assert "not shown, since its mesh is not there: one" in arm.notes
+    assert "not shown, since the mesh files are missing: one" in arm.notes
     assert "collisions of these links may go unnoticed: one (not found: hull.stl" in caplog.text
     assert arm.digest == whole.digest
     with pytest.raises(RobotError, match=r"MuJoCo refuses it: .*\.obj"):  # its mass is the link's

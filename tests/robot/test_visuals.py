@@ -50,4 +50,4 @@ def test_shapes_are_where_the_description_has_them(file):
 def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
     arm = load_robot(file)
     file.unlink()
-    assert visual_parts(arm) == [] and "is shown as its collision shapes alone" in caplog.text
+    assert visual_parts(arm) == [] and "is shown with its collision shapes only" in caplog.text

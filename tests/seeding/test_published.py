@@ -50,7 +50,7 @@ def test_images_and_coefficients_are_each_others_inverse():
         (np.zeros((1, 2, 7, 7)), r"\(2, 3, 3\)"),
         (np.arange(18.0).reshape(1, 2, 3, 3), "last row"),
         (np.full((1, 2, 3, 3), np.nan), "last row"),
-        (b"no array", "not a whole NumPy file"),
+        (b"no array", "not a complete NumPy file"),
     ],
 )
 def test_what_is_not_of_the_layout_is_refused(tmp_path, content, message):

@@ -94,12 +94,12 @@ def offered(refused: InfeasibleError) -> float:
 
 
 def test_what_can_never_be_kept_is_refused_by_name(arm: Arm, planar: Arm) -> None:
-    with pytest.raises(InfeasibleError, match="cannot be kept, set a smaller one") as refused:
+    with pytest.raises(InfeasibleError, match="is too large, these are always closer") as refused:
         Constraints(planar, clearance=0.6)
     assert "base – forearm" in str(refused.value) and "may_touch" not in str(refused.value)
     Constraints(planar, clearance=offered(refused.value))
     low = [Box((-1, -1, 0), (1, 1, 0.35))]
-    with pytest.raises(InfeasibleError, match="always nearer are upper_arm in region 0") as refused:
+    with pytest.raises(InfeasibleError, match="always closer: upper_arm in region 0") as refused:
         Constraints(planar, low, clearance=0.2)
     Constraints(planar, low, clearance=offered(refused.value))
     assert "0.04 m kept clear" in Constraints(arm, clearance=FAR).described()
@@ -114,6 +114,6 @@ def test_links_that_never_have_it_from_a_plane_merely_keep_out(planar: Arm) -> N
     before, after = plain.at_rest(q)["keep_out"], clear.at_rest(q)["keep_out"]
     np.testing.assert_allclose(after[:, 1], before[:, 0], atol=1e-9)
     np.testing.assert_allclose(after[:, 0], before[:, 1] - 0.2, atol=1e-9)
-    words = "0.2 m from regions and 0.1 m between links (never so far: upper_arm in region 0) kept clear"
+    words = "0.2 m from regions and 0.1 m between links (always closer: upper_arm in region 0) kept clear"
     assert words in clear.described()
     assert_sound(clear, Trajectory(2), 0.3 * moderate(planar, Trajectory(2), 30, seed=3))

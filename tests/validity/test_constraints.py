@@ -17,7 +17,7 @@ from .critical import BENT, DESK, limited, only
 def test_what_is_excepted_is_stated(arm: Arm) -> None:
     said = Constraints(arm, [DESK]).described()
     assert "20 of 21 pairs of links (may touch: link_5 – link_7 (the wrist, touch in 100 %))" in said
-    assert "6 of 7 links in 1 region (never out: link_1 in region 0)" in said
+    assert "6 of 7 links against 1 region (always inside: link_1 in region 0)" in said
     bare = replace(arm, capsules=only(arm.capsules, np.arange(4)))
     assert "without a shape" in Constraints(bare).described()
 
