@@ -42,7 +42,7 @@ def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
         "period": cfg.long.period,
         "count": cfg.selection.count,
     }
-    ours = f"error of the long one over the seeds': {ratios(effects)}"
+    ours = f"error of the long trajectory over the seeds': {ratios(effects)}"
     return Judgement.of_each(map(above, effects.values()), ours, numbers)
 
 
@@ -50,14 +50,14 @@ def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
     """Whether the error of seeds and generated ones is below that of the seeds."""
     nmse = _table1(made, frame)
     effects = {n: log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
-    ours = f"error of the seeds over theirs: {ratios(effects)}"
+    ours = f"error of the seeds over that of the set: {ratios(effects)}"
     if frame == "errors" and len(made.expected):
         sure = _table1(made, "expected")
         over_all = {n: log_ratio(sure["seeds"], sure[n]) for n in SIDE_GANS}
         ours += f"; expected over all noise: {ratios(over_all)}"
     if frame == "plant":
         weighted = made.plant[made.plant.weighted.astype(bool)]
-        others = {"geometric over joints": exp1.geometric(made.plant[~made.plant.weighted.astype(bool)])}
+        others = {"geometric mean over joints": exp1.geometric(made.plant[~made.plant.weighted.astype(bool)])}
         others |= {"weighted per joint": weighted, "both": exp1.geometric(weighted)}
         for name, part in others.items():
             logs = exp1.over_others(part, made.cfg.gan)
@@ -69,7 +69,7 @@ def _generated_alone(made: Artifacts) -> Judgement:
     """Whether sets drawn at random of what was generated have less expected error than those of the seeds."""
     frame = made.draws[made.draws.noise == "error"]
     effects, geometric = ({n: _of_draws(frame, n, key) for n in SIDE_GANS} for key in ("nmse", "geometric"))
-    ours = f"error of the seeds over theirs: {ratios(effects)}; geometric over joints: {ratios(geometric)}"
+    ours = f"error of the seeds over that of the set: {ratios(effects)}; geometric mean: {ratios(geometric)}"
     return Judgement.of_each(map(above, effects.values()), ours, {"count": made.cfg.selection.count})
 
 
@@ -89,7 +89,7 @@ def _improve(made: Artifacts, which: Callable[[list[int]], int]) -> Judgement:
 def _more_than_vanilla(made: Artifacts) -> Judgement:
     vanilla = _gain(made, "vanilla", min)
     gains = {n: _gain(made, n, min) - vanilla for n in SIDE_GANS}
-    return Judgement.of_each(map(above, gains.values()), f"error of vanilla over theirs: {ratios(gains)}")
+    return Judgement.of_each(map(above, gains.values()), f"error of vanilla over that of {ratios(gains)}")
 
 
 def _eigen_best(made: Artifacts) -> Judgement:
@@ -112,7 +112,7 @@ def _either(made: Artifacts) -> Judgement:
 def _not_less(made: Artifacts) -> Judgement:
     replicas = made.cfg.replication.replicas
     change = {n: _gain(made, n, max) - _gain(made, n, min) for n in GANS}
-    ours = f"gain over the seeds ×{max(replicas)} over that over ×{min(replicas)}: {ratios(change)}"
+    ours = f"gain over the seeds ×{max(replicas)} divided by that over ×{min(replicas)}: {ratios(change)}"
     return Judgement.of_each(map(not_below, change.values()), ours)
 
 
@@ -122,7 +122,7 @@ def _smallest_norm(made: Artifacts) -> Judgement:
     per_sample = facts.assign(covariance_norm=facts.covariance_norm * facts.samples)
     effects = _over_eigen(made, facts)
     otherwise = together(map(above, _over_eigen(made, per_sample).values()))
-    ours = f"theirs over eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
+    ours = f"norm relative to eigen's: {ratios(effects)}; verdict on ‖diag P‖ × samples: {otherwise}"
     return Judgement.of_each(map(above, effects.values()), ours)
 
 

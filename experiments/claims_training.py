@@ -61,7 +61,7 @@ _ORDERS, _WITH_TRAINING = 1e4, 1e2  # times faster: orders of magnitude of one m
 def _predictor(made: Artifacts) -> Judgement:
     accuracy = float(made.surrogates["accuracy_paper"])
     truth = {name: _odds(made, at(made, name, "success", LATE)) for name in SIDE_GANS}
-    ours = f"{accuracy:.1%} on held-out seeds and faulty samples; truly valid of what it then accepts: "
+    ours = f"{accuracy:.1%} on held-out seeds and faulty samples; truly valid among those it later accepts: "
     verdict = HOLDS if accuracy >= _ACCURATE else NOT
     return Judgement(verdict, ours + shares(truth), {"accurate": _ACCURATE})
 
@@ -93,8 +93,8 @@ def _against_vanilla(
     """Vanilla's metric over the SIDE-GANs' in the same epochs; of the valid alone, and by means, beside."""
     effects = _gains(made, key, first, last)
     parts = list(map(judge, effects.values()))
-    ours = f"vanilla's over theirs: of all samples {ratios(effects)}"
-    for other, label in ((f"{key}_mean", "by means over samples"), (f"{key}_valid", "of the valid alone")):
+    ours = f"vanilla's over the SIDE-GANs': all samples {ratios(effects)}"
+    for other, label in ((f"{key}_mean", "means over samples"), (f"{key}_valid", "valid samples alone")):
         if other in made.histories:
             beside = {n: x.dropna() for n, x in _gains(made, other, first, last).items()}
             verdict = together(map(judge, beside.values())) if all(map(len, beside.values())) else UNKNOWN
@@ -118,11 +118,11 @@ def _traded(made: Artifacts) -> Judgement:
         return np.log(at(made, name, key, EARLY, EARLY)) - np.log(at(made, name, key, _TRADING))
 
     kinds = {
-        "condition": "of all samples",
-        "condition_mean": "by means",
-        "condition_valid": "of the valid alone",
+        "condition": "all samples",
+        "condition_mean": "means over samples",
+        "condition_valid": "valid samples alone",
     }
-    ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) is smaller later"
+    ours = f"valid after {EARLY} epochs {shares(early)}, later {shares(late)}; cond(YᵀY) early over late"
     parts: list[str] = []
     for key, label in kinds.items():
         gained = {n: smaller(n, key).dropna() for n in SIDE_GANS}
@@ -142,7 +142,7 @@ def _comparable(made: Artifacts) -> Judgement:
     shares_of |= {f"{name}, coverage": np.log(x) for name, x in _coverage(made).items()}
     cosines = {name: at(made, name, "cosine", LATE) for name in SIDE_GANS}
     alike = (above(x, np.log(_COMPARABLE)) for x in shares_of.values())
-    ours = f"shares of the seeds': {ratios(shares_of)}; mean cosine: {intervals(cosines)}"
+    ours = f"relative to the seeds: {ratios(shares_of)}; mean cosine: {intervals(cosines)}"
     numbers = {"comparable": _COMPARABLE, "along": _ALONG, "late": LATE}
     return Judgement.of_each([*alike, *(below(x, _ALONG) for x in cosines.values())], ours, numbers)
 
@@ -167,7 +167,7 @@ def _coverage(made: Artifacts) -> dict[str, pd.Series]:
 def _inertial(made: Artifacts) -> Judgement:
     effects = {n: -x for n, x in _gains(made, "distance_diagonal", 1).items()}
     return Judgement.of_each(
-        map(not_below, effects.values()), f"over vanilla's, all epochs: {ratios(effects)}"
+        map(not_below, effects.values()), f"relative to vanilla, all epochs: {ratios(effects)}"
     )
 
 
@@ -175,7 +175,7 @@ def _diverse_diagonals(made: Artifacts) -> Judgement:
     seeds = made.seeds["distance_diagonal"]
     effects = {n: np.log(at(made, n, "distance_diagonal", LATE) / seeds) for n in SIDE_GANS}
     parts = (above(x, np.log(_MORE)) for x in effects.values())
-    return Judgement.of_each(parts, f"of the seeds': {ratios(effects)}", {"more": _MORE - 1})
+    return Judgement.of_each(parts, f"relative to the seeds: {ratios(effects)}", {"more": _MORE - 1})
 
 
 def _diverse_union(made: Artifacts) -> Judgement:
@@ -183,7 +183,7 @@ def _diverse_union(made: Artifacts) -> Judgement:
     for name in SIDE_GANS:
         part = frame[frame.name == name].set_index(TRAINING).union_distance_diagonal
         effects[name] = np.log(part.astype(float) / made.seeds["distance_diagonal"])
-    return Judgement.of_each(map(above, effects.values()), f"of the seeds': {ratios(effects)}")
+    return Judgement.of_each(map(above, effects.values()), f"relative to the seeds: {ratios(effects)}")
 
 
 def _trace(made: Artifacts) -> Judgement:
@@ -252,7 +252,7 @@ def _few_seeds_excite(made: Artifacts) -> Judgement:
     condition, smallest = _few(made, "condition")
     effects = {n: np.log(x / made.random["condition"]) for n, x in condition.items()}
     seeds = {n: np.log(x / made.seeds["condition"]) for n, x in condition.items()}
-    ours = f"cond(YᵀY) over that of random valid ones: {ratios(effects)}; over the seeds': {ratios(seeds)}"
+    ours = f"cond(YᵀY) relative to random valid: {ratios(effects)}; to the seeds: {ratios(seeds)}"
     return Judgement.of_each(map(below, effects.values()), ours, {"seeds": smallest})
 
 
@@ -274,7 +274,7 @@ def _trained_too(made: Artifacts) -> Judgement:
     """Whether a library is far faster made than as many seeds, its training included."""
     first, count = made.cfg.trainings[0], made.cfg.library.count
     spent = made.training_seconds("eigen", first) / count
-    text = f"{seconds(spent)} each of {count}, the seeds not counted, against {seconds(made.seed_seconds)}"
+    text = f"{seconds(spent)} for each of {count}, without the seeds, against {seconds(made.seed_seconds)}"
     ratio = made.seed_seconds / spent
     return _measured(ratio, _WITH_TRAINING, f"{text} ({ratio:,.0f} ×)")
 

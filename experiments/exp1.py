@@ -39,12 +39,12 @@ PLANT, PLANT_WEIGHTED = "MuJoCo plants", "MuJoCo plants, weighted"
 ON_PLANTS = tuple(f"{key}{mean}" for key in (PLANT, PLANT_WEIGHTED) for mean in ("", ", geometric mean"))
 
 NOISES = {
-    "error": "noise of the torque's size, unweighted",
+    "error": "noise proportional to the torque, unweighted",
     "error_weighted": "the same, weighted per joint",
     "error_constant": "constant noise, weighted per joint",
 }
-DRAWS = "Expected nMSE of sets drawn at random, mean over joints, with the range of nine in ten of them"
-FACTORS = "Error of the seeds over that of the others, draw by draw and plant by plant"
+DRAWS = "Expected nMSE of sets drawn at random, mean over joints, with the range that covers 90 % of them"
+FACTORS = "Error of the seeds divided by that of each other set, draw by draw and plant by plant"
 _NINE_IN_TEN = 0.05, 0.95
 
 collect = Artifacts
@@ -126,8 +126,8 @@ def finding(frame: pd.DataFrame) -> str:
     plain, weighted = gains.loc[best := gains.error_weighted.idxmax()]
     if weighted >= plain:
         return ""
-    left = f"of {best}'s {plain:.2f} times less error than seeds' (geometric) weights leave {weighted:.2f}"
-    return f"; {left}: where noise is a share of the torque, more motion is more noise"
+    left = f"{best}'s gain over the seeds (geometric mean) is {plain:.2f}, and {weighted:.2f} with weights"
+    return f"; {left}: if noise is proportional to the torque, more motion means more noise"
 
 
 def factors(
@@ -158,8 +158,9 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
         verdicts = [above(x) for x in effects]
         more, worse = sum(interval(x).mean < 0 for x in effects), verdicts.count(NOT)
         said.append(
-            f"{tables.weighting(bool(weighted))}: {more} of {len(effects)} sets with generated ones have more"
-            f" error than the seeds, {worse} beyond doubt, {verdicts.count(HOLDS)} less beyond doubt"
+            f"{tables.weighting(bool(weighted))}: {more} of {len(effects)} sets with generated trajectories"
+            f" have a larger error than the seeds, {worse} significantly;"
+            f" {verdicts.count(HOLDS)} a significantly smaller one"
         )
     return ". ".join(said)
 

@@ -22,9 +22,9 @@ READINGS = {
     "seeds": "measurements of the seeds",
     "all": "all measurements",
     "torques": "torques",
-    "seeds_states": "torques, and states of the seeds",
+    "seeds_states": "all torques, and states of the seeds",
 }
-READINGS_CAPTION = "Improvement [%] over the seeds measured so often, by what the paper's noise is on"
+READINGS_CAPTION = "Improvement [%] over repeated measurements of the seeds, by where the paper's noise acts"
 
 collect = Artifacts
 

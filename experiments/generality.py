@@ -19,7 +19,7 @@ from sidegan.report.export import read_tables
 NAME = "generality"  # of the page and its template
 _TRIED = 200  # trajectories of one arm that are tried on another
 _BASELINES = ("natural", "search-10", "search-160")
-_ARMS = "Generators and baselines; but for valid share and cosine over the value of their arm's own seeds"
+_ARMS = "Generators and baselines; all but valid share and cosine relative to the arm's own seeds"
 _TRANSFER = (
     f"Share of {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
 )

@@ -45,7 +45,7 @@ _JOINED: dict[str, tuple[str, ...]] = {
 _SEEDS = {
     "published": "of the authors",
     "paper": "by the paper's optimisers",
-    "gradient": "by gradients, the better optimiser",
+    "gradient": "by gradient descent, the better optimiser",
 }
 
 Conditions = Mapping[str, Artifacts]
@@ -108,7 +108,7 @@ def described(artifacts: Artifacts) -> str:
     """The seeds and the recipe of a condition, in a sentence."""
     seeds = _SEEDS.get(artifacts.cfg.seeds.method, artifacts.cfg.seeds.method)
     shipped = getattr(artifacts.cfg.surrogates, "shipped", None)  # of the published recipe alone
-    surrogates = "shipped" if shipped else "trained anew"
+    surrogates = "shipped" if shipped else "retrained"
     recipe = "our recipe" if shipped is None else f"their recipe, surrogates {surrogates}"
     return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}."
 

@@ -25,10 +25,10 @@ if TYPE_CHECKING:  # slow to import
 RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
 EARLY, LATE = 10, 40  # epochs after which the paper says so; from which on it compares
 GENERATORS = (
-    "Seeds, baselines and generators of the last epoch, true physics. Gain: expected error of 35 seeds that "
-    "are drawn at random over that of 35 others; natural: random draws in natural coordinates"
+    "Seeds, baselines and generators after the last epoch, by the true physics. Gain: expected error of 35 "
+    "random seeds over that of 35 random members of the set; natural: random draws in natural coordinates"
 )
-BESIDE = "The same sets beside one half of the seeds, whose row is their other half; of as many of each"
+BESIDE = "The same sets, compared in equal numbers with one half of the seeds (row seeds: the other half)"
 _MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)
 _SHOWN = 50  # trajectories of a set in its picture
 

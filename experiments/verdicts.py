@@ -181,7 +181,7 @@ def words(measured: Interval, form: str = ".3g") -> str:
     if np.isnan(measured.mean):
         return "nothing to measure"
     if not np.isfinite(measured.low):
-        return f"{plain(measured.mean, form)} (no interval: one alone)"
+        return f"{plain(measured.mean, form)} (no interval: one value)"
     low, high = plain(measured.low, form), plain(measured.high, form)
     return f"{plain(measured.mean, form)} ({low} … {high})"
 
@@ -193,7 +193,7 @@ def shares(log_odds: Mapping[str, pd.Series]) -> str:
 
 def unless_same(verdict: str, other: str) -> str:
     """A verdict by other numbers, in words, where it is another one."""
-    return "" if other == verdict else f", by which the verdict would be: {other}"
+    return "" if other == verdict else f", for which the verdict would be: {other}"
 
 
 def intervals(values: Mapping[str, pd.Series]) -> str:

@@ -71,8 +71,8 @@ def test_random_draws_have_their_range_and_the_finding_is_reported_where_it_is_o
     table = exp1.draws(frame)
     assert list(table.index) == ["seeds", "eigen"]
     assert table.loc["eigen"].tolist()[::2] == ["1 (0.55 … 1.45)", "4 (2.2 … 5.8)"]
-    assert exp1.finding(frame).startswith("; of eigen's 2.00 times less error") == said
-    assert ("weights leave 1.25:" in exp1.finding(frame)) == said
+    assert exp1.finding(frame).startswith("; eigen's gain over the seeds") == said
+    assert ("is 2.00, and 1.25 with weights:" in exp1.finding(frame)) == said
 
 
 def test_factors_are_ratios_of_errors_draw_by_draw_with_their_intervals():
@@ -86,7 +86,7 @@ def test_factors_are_ratios_of_errors_draw_by_draw_with_their_intervals():
     table = exp1.factors(raw, both, raw, ["eigen"])
     assert list(table.columns) == ["seeds + eigen"] and table.loc[exp1.SIMULATOR].item() == "2 (2 … 2)"
     alone = exp1.factors(raw, sure, raw, ["eigen"]).loc[exp1.EXPECTED].item()
-    assert alone == "2 (no interval: one alone)"
+    assert alone == "2 (no interval: one value)"
     assert table.loc[exp1.EXPECTED].item().startswith("1 (")  # 2 in one training, 1/2 in the other
 
 
@@ -109,8 +109,8 @@ def test_plants_are_compared_one_by_one_by_both_means_and_weightings():
     alone = np.exp(-np.log(ratio["eigen"]).mean())
     assert means == pytest.approx([alone, alone, alone / 3.25, alone / 2], rel=0.01)
     said = exp1.on_plants(plants, ["eigen", "vanilla"]).split(". ")
-    assert "1 of 2 sets with generated ones have more error than the seeds, 1 beyond doubt, 0 less" in said[0]
-    assert "2 of 2 sets with generated ones have more error than the seeds, 2 beyond doubt, 0 less" in said[1]
+    words = "{0} of 2 sets with generated trajectories have a larger error than the seeds, {0} significantly"
+    assert words.format(1) in said[0] and words.format(2) in said[1] and "; 0 a" in said[0] and "; 0 a" in said[1]
 
 
 @pytest.fixture

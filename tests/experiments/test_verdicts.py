@@ -91,8 +91,8 @@ def test_a_claim_about_several_holds_of_each_or_in_part():
 
 def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():
     alone = pd.Series([0.5], pd.Index([0], name="training"))
-    assert ratios({"eigen": alone}) == "eigen 1.65 (no interval: one alone) ×"
-    assert shares({"eigen": alone}) == "eigen 62% (no interval: one alone)"
+    assert ratios({"eigen": alone}) == "eigen 1.65 (no interval: one value) ×"
+    assert shares({"eigen": alone}) == "eigen 62% (no interval: one value)"
 
 
 def test_a_verdict_says_where_the_valid_alone_would_give_another():
@@ -105,8 +105,8 @@ def test_a_verdict_says_where_the_valid_alone_would_give_another():
         return CRITERIA["fitter"](SimpleNamespace(histories=pd.DataFrame(rows)))
 
     one, torn, nothing = judged(1e3), judged(1e4), judged(np.nan)
-    assert one.verdict == torn.verdict == nothing.verdict == HOLDS and "by which" not in one.ours
-    assert torn.ours.endswith(f"by which the verdict would be: {NOT}")
+    assert one.verdict == torn.verdict == nothing.verdict == HOLDS and "for which" not in one.ours
+    assert torn.ours.endswith(f"for which the verdict would be: {NOT}")
     assert nothing.ours.endswith(UNKNOWN) and "nothing to measure" in nothing.ours
 
 
