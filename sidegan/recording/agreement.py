@@ -74,12 +74,12 @@ class Agreement(NamedTuple):
             each = zip(arm.joint_names, self.load.scale.tolist(), self.rescaled.tolist())
             shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in each if marked], arm.joints)
             found.append(
-                f"measured torques are not what the description needs but {shares} times that: another unit, "
-                "another gain, or wrong masses? (recording.units, robot.gains)"
+                f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
+                "gain or wrong masses? (recording.units, robot.gains)"
             )
         if self.strange:
             found.append(
-                "hardly any torque is as described: is this the arm, and are its joints in this order?"
+                "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
         return found
 
@@ -89,8 +89,8 @@ class Agreement(NamedTuple):
             return None
         if not self.load.gravity.any():
             return (
-                "these torques contain no gravity, though the description's links need it: a driver that "
-                "compensates it may publish what is left; record the whole effort, or add that torque to it"
+                "these torques contain no gravity, although the description's links have mass: a driver that "
+                "compensates gravity may leave it out; record the total torque, or add that of gravity"
             )
         found, described = (straightened(in_base(arm, g)) for g in (self.load.gravity, arm.gravity))
         mount = ",".join(f"{round(x, 3) + 0.0:.4g}" for x in mount_of(None, found.tolist()))
@@ -116,16 +116,16 @@ class Agreement(NamedTuple):
         if not moved and self.swapped and not self.turned:
             one, other = (arm.joint_names[j] for j in self.swapped)
             return (
-                f"the motions of {one} and {other} look swapped: the torques are those of each other's "
-                "positions; are these columns in this order? (recording.position)"
+                f"the motions of {one} and {other} look swapped: each one's torque fits the other's "
+                "positions; is the order of columns right? (recording.position)"
             )
         if not moved:
             return None
-        each = [f"that of {arm.joint_names[j]} is what {arm.joint_names[self.order[j]]} needs" for j in moved]
-        return f"torques look swapped: {', '.join(each)}; are the columns in this order? (recording.torque)"
+        each = [f"that of {arm.joint_names[j]} fits {arm.joint_names[self.order[j]]}" for j in moved]
+        return f"torques look swapped: {', '.join(each)}; is the order of columns right? (recording.torque)"
 
     def warnings(self, arm: Arm) -> list[str]:
-        """All of that, and joints whose sign is not told."""
+        """All of these doubts, and joints whose sign the motion does not show."""
         silent = (np.abs(self.sign) < _CLEAR) | (self.moved < _STILL)
         said = self.exchanged(arm)
         first = [said] if said else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]

@@ -31,7 +31,7 @@ def bag_files(path: Path) -> list[Path]:
     """Files of the folder of a bag, in the order of their names."""
     inside = sorted(path.iterdir())
     if not any(one.suffix in _SUFFIXES or one.name == "metadata.yaml" for one in inside):
-        raise RecordingError(f"{path} is a folder without a bag: it has neither .db3 nor .mcap files")
+        raise RecordingError(f"{path} is a folder without a bag: it has no .db3 or .mcap file")
     return [one for one in inside if one.is_file()]
 
 
@@ -70,7 +70,7 @@ def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Co
             f"{path.name} has joint states on {', '.join(topics)}; choose one by recording.topic"
         )
     if topic is not None and topic not in topics:
-        raise RecordingError(f"{path.name} has no joint states on {topic}, but on {', '.join(topics)}")
+        raise RecordingError(f"{path.name} has joint states on {', '.join(topics)}, not on {topic}")
     return [c for c in of_states if topic is None or c.topic == topic]
 
 

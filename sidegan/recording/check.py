@@ -204,7 +204,7 @@ def check_recording(
     corrected = settings.delay is None and delay.believed
     segments = kept(delay.seconds) if corrected else segments
     locked = arm.setup.locked or {}
-    warnings = [f"{x} is left out, locked at {locked[x]:.4g}" for x in settings.without if x in locked]
+    warnings = [f"{x} is locked and left out, at {locked[x]:.4g}" for x in settings.without if x in locked]
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += remarks.values()

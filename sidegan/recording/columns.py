@@ -97,7 +97,7 @@ class Finder:
         if not self.only and loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
-                f"{self.file} has neither torque nor current: {like}; it has {self._has()}"
+                f"{self.file} has no torque or current: {like}; it has {self._has()}"
                 f"{self._offers('torque') or self._another_file('position')}"
             )
         return where, [*self._shifted(guessed), *self._left_over(where, patterns)]
@@ -111,8 +111,8 @@ class Finder:
         if not stamps and self.settings.rate is None:
             wanted = "like 't' or 'time'" if AUTO in names else " or ".join(map(repr, names))
             raise RecordingError(
-                f"{self.file} has no column {wanted} of time stamps; it has {self._has()}; say which it is, "
-                "recording.time=NAME, or without a clock how many rows there are in a second: "
+                f"{self.file} has no column {wanted} of time stamps; it has {self._has()}; name the column, "
+                "recording.time=NAME, or, without time stamps, state the sampling rate [Hz]: "
                 "recording.rate=1000"
             )
         if len(stamps) > 1 and not is_split(stamps):
@@ -141,7 +141,7 @@ class Finder:
             if left > _MOST_LEFT:
                 raise RecordingError(
                     f"{self.file} has {signal} of {counted(len(columns) + left, 'joint')}, the arm has "
-                    f"{len(columns)}; if its first ones are the arm's, say so: {_typed(signal, pattern)}"
+                    f"{len(columns)}; if the first {len(columns)} are the arm's: {_typed(signal, pattern)}"
                 )
             return [*columns], pattern
         return [], ""
@@ -214,7 +214,7 @@ class Finder:
         first = [next(iter(one)) for one in taken if any(one.get(c, place) != place for c, place in named)]
         if not first:
             return []
-        return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, and so on"]
+        return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
 
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
         """A sentence about columns of more joints than the arm has."""
@@ -223,12 +223,12 @@ class Finder:
         if not left:
             return []
         has = f"the arm has {counted(len(self.joints.places), 'joint')}"
-        said = f"left over: {listed(left)}; "
+        said = f"not used: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.position or not zero:
             return [said + has]
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
-        return [f"{said}joints are counted from 0, and {has}; if its first one is number 1, say so: {other}"]
+        return [f"{said}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
 
     def _refuse_missing(self, signal: str) -> None:
         """Raise when a signal has to be there, or is for half of the joints or more, but not for all."""
@@ -244,7 +244,7 @@ class Finder:
         own, missing = self.joints.own, [column for column in wanted if column not in self.available]
         joints = [name for name, column in zip(own, wanted) if column in missing] if wanted[1:] else own
         raise RecordingError(
-            f"{self.file} has no {signal} of {len(joints)} of the arm's {counted(len(own), 'joint')}: "
+            f"{self.file} has no {signal} for {len(joints)} of the arm's {counted(len(own), 'joint')}: "
             f"no column {listed([repr(c) for c in missing])}; it has {self._has()}"
             f"{self._remedy(signal, joints)}"
         )
@@ -255,14 +255,14 @@ class Finder:
         if signal == "position" or not partial:
             return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
         if signal in ("torque", "current"):
-            return f"; joints that stand still can be left out: 'recording.without=[{','.join(joints)}]'"
-        return f"; recording.{signal}=null derives it"
+            return f"; joints that do not move can be left out: 'recording.without=[{','.join(joints)}]'"
+        return f"; to derive it instead: recording.{signal}=null"
 
     def _another_file(self, has: str) -> str:
         """Words to type when another file has what this one lacks, and this one has a signal."""
         files = {"position": "FILE", "effort": "FILE"} | {has: self.file}
         each = ", ".join(f"{signal}: {file}" for signal, file in files.items())
-        return f"; is it in a file of its own? 'recordings=[{{{each}}}]'"
+        return f"; is it in another file? 'recordings=[{{{each}}}]'"
 
     def _offers(self, signal: str) -> str:
         """Settings with which other columns of the file would be the signal."""

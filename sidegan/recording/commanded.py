@@ -10,7 +10,6 @@ import pandas as pd
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
-from sidegan.base.names import counted
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import Recording
@@ -62,7 +61,9 @@ def commanded_files(path: Path) -> list[Path]:
     files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda one: one.stem.zfill(9))
     files = [file for file in files if folder.is_file() or file.stem.isdigit()]
     if not files:
-        raise RecordingError(f"recording.sent is {path}, expected a table of excite or the folder of its run")
+        raise RecordingError(
+            f"recording.sent is {path}, expected a table written by excite or the folder of its run"
+        )
     return files
 
 
@@ -74,7 +75,7 @@ def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
             table = pd.read_csv(file)
         columns = ["time", *(f"q_{name}" for name in joint_names)]
         if missing := [name for name in columns if name not in table]:
-            raise RecordingError(f"{file} has no column {', '.join(missing)}: is it of this arm?")
+            raise RecordingError(f"{file} has no column {', '.join(missing)}: is it for this arm?")
         values = table[columns].to_numpy(np.float64)
         found.append(Commanded(file.stem, values[:, 0], values[:, 1:]))
     return found
@@ -91,8 +92,8 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     starts = _starts(time, signals["position"], sent, gap)
     if not starts:
         raise RecordingError(
-            f"{recording.name}: of {counted(len(sent), 'trajectory that was', 'trajectories that were')} "
-            "sent none is in it; was it executed at another speed, or is recording.sent of another run?"
+            f"{recording.name} contains none of the commanded trajectories ({len(sent)} sent); "
+            "were they executed at another speed, or is recording.sent from another run?"
         )
     step = float(np.median(np.diff(time)))
     names = recording.joint_names

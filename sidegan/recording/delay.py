@@ -52,19 +52,19 @@ class Delay(NamedTuple):
         return not self.given and abs(self.seconds) >= LONGEST
 
     def statement(self, taken_off: bool) -> str:
-        """A sentence on it, and on what became of it."""
+        """A sentence on the delay, and on whether it is taken off."""
         size, when = abs(self.seconds) * 1e3, "earlier" if self.seconds < 0 else "later"
         if self.given:
-            return f"torques are taken to be {size:g} ms {when} than the motion, as is set"
+            return f"torques are assumed to be {size:g} ms {when} than the motion, as set"
         if self.lost:
             return (
-                f"torques look more than {LONGEST:g} s {when} than the motion, beyond the search: "
-                "left as it is; are they of this motion, and of one clock? recording.delay=… [s] sets it"
+                f"torques look more than {LONGEST:g} s {when} than the motion, the most that is searched: "
+                "left as they are; same motion, same clock? If the delay is real, set recording.delay=… [s]"
             )
         worth = self.believed and abs(self.seconds) > _WORTH
-        left = "left as it is" + "; recording.delay=null takes it off" * worth
+        left = "not corrected" + "; recording.delay=null takes it off" * worth
         if math.isinf(self.deviation):
-            return "whether torques are later than the motion cannot be determined: left as it is"
+            return "the delay of the torques cannot be determined: not corrected"
         rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
         said = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
         return f"{said}: {'taken off' if taken_off else left}"

@@ -25,7 +25,7 @@ def dataset_files(path: Path) -> list[Path]:
     """Files of a dataset that hold numbers: its description, and its frames in the order of episodes."""
     frames = sorted(path.glob(_FRAMES))
     if not frames:
-        raise RecordingError(f"{path} is a LeRobot dataset without frames: there is no {_FRAMES}")
+        raise RecordingError(f"{path} is a LeRobot dataset without frames, expected {_FRAMES}")
     return [path / _INFO, *frames]
 
 
@@ -45,7 +45,9 @@ def dataset_table(path: Path) -> Table:
             parts.append(pd.DataFrame({**parquet_table(file).columns}))
     frames = pd.concat(parts, ignore_index=True)
     if missing := [name for name in (_TIME, _EPISODE) if name not in frames]:
-        raise RecordingError(f"{files[0]} has no column {', '.join(missing)}: is it of a LeRobot dataset?")
+        raise RecordingError(
+            f"{files[0]} has no column {', '.join(missing)}: is it part of a LeRobot dataset?"
+        )
     steps = frames[_TIME].astype(np.float64).diff().fillna(0.0)
     frames[_TIME] = steps.mask(frames[_EPISODE].diff().fillna(0) != 0, _PAUSE).cumsum()
     columns: dict[str, Any] = {}

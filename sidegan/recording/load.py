@@ -87,7 +87,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
     table, where, remarks = _open(path, settings, joints, only)
     if settings.units.position is not None and (rates := where.keys() & {"velocity", "acceleration"}):
         where = {name: columns for name, columns in where.items() if name not in rates}
-        remarks.append(f"{listed(sorted(rates))} is derived, since positions are counts of encoders")
+        remarks.append(f"{listed(sorted(rates))} is derived, since positions are encoder counts")
     signals: dict[str, Array] = {}
     with reading(path, path.suffix[1:], RecordingError):
         if "time" in where:
@@ -98,7 +98,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
             table.forget({*where[name]} - {c for one in where.keys() - signals.keys() for c in where[one]})
     if len({len(x) for x in signals.values()}) > 1:
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
-        raise RecordingError(f"{path.name}: the arrays are not of the same length: {lengths}")
+        raise RecordingError(f"{path.name}: the arrays differ in length: {lengths}")
     parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
     signals, corrupt, more = merged(parts)
     remarks = [*_headed(where, settings.units, joints), *remarks, *more]
@@ -137,7 +137,7 @@ def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
         slides = (False,) if name == "time" else joints.slides
         found += [(name, units.read(name, *each)) for each in zip(slides, columns)]
     each = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
-    return [f"{each}, as the columns are headed; recording.units sets another unit"] if each else []
+    return [f"{each}, according to the column names; recording.units overrides them"] if each else []
 
 
 def _open(
@@ -148,12 +148,12 @@ def _open(
     if is_bag(path) and not dataset:
         table, where = bag_table(path, settings, joints.names)
         if only and only not in where:
-            raise RecordingError(
-                f"{path.name}: its joint states have no {only}, but {', '.join([*where][1:])}"
-            )
+            raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
         return table, {name: where[name] for name in ("time", only)} if only else where, []
     if not dataset and suffix not in _READERS:
-        raise RecordingError(f"{path} ends in {suffix or 'nothing'}, expected {', '.join(_READERS)} or a bag")
+        raise RecordingError(
+            f"{path} has the suffix {suffix or 'none'}, expected {', '.join(_READERS)} or a bag"
+        )
     with reading(path, suffix[1:], RecordingError):
         table = dataset_table(path) if dataset else _READERS[suffix](path)
         return table, *Finder(path.name, table, settings, joints, only).found()
@@ -166,7 +166,7 @@ def _in_si(
     columns = [table.numbers(column) for column in where]
     if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
         shapes = ", ".join(f"{one} is {x.shape}" for one, x in zip(where, columns))
-        raise RecordingError(f"{file}: columns are not of one length with a number in each row: {shapes}")
+        raise RecordingError(f"{file}: columns must have one length and one number per row: {shapes}")
     x = np.stack(columns).T if where[1:] else columns[0].reshape(len(columns[0]), -1)
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
@@ -193,7 +193,7 @@ def _whole_rows(
     if len(wrong) and wrong.mean() > _MOST_CORRUPT:
         worst = [name for name, share in zip(names, missing.mean(1)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
-            f"{file}: {wrong.mean():.0%} of its rows are without a number, in column {listed(worst)}"
+            f"{file}: {wrong.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )
     corrupt = []
     for k in np.flatnonzero(wrong).tolist():

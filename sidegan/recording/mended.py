@@ -37,7 +37,7 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
             found.append(name)
     if not found:
         return recording
-    said = f"readings of {listed(found)} jump by whole turns, which are taken out: they go on beyond ±π"
+    said = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they continue beyond ±π"
     return replace(recording, position=position, remarks=(*recording.remarks, said))
 
 
@@ -67,7 +67,7 @@ def driven(recording: Recording) -> Recording:
     signals: dict[str, Any] = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
     said = (
-        f"from {first:.6g} s on no {recording.load} changes while the arm rests, as without drives: "
+        f"from {first:.6g} s no {recording.load} changes while the arm rests, as if drives were off: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
     remarks = (*recording.remarks, said)

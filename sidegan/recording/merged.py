@@ -37,8 +37,8 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
     without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
     if without and stamped:
         raise RecordingError(
-            f"{without[0]} has no column of time stamps, and {stamped[0]} has one: write the time stamps of "
-            f"its rows into {without[0]}, too"
+            f"{stamped[0]} has time stamps, but {without[0]} has none: add a column of time stamps to "
+            f"{without[0]}"
         )
     corrupt = [(row, f"{part.file}: {reason}") for part in parts for row, reason in part.corrupt]
     remarks = [f"{part.file}: {remark}" for part in parts for remark in part.remarks]
@@ -50,7 +50,7 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
     if not begin < end:
         spans = [f"{one.file} from {one.time[0]:.6g} s to {one.time[-1]:.6g} s" for one in parts]
         raise RecordingError(
-            f"no moment is in all files, expected time stamps of one clock: {'; '.join(spans)}"
+            f"the files do not overlap in time, expected time stamps of one clock: {'; '.join(spans)}"
         )
     time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
     signals = {
@@ -64,5 +64,5 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
     remarks += [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
     lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)
     if lost > max(clock.step for clock in clocks):
-        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest of them is left out")
+        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest is left out")
     return {name: x[whole] for name, x in ({"time": time} | signals).items()}, corrupt, remarks

@@ -45,13 +45,13 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
         if where := _stretch(np.isin(theirs, mine), time):
             raise RecordingError(
                 f"{second} holds samples of {first}, {where}: they would count twice, "
-                "or a model would be tested on what it was made from"
+                "or a model would be validated on its own training data"
             )
         (mine, _), (theirs, time) = (x.changing([x.load]) for x in (one, other))
         if where := _stretch(_in_order(mine, theirs), time):
             raise RecordingError(
-                f"the torques of {second} are those of {first}, {where}, with other motion: "
-                "one of them has torques of another recording"
+                f"{second} has the same torques as {first}, {where}, but another motion: "
+                "one of the two has the torques of another recording"
             )
 
 

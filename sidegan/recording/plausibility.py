@@ -31,11 +31,11 @@ def clock_warnings(statistics: Statistics) -> list[str]:
     if gaps := statistics.gaps:
         start, longest = max(gaps, key=lambda gap: gap[1])
         where = f"the longest {longest:.3g} s after {start:.6g} s"
-        warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not crossed")
+        warnings.append(f"{counted(len(gaps), 'gap')}, {where}; not bridged")
     if found := statistics.bridged:
-        warnings.append(f"{counted(found, 'gap')} of up to {statistics.gap * 1e3:.3g} ms, interpolated over")
+        warnings.append(f"{counted(found, 'gap')} of up to {statistics.gap * 1e3:.3g} ms, interpolated")
     if found := statistics.duplicates:
-        warnings.append(f"{counted(found, 'sample')} with the time stamp of the one before, left out")
+        warnings.append(f"{counted(found, 'sample')} with a repeated time stamp, left out")
     if statistics.jitter > _MOST_JITTER:
         warnings.append(f"the time between samples varies by {statistics.jitter:.0%}")
     if corrupt:
@@ -54,21 +54,21 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     name = statistics.load
     load = statistics.signals[name]
     coarse = load.quantum > _COARSE * (load.upper - load.lower)
-    hardly = f"no joint by more than {span.max():.2g} rad or m, a tenth of its range"
+    hardly = f"no joint by more than {span.max():.2g} rad or m, or a tenth of its range"
     found = [
         (position.constant, "{} never moved"),
         (little.all(), f"the arm hardly moves: {hardly}"),
-        (outside, "{} left the limits of position"),
-        (load.clipped > 0, f"the {name} of {{}} looks saturated at an extreme"),
+        (outside, "{} exceeded the position limits"),
+        (load.clipped > 0, f"the {name} of {{}} looks saturated"),
         (coarse, f"the {name} of {{}} is coarsely quantised"),
     ]
     if name == "torque":
-        found.append((load.largest > arm.torque_limit, "the torque of {} is beyond the arm's limit"))
+        found.append((load.largest > arm.torque_limit, "the torque of {} exceeds the arm's limit"))
     warnings = [text.format(arm.named(which)) if which.ndim else text for which, text in found if which.any()]
     for joint, begin, end in statistics.frozen:
         warnings.append(
-            f"the {name} of {arm.joint_names[joint]} stays the same from {begin:.2f} s to {end:.2f} s, "
-            "though it moves: take these rows out of the file"
+            f"the {name} of {arm.joint_names[joint]} is frozen from {begin:.2f} s to {end:.2f} s, "
+            "although the joint moves: remove these rows from the file"
         )
     return warnings
 
@@ -95,7 +95,7 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
         if abs(abs(math.log(max(ratio, _NOTHING))) - math.log(DEGREES)) < _NEAR and abs(alike[j]) > _ALIKE:
             raise RecordingError(
                 f"{file}: the {rate} of {arm.joint_names[j]} is {ratio:.3g} times the derivative of its "
-                f"{RATES[rate]}: one of them is in degrees and the other in radians"
+                f"{RATES[rate]}: one is in degrees and the other in radians"
             )
     wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
     if not wrong.any():
@@ -106,6 +106,6 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
         others = f": it is that of {arm.joint_names[k]}" if k != j and correlation[k, j] > _SAME else ""
         each.append(f"{slope[j]:.2f} ({arm.joint_names[j]}{others})")
     return (
-        f"the {rate} is {', '.join(each)} times the derivative of the {RATES[rate]}, and is not used but "
-        f"derived: were columns exchanged, scaled or reversed? (recording.{rate}=null takes this line away)"
+        f"the {rate} is {', '.join(each)} times the derivative of the {RATES[rate]}, so it is derived "
+        f"instead: were columns swapped, scaled or reversed? (recording.{rate}=null silences this)"
     )

@@ -49,7 +49,7 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     span = (position.upper - position.lower)[turning]
     if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
         turned = f"{span.max() * DEGREES:.3g}°"
-        return f"no joint turns by more than {turned}: are these radians? (recording.units.angle=rad)"
+        return f"no joint turns more than {turned}: are these radians? (recording.units.angle=rad)"
     return None
 
 
@@ -62,7 +62,7 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     span, whole = position.upper - position.lower, arm.position_upper - arm.position_lower
     short = sliding & (MILLIMETRES * reach <= _FAR * limit) & (MILLIMETRES * span > _PART * whole)
     if units.length == "mm" and short.any():
-        slid = f"{arm.named(short)} slides by no more than {span[short].max() * MILLIMETRES:.3g} mm"
+        slid = f"{arm.named(short)} slides no more than {span[short].max() * MILLIMETRES:.3g} mm"
         return f"{slid}: are these metres? (recording.units.length=m)"
     return None
 
@@ -78,8 +78,8 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     per_turn = 2 ** math.ceil(math.log2(max(float(upper.max()), 2)))
     zero = per_turn // 2 if (lower >= 0).all() else 0
     return (
-        f"{_reaches(position, arm, far)}, which no unit explains: are these counts of encoders? With their "
-        "counts per turn, and what they read where joints are at zero, perhaps "
+        f"{_reaches(position, arm, far)}, which no unit explains: are these encoder counts? If so, give the "
+        "counts per turn and the reading at joint position zero, for example "
         f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
     )
 
@@ -103,8 +103,8 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     span = signals["position"].upper - signals["position"].lower
     if (span < HARDLY).all():
         raise RecordingError(
-            f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; an arm is identified "
-            "from motions through a good part of its range: +experiment=excite"
+            f"{file} hardly moves: no joint by more than {span.max():.2g} rad or m; identification needs "
+            "motions through a good part of the arm's range: +experiment=excite"
         )
     name = statistics.load
     signal = signals[name]
@@ -113,15 +113,15 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     if signal.constant.any():
         joints = arm.named(signal.constant)
         raise RecordingError(
-            f"{file}: the {name} of {joints} is constant over the whole recording; a joint that stands still "
+            f"{file}: the {name} of {joints} is constant over the whole recording; a joint that never moves "
             f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
         )
     for rate in [name for name in ("velocity", "acceleration") if name in signals]:
         dead = signals[rate].constant & (span >= HARDLY)
         if dead.any():
             raise RecordingError(
-                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; with "
-                f"recording.{rate}=null it is derived"
+                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
+                f"recording.{rate}=null derives it instead"
             )
 
 
@@ -131,7 +131,7 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     Limits that the description's own links exceed in the same motion stand for none.
     """
     limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
-    most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description's links need")
+    most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description predicts")
     heavier = np.full_like(agreement.usual, agreement.heavier)
     share = agreement.usual / arm.torque_limit if limited else heavier
     if not (share > most).any():
@@ -143,13 +143,13 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
     if _HEAVY < share[j] <= 1e3 * most and getattr(units, measured) != smaller:
         suspicion = f"is the {measured} in {smaller}? (recording.units.{measured}={smaller})"
     elif measured == "current":
-        suspicion = "are the gains (robot.gains) and the order of the joints those of this arm?"
+        suspicion = "are the drive gains (robot.gains) and the joint order right?"
     else:
-        suspicion = "is it in N·m, and in this order of the joints? (a current is named by recording.current)"
+        suspicion = "is it in N·m, and the joint order right? (a current is named by recording.current)"
     each = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
     limits = ", ".join(f"{name}: {math.ceil(usual)}" for name, usual, far in each if far)
     raise RecordingError(
         f"{statistics.name}: the torque of {arm.joint_names[j]} reaches {agreement.usual[j]:.4g} {unit}, "
-        f"{share[j]:.3g} times {than}: {suspicion}; if the arm does that, set its limits: "
+        f"{share[j]:.3g} times {than}: {suspicion}; if the arm can do that, raise its limits: "
         f"'robot.limits.effort={{{limits}}}'"
     )

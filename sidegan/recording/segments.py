@@ -30,8 +30,8 @@ def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | 
     slowest = _LEAST_PERIODS / statistics.duration
     if cutoff <= slowest:
         raise RecordingError(
-            f"{statistics.name}: the cut-off is {cutoff:g} Hz, expected more than {slowest:.3g} Hz: of "
-            f"{statistics.duration:.4g} s the low-pass leaves nothing"
+            f"{statistics.name}: the cut-off is {cutoff:g} Hz, expected more than {slowest:.3g} Hz: the "
+            f"low-pass leaves nothing of {statistics.duration:.4g} s"
         )
     return Grid(
         step=statistics.step,
@@ -76,7 +76,7 @@ def preprocess(
                 segments.append(Segment(*(np.ascontiguousarray(x[begin:end]) for x in (times, *states))))
     if not segments:
         raise RecordingError(
-            f"{recording.name}: no joint is ever faster than {settings.still:g} rad/s for a while"
+            f"{recording.name}: no joint stays faster than {settings.still:g} rad/s for long enough"
         )
     return segments
 
@@ -133,7 +133,7 @@ def _signals(
     if recording.load == "current":
         if gains is None:
             raise RecordingError(
-                f"{recording.name} has currents and no torque; give the drive gains [N·m/A] as robot.gains"
+                f"{recording.name} has currents but no torque; set the drive gains [N·m/A] by robot.gains"
             )
         if len(gains) != len(names):
             raise RecordingError(
@@ -142,6 +142,8 @@ def _signals(
             )
         factor *= gains
     if unknown := [name for name in reverse if name not in names]:
-        raise RecordingError(f"reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}")
+        raise RecordingError(
+            f"recording.reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}"
+        )
     signals["torque"] = signals[recording.load]
     return {name: x for name, x in signals.items() if name != "current"}, factor

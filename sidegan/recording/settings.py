@@ -55,7 +55,7 @@ class RecordingSettings:
             pattern = getattr(self, signal)
             if pattern is not None and re.search(r"[{}]", PLACEHOLDER.sub("", pattern)):
                 raise ConfigError(
-                    f"{signal} is {pattern!r}, expected no braces but {{joint}}, {{index}} and {{index0}}"
+                    f"{signal} is {pattern!r}, expected only {{joint}}, {{index}} and {{index0}} in braces"
                 )
 
 
@@ -74,7 +74,7 @@ class Files:
         if self.torque is self.current is self.effort is None:
             raise ConfigError(f"{self} has no effort, expected {{position: q.csv, effort: tau.csv}}")
         if self.effort is not None and (self.torque or self.current):
-            raise ConfigError(f"{self} has an effort beside a torque or current: leave one of them out")
+            raise ConfigError(f"{self} has both an effort and a torque or current: leave one of them out")
 
     def __str__(self) -> str:
         """As they are given on the command line."""

@@ -39,7 +39,7 @@ def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Ar
     known = units.time or units.read("time", False, heading)
     unit = "" if known else _since_1970(stamps)
     if unit:
-        said = f"time stamps are {_LONG[unit]} since 1970; recording.units.time sets another unit"
+        said = f"time stamps are {_LONG[unit]} since 1970; recording.units.time overrides it"
         return (stamps * Units.of_time(unit)).reshape(len(stamps), -1), [said]
     factor = units.factor("time", heading=heading)
     return (stamps * factor).reshape(len(stamps), -1), []

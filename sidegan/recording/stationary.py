@@ -51,8 +51,8 @@ def stationary_positions(
         for name, low, high in zip(settings.without, lower.tolist(), upper.tolist()):
             if high - low > HARDLY:
                 raise RecordingError(
-                    f"{recording.name}: {name}, which recording.without leaves out, moves from {low:.4g} to "
-                    f"{high:.4g} rad or m, but a joint without a torque has to stand still in all "
-                    "recordings, and at one place: record with it held, or record its torque"
+                    f"{recording.name}: {name} is left out (recording.without), but moves from {low:.4g} to "
+                    f"{high:.4g} rad or m; a joint without torque must stay at one position in all "
+                    "recordings: record with this joint locked, or record its torque"
                 )
     return dict(zip(settings.without, ((lower + upper) / 2).tolist()))

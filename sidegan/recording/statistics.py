@@ -81,7 +81,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion."""
     name, samples, time = recording.name, len(recording), recording.time
     if samples < _LEAST_SAMPLES:
-        raise RecordingError(f"{name} holds {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
+        raise RecordingError(f"{name} has {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
     clock = clock_of(name, time, settings.gap)
     slow = clock.step > SLOWEST
     bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position, clock.step)

@@ -124,7 +124,9 @@ def mat_table(path: Path) -> Table:
     try:
         content = scipy.io.loadmat(path, simplify_cells=True)
     except NotImplementedError as error:  # HDF5
-        raise RecordingError(f"{path} is of MATLAB 7.3, expected an older version: save(…, '-v7')") from error
+        raise RecordingError(
+            f"{path} is a MATLAB 7.3 file, expected an older version: save(…, '-v7')"
+        ) from error
     return _of_arrays({name: x for name, x in _fields(content) if not name.startswith("__")})
 
 

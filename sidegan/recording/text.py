@@ -41,11 +41,11 @@ def text_table(path: Path) -> Table:
         return _text_rows(path, echoed, first=1, **form)
     if all(_is_number(name.replace(decimal, ".")) for name in names):
         raise RecordingError(
-            f"{path} begins with numbers, expected a first line of column names: write one into it, such as "
+            f"{path} begins with numbers, expected a header line of column names: add one, such as "
             "t,q1,q2,tau1,tau2"
         )
     if len(set(names)) < len(names):
-        raise RecordingError(f"{path}: a column is named twice: {', '.join(names)[:100]!r}")
+        raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
     return _text_rows(path, [name or f"column {i + 1}" for i, name in enumerate(names)], first=2, **form)
 
 
@@ -101,8 +101,8 @@ def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
     header = ["stamp.sec", "stamp.nanosec", "frame", *names]
     if signals != len(_FIELDS):
         raise RecordingError(
-            f"{path} holds joint states of {counted(joints, 'joint')} without a first line of column names, "
-            f"and {counted(signals, 'value')} of each: write the line into it, such as {','.join(header)}"
+            f"{path} has joint states of {counted(joints, 'joint')} ({counted(signals, 'value')} each), no "
+            f"header line of column names: add one, such as {','.join(header)}"
         )
     return header
 

@@ -48,7 +48,7 @@ class Counts:
         for name, values in vars(self).items():
             if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
                 raise RecordingError(
-                    f"recording.units.position.{name} is of {counted(len(np.atleast_1d(values)), 'joint')}, "
+                    f"recording.units.position.{name} has {counted(len(np.atleast_1d(values)), 'value')}, "
                     f"the arm has {len(slides)}"
                 )
             each.append(np.asarray(values, dtype=np.float64))

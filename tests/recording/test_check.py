@@ -73,10 +73,10 @@ def test_a_torque_that_stays_the_same_while_its_joint_moves_is_reported(planar, 
     still = replace(recording, position=np.where(stuck == stuck[600, 1], 0.3, recording.position))
     rows = [k for k in range(2000) if not 600 <= k < 1900]
     said, *others = (
-        [w for w in check_recording(one, planar, of_file()).warnings if "stays the same" in w]
+        [w for w in check_recording(one, planar, of_file()).warnings if "is frozen" in w]
         for one in (frozen, still, part_of(frozen, rows))
     )
-    assert "the torque of elbow stays the same from 6.00 s to 18.99 s, though it moves" in said[0]
+    assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in said[0]
     assert others == [[], []]
 
 
@@ -111,7 +111,7 @@ def test_a_delay_is_found_within_its_deviation(planar, delay):
     found, said = checked.delay, "; ".join(checked.warnings)
     assert found.seconds == pytest.approx(delay, abs=4 * found.deviation)
     assert found.deviation < 1e-3 and found.believed == (delay != 0)
-    assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: left" in said) == (abs(delay) > 0.02)
+    assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: not" in said) == (abs(delay) > 0.02)
 
 
 def test_friction_that_leads_the_velocity_is_no_delay(planar):
@@ -133,12 +133,12 @@ def test_a_delay_that_is_not_found_is_stated(planar):
     lost = check_recording(late(planar, 1.3, seconds=15), planar, of_file(delay=None))
     assert not lost.corrected and "more than 1 s later" in lost.late
     drowned = check_recording(late(planar, 0.0, noise=30.0, seconds=10), planar, of_file(delay=None))
-    assert not drowned.delay.believed and "left as it is" in "; ".join(drowned.statements)
+    assert not drowned.delay.believed and "not corrected" in "; ".join(drowned.statements)
     said, time = [], np.arange(15 * 200) / 200
     for seed in range(4):  # torques of another motion
         one, other = (moved(planar, time, 2.0, 1.0, np.random.default_rng(k)) for k in (seed, 100 + seed))
         checked = check_recording(replace(one, torque=other.torque), planar, of_file(delay=None))
-        assert not checked.corrected and "left as it is" in checked.statements[-1]
+        assert not checked.corrected and "not corrected" in checked.statements[-1]
         said.append(checked.statements[-1])
         json.dumps(checked.as_json(), allow_nan=False)
     assert any("cannot be determined" in one for one in said)
@@ -153,7 +153,7 @@ def test_a_measured_delay_is_taken_off(planar):
     assert better.corrected and not left.corrected
     assert "recording.delay=null takes it off" in left.statements[-1]
     assert "taken off" in better.statements[-1] and "18 ms later" in given.statements[-1]
-    assert wrong.statements[-1] == "torques are taken to be 71 ms earlier than the motion, as is set"
+    assert wrong.statements[-1] == "torques are assumed to be 71 ms earlier than the motion, as set"
     more = float(re.match(r"torques are (\d+) ± 0\.2\d* ms later", wrong.warnings[-1])[1])
     assert more == pytest.approx(89, abs=1) and not given.warnings
     off = [abs(delay_of(RigidBody(planar), checked.segments).seconds) for checked in (left, better, given)]

@@ -111,9 +111,15 @@ def test_what_is_not_in_it_is_refused(planar, true, sent, tmp_path):
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
     for words, use in (
-        ("of 1 trajectory that was sent none is in it", lambda: averaged(recording, trajectories[2:], 0.1)),
+        (
+            "contains none of the commanded trajectories",
+            lambda: averaged(recording, trajectories[2:], 0.1),
+        ),
         ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
-        ("expected a table of excite", lambda: load_commanded(tmp_path / "nothing", planar.joint_names)),
+        (
+            "expected a table written by excite",
+            lambda: load_commanded(tmp_path / "nothing", planar.joint_names),
+        ),
         ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", planar.joint_names)),
     ):
         with pytest.raises(RecordingError, match=words):

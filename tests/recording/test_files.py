@@ -170,7 +170,7 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
     "units and blanks": (
         lambda m, p: text(headed(m, "Time (ms)", "J{} Pos (deg)", "J{} Torque (N·mm)"), p),
         0,
-        "time in ms, position in deg, torque in mNm, as the columns are headed",
+        "time in ms, position in deg, torque in mNm, according to the column names",
     ),
     "units": (lambda m, p: text(headed(m, "time_ms", "q{}_deg", "tau_{}_mNm"), p), 0, "position in deg"),
     "UTF-16": (lambda m, p: text(table(m), p, "utf-16", sep="\t"), 0, ""),
@@ -225,8 +225,8 @@ def test_joints_are_in_the_order_that_the_file_names(made, tmp_path):
 
 
 LEFT_OVER = [
-    ("q{i} tau{i}", "q2 tau2", r"counted from 0.* say so: 'recording.position=\"q\{index\}\"' 'rec"),
-    ("q{n} tau{n}", "q3 tau3", "left over: q3, tau3; the arm has 2 joints"),
+    ("q{i} tau{i}", "q2 tau2", r"counted from 0.* number 1: 'recording.position=\"q\{index\}\"' 'rec"),
+    ("q{n} tau{n}", "q3 tau3", "not used: q3, tau3; the arm has 2 joints"),
 ]
 
 
@@ -239,7 +239,7 @@ def test_a_column_that_is_left_over_is_remarked_on(made, tmp_path, names, more, 
 
 REFUSED = [
     ({"q": "theta{i}"}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
-    ({"tau": "load{n}"}, r"neither torque nor current.* fit\? 'recording.torque=\"load\{index\}\"'"),
+    ({"tau": "load{n}"}, r"no torque or current.* fit\? 'recording.torque=\"load\{index\}\"'"),
     ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"'recording.joints=\[shoulderx,elbowx\]'"),
 ]
 
@@ -340,7 +340,7 @@ def test_a_joint_that_slides_in_another_unit_is_refused(sliding, clock, unit, fa
 
 def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recording, planar, tmp_path):
     counts = (recording.position / (2 * np.pi) * 4096 + 2048).round()
-    with pytest.raises(RecordingError, match="no unit explains: are these counts") as error:
+    with pytest.raises(RecordingError, match="no unit explains: are these encoder counts") as error:
         check_recording(replace(recording, velocity=None, position=counts), planar, of_file())
     per_turn, zero = map(float, re.findall(r"(?:per_turn|zero): (\d+)", str(error.value)))
     units = {"position": {"per_turn": [per_turn, -per_turn], "zero": zero}}
@@ -348,7 +348,7 @@ def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recordi
     found = read(tmp_path, table(recording, **columns, qd1=1.0, qd2=1.0), units=units)
     np.testing.assert_allclose(found.position, recording.position * [1, -1], atol=np.pi / 4096, rtol=0)
     assert found.velocity is None and "velocity is derived" in found.remarks[0]
-    with pytest.raises(RecordingError, match=r"units\.position\.zero is of 3 joints, the arm has 2"):
+    with pytest.raises(RecordingError, match=r"units\.position\.zero has 3 values, the arm has 2"):
         read(tmp_path, table(recording), units={"position": {"per_turn": 4096, "zero": [0, 0, 0]}})
 
 
@@ -360,7 +360,7 @@ def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
     found = read(tmp_path, table(recording, **columns))
     turns = (found.position - far) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.broadcast_to(turns[:1].round(), turns.shape), atol=1e-9, rtol=0)
-    assert found.remarks[0].startswith("readings of shoulder jump by whole turns")
+    assert found.remarks[0].startswith("positions of shoulder jump by whole turns")
     slid = read(tmp_path, table(recording, **columns), sliding=JOINTS)
     np.testing.assert_allclose(slid.position, wrapped)
     slow = table(recording, **dict(zip(("q1", "q2"), DEGREES * recording.position.T)))[::10]
@@ -383,7 +383,7 @@ def at_rest(made, torque, seconds=4.0):
 def test_rows_at_rest_without_drives_are_left_out(recording, tmp_path):
     found = read(tmp_path, at_rest(recording, lambda _: {"tau1": 0.0, "tau2": 0.0}))
     np.testing.assert_allclose(found.torque, recording.torque)
-    assert "no torque changes while the arm rests, as without drives: 400 rows" in found.remarks[0]
+    assert "no torque changes while the arm rests, as if drives were off: 400 rows" in found.remarks[0]
     led = table(recording)
     led.loc[:999, ["tau1", "tau2"]] = 0.0  # somebody leads an arm without drives
     for other in ("tau1", "tau2"):
@@ -406,7 +406,7 @@ def test_each_signal_is_taken_at_the_rows_that_have_it(recording, tmp_path):
 
 def test_joint_states_without_names_of_two_signals_are_refused_with_the_line_to_write(made, tmp_path):
     echoed(made, tmp_path, ("position", "torque"))
-    with pytest.raises(RecordingError, match=r"2 values of each: .* such as stamp\.sec,.*") as error:
+    with pytest.raises(RecordingError, match=r"2 values each.* such as stamp\.sec,.*") as error:
         load_recording(tmp_path / "a.csv", of_file(), JOINTS)
     line = str(error.value).partition("such as ")[2]
     (tmp_path / "a.csv").write_text(f"{line}\n{(tmp_path / 'a.csv').read_text()}")
@@ -439,8 +439,8 @@ def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
 
 APART = [
     ("effort.csv has no column like 't' or 'time'", lambda x: x.drop(columns="t")),
-    ("no moment is in all files, .* effort.csv from 100 s", lambda x: x.assign(t=x.t + 100)),
-    ("effort.csv has no torque of 1 of the arm's 2 .*without=.elbow", lambda x: x.drop(columns="elbow")),
+    ("do not overlap in time, .* effort.csv from 100 s", lambda x: x.assign(t=x.t + 100)),
+    ("effort.csv has no torque for 1 of the arm's 2 .*without=.elbow", lambda x: x.drop(columns="elbow")),
 ]
 
 
@@ -455,7 +455,7 @@ def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path,
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
     arm = load_robot("planar2", Setup(locked=stationary_positions(planar, [path], settings)))
     (found,) = read_and_check([(path, "training")], arm, settings)
-    assert "shoulder is left out, locked at 0.3" in found.warnings and chain_of(arm) == JOINTS
+    assert "shoulder is locked and left out, at 0.3" in found.warnings and chain_of(arm) == JOINTS
     np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
-    with pytest.raises(RecordingError, match=r"elbow, which recording\.without leaves out, moves"):
+    with pytest.raises(RecordingError, match=r"elbow is left out \(recording\.without\), but moves"):
         stationary_positions(planar, [path], of_file(without=["elbow"]))

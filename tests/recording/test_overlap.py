@@ -46,7 +46,7 @@ def test_a_file_with_fewer_signals_or_in_single_precision_is_found(one):
 def test_torques_of_another_motion_are_found(one, planar):
     other = made(planar, 1)
     words = refused(one, replace(other, torque=np.concatenate([other.torque[:1000], one.torque[1000:]])))
-    assert words.startswith("the torques of b are those of a, from 5") and "to 14.9" in words
+    assert words.startswith("b has the same torques as a, from 5") and "to 14.9" in words
     coarse = [replace(x, torque=(x.torque / 2).round()) for x in (one, other)]
     assert not refused(*coarse)
 

@@ -20,7 +20,7 @@ PLANAR = load_robot("planar2")
 SETTINGS = [
     (r"units\.angle is 'turn', expected 'rad' or 'deg'", {"units": {"angle": "turn"}}),
     ("position is None, expected text", {"position": None}),
-    *(("no braces but", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
+    *(("in braces", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
     *((name, {name: -1.0}) for name in ("cutoff", "still")),
     *(("cutoff", {"cutoff": 0}), ("gap", {"gap": 1e300})),
 ]
@@ -53,32 +53,36 @@ FILES = [
     ("there is no recording", lambda _, folder: folder / "a.csv", {}),
     ("neither a file nor a folder", lambda _, folder: os.mkfifo(folder / "a") or folder / "a", {}),
     ("without a bag", lambda _, folder: folder, {}),
-    (r"ends in \.xls, expected \.csv", lambda made, to: files.write_csv(made, to).rename(to / "a.xls"), {}),
+    (
+        r"has the suffix \.xls, expected \.csv",
+        lambda made, to: files.write_csv(made, to).rename(to / "a.xls"),
+        {},
+    ),
     ("recording.joints has 1 name, the arm has 2 joints", files.written(), {"joints": ["a"]}),
-    ("without a number, in column tau2", files.written(lambda table: table.assign(tau2=np.nan)), {}),
-    ("no position of 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),
-    ("position of 5 joints, the arm has 2; if its first ones", twice(q3="q1", q4="q1", q5="q2"), {}),
-    ("no torque of 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
+    ("lack a number, in column tau2", files.written(lambda table: table.assign(tau2=np.nan)), {}),
+    ("no position for 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),
+    ("position of 5 joints, the arm has 2; if the first 2", twice(q3="q1", q4="q1", q5="q2"), {}),
+    ("no torque for 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
     (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
     ("time as 't' and as 'time'; choose one: 'recording.time=\"t\"'", twice(time="t"), {}),
     (r"position as 'q\{index\}' and as 'q_\{index\}'; choose one", twice(q_1="q1", q_2="q2"), {}),
-    ("begins with numbers.*write one into it", files.written(header=False), {}),
+    ("begins with numbers.*add one", files.written(header=False), {}),
     (
         "100% of its rows .* number, in column t",
         files.written(lambda table: table.assign(t="running")),
         {},
     ),
     ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
-    ("75% of its rows are .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
-    ("named twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
-    ("not of the same length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
+    ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
+    ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
+    ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
-    ("a number in each row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
+    ("one number per row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
     ("is not a complete npz file", files.arrays(q=np.array([{}] * 200)), ARRAYS),
     ("array q holds complex128, expected real numbers", files.arrays(q=1j * np.ones((200, 2))), ARRAYS),
     ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
-    ("has no joint states on /arm, but on /joint_states", files.write_bag, {"topic": "/arm"}),
-    ("have no acceleration, but position", lambda made, to: Files("", None, str(bag(made, to)), ""), {}),
+    ("has joint states on /joint_states, not on /arm", files.write_bag, {"topic": "/arm"}),
+    ("have position, .* not acceleration", lambda made, to: Files("", None, str(bag(made, to)), ""), {}),
     (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
 ]
 
@@ -141,33 +145,33 @@ def check(recording, arm=PLANAR, gains=None, **changes):
     return check_recording(recording, arm, of_file(**changes), gains)
 
 
-DEGREES, GAINS, TWO = 180 / math.pi, r"are the gains \(robot\.gains\)", (2.0, 2.0)
+DEGREES, GAINS, TWO = 180 / math.pi, r"are the drive gains \(robot\.gains\)", (2.0, 2.0)
 UNITS = [("ms", "s", 1e3), ("ns", "s", 1e9), ("us", "ms", 1e3)]
 DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
 LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
 CHECKED = [
     ("are these degrees", scaled("position", DEGREES), {}),
     ("are these radians", scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}),
-    ("one of them is in degrees", scaled("velocity", DEGREES), {}),
+    ("one is in degrees", scaled("velocity", DEGREES), {}),
     *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
     (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
     (GAINS, currents(1e3), {"gains": TWO, "units": {"current": "mA"}}),
     (GAINS, currents(), {"gains": (2e5, 2e5)}),
-    ("times what the description's links need", currents(1e3), {"gains": TWO, "arm": limited(np.inf)}),
-    ("is it in N·m, and in this order", scaled("torque", 1e7), {}),
+    ("times what the description predicts", currents(1e3), {"gains": TWO, "arm": limited(np.inf)}),
+    ("is it in N·m, and the joint order", scaled("torque", 1e7), {}),
     ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
     ("every torque is zero", but("torque", np.zeros_like), {}),
     ("torque of shoulder, elbow is constant", but("torque", np.ones_like), {}),
-    ("holds 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
+    ("has 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
     ("too short to identify from", scaled("time", 1e-300), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
     (DEAD, but("velocity", np.ones_like), {}),
     ("all samples have the same time stamp", but("time", np.ones_like), {}),
     ("time runs backwards.* after sample 100", but("time", shuffled), {}),
-    ("give the drive gains", currents(), {}),
+    ("set the drive gains", currents(), {}),
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
     ("reverse names wrist", lambda same: same, {"reverse": ["wrist"]}),
-    ("no joint is ever faster than 100 rad/s", lambda same: same, {"still": 100.0}),
+    ("no joint stays faster than 100 rad/s", lambda same: same, {"still": 100.0}),
     (LOW, lambda same: same, {"cutoff": 1e-11}),
 ]
 
@@ -180,16 +184,16 @@ def test_recordings(recording, words, change, options):
 
 WARNED = [
     ("recording.reverse=[elbow]", of_elbow("torque", np.negative)),
-    ("exchanged, scaled or reversed?", of_elbow("velocity", np.negative)),
+    ("swapped, scaled or reversed?", of_elbow("velocity", np.negative)),
     ("the arm hardly moves", scaled("position", 0.1)),
     ("elbow never moved", lambda r: replace(of_elbow("position", np.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),
-    ("1 sample with the time stamp", but("time", interrupted)),
+    ("1 sample with a repeated time stamp", but("time", interrupted)),
     ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
     ("looks saturated", but("torque", lambda x: np.minimum(x, x.max() / 2))),
     ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
     (
-        "is this the arm, and are its joints in this order?",
+        "is this the right arm, and its joint order?",
         lambda r: replace(r, torque=np.sin(r.time[:, None] * [3.1, 4.3])),
     ),
 ]
@@ -203,4 +207,4 @@ def test_warnings(recording, words, change):
 
 def test_limits_that_the_arms_own_links_exceed_are_none(recording):
     warnings = check(recording, limited(1e-3)).warnings
-    assert "the torque of shoulder, elbow is beyond the arm's limit" in "\n".join(warnings)
+    assert "the torque of shoulder, elbow exceeds the arm's limit" in "\n".join(warnings)
