@@ -69,7 +69,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         turned = RigidBody(replace(arm, gravity=agreement.load.gravity))
         error = _error_of(found, TorqueModel(turned, model.terms))
         now = found.quality.judged.nmse_mean
-        gravity += f"; mean nMSE would be {shown(error)} then, it is {shown(now)}"
+        gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, links) if torques_tell[finding.joint]]
     return [*causes, *told, *_offsets(found)], gravity is not None
@@ -91,8 +91,8 @@ def _rotors(found: IdentifiedArm) -> list[str]:
     if error >= _EXPLAINED * now:
         return []
     return [
-        f"rotors explain what is left: with model=motor_current the mean nMSE is {shown(error)}, "
-        f"it is {shown(now)}; are these torques those of the motors?"
+        f"rotors explain the residuals: with model=motor_current the mean nMSE is {shown(error)} "
+        f"instead of {shown(now)}; are these torques measured at the motors?"
     ]
 
 
@@ -118,7 +118,7 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     j = int(np.where(odd, off, 0.0).argmax())
     return [
         f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
-        "the description make it: another gain or unit? (robot.gains, or divide the column by that)"
+        "the description imply: wrong gain or unit? (robot.gains, or divide the column by this factor)"
     ]
 
 
@@ -136,8 +136,8 @@ def _changed_load(found: IdentifiedArm) -> list[str]:
     if not (share < _EXPLAINED and abs(mass) > least):
         return []
     return [
-        f"{found.recordings[k].name} was recorded with another load than the others: {mass:+.2g} ± "
-        f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explain it; identify from recordings "
+        f"{found.recordings[k].name} was recorded with a different load than the others: {mass:+.2g} ± "
+        f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explains it; identify from recordings "
         "with one load (+experiment=payload identifies the difference)"
     ]
 
@@ -168,6 +168,6 @@ def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
         if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * limits[j], _SURE * deviation):
             text = (
                 f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, for a usual torque of "
-                f"{usual:.2g} {unit}: the model holds it, but was the sensor tared?"
+                f"{usual:.2g} {unit}: the model includes it, but was the sensor tared?"
             )
             yield Finding(GOOD, text, j)

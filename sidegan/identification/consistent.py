@@ -148,10 +148,12 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
     pulls = sum(one * (cp.trace(inverse @ p) - cp.log_det(p)) for one, inverse, p in each)
     status = _minimise(cp.sum_squares(rows @ x - right) / 2 + pulls, constraints)
     if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
-        raise InfeasibleError(f"no bodies that can exist explain the samples: {status}")
+        raise InfeasibleError(f"no physically possible links explain the samples: {status}")
     found = np.asarray(x.value)
     if not (np.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].reshape(-1, 10), unit)) > 0).all():
-        raise InfeasibleError("the solver left a link that cannot exist: a stronger pull may help")
+        raise InfeasibleError(
+            "the solver left a physically impossible link: a stronger pull to the description may help"
+        )
     return found
 
 
@@ -183,5 +185,5 @@ def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") ->
         if status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
             break
     if status == cp.OPTIMAL_INACCURATE:
-        _log.warning("the consistent fit is less accurate than asked for")
+        _log.warning("the consistent fit is less accurate than requested")
     return status

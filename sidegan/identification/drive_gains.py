@@ -37,12 +37,12 @@ class Gains:
         against = self.gains < -_SURE * self.deviation
         if unseen := arm.named(~self.certain & ~against):
             doubts.append(
-                f"the load is not seen in the current of {unseen}: the gain has a σ of more than "
-                f"{1 / _SURE:.0%} of it; a heavier load tells it, or one further from the flange"
+                f"the current of {unseen} hardly shows the load: σ of the gain is more than "
+                f"{1 / _SURE:.0%} of it; use a heavier load, or one further from the flange"
             )
         if reversed_ := arm.named(against):
             doubts.append(
-                f"the gain of {reversed_} is below zero: is its current counted the other way round? "
+                f"the gain of {reversed_} is negative: is the sign of its current reversed? "
                 f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
             )
         return doubts
@@ -84,7 +84,7 @@ def drive_gains(
     deviation = np.sqrt(squares / sums.weight * inflation_of(residuals) * spread)
     if (strength := np.linalg.norm(inverse / deviation)) < _SEEN:
         raise RecordingError(
-            f"the load is not seen in the currents: its part of them is {strength:.2g} deviations, expected "
+            f"the currents do not show the load: its effect is {strength:.2g} standard deviations, expected "
             f"{_SEEN:g} or more; was it on the arm in loaded, and is it heavy enough?"
         )
     return Gains(1 / inverse, deviation / np.square(inverse))

@@ -88,7 +88,7 @@ class Tool:
         ]
         untold = [name.removeprefix("tool ") for name, some in zip(self.names, told.tolist()) if not some]
         runs = "" if self._runs == 1 else ", executed with and without it"
-        but = f" but for {', '.join(untold)}" if untold else ""
+        but = f" except for {', '.join(untold)}" if untold else ""
         return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
 
 
@@ -111,7 +111,7 @@ class Prediction:
     def summary(self, deviations: Array, before: Array) -> str:
         """The error on average."""
         now, then = (float(np.sqrt(np.square(x).mean())) for x in (deviations, before))
-        return f"torques of other motions are uncertain by {now:.2%} of their usual size, before {then:.2%}"
+        return f"torques of other motions are uncertain by {now:.2%} of their usual size, {then:.2%} before"
 
 
 Purpose: TypeAlias = Parameters | Tool | Prediction
@@ -130,8 +130,8 @@ def usual_torque(body: RigidBody) -> Array:
     """Root mean square torque of each joint within the limits [N·m or N], (J,)."""
     if not body.arm.inertial_parameters.any():
         raise ConfigError(
-            f"no link of {body.arm.name} has a mass, so that its usual torques are not known: "
-            "goal.objective=condition needs none, and the URDF that +experiment=identify leaves has masses"
+            f"no link of {body.arm.name} has a mass, so its usual torques are unknown: "
+            "use goal.objective=condition, or the URDF that +experiment=identify writes"
         )
     return torque_scale(body, _FLOOR)
 

@@ -75,14 +75,16 @@ class Unmodelled:
         sentences = []
         for j, name in enumerate(names):
             if own := [f"{one.share:.0%} {one.kind}" for one in self.found if one.joint == j]:
-                own[0] = own[0].replace("%", "% of what is left is", 1)
+                own[0] = own[0].replace("%", "% of the residual is", 1)
                 error, beside = self.error[j], noise[j]
                 sentences.append(
-                    f"{name}: {listed(own, _MOST)}, more than noise explains; torques of other motions err "
-                    f"by {error:.1%} for what the model lacks and by {beside:.1%} for noise: "
+                    f"{name}: {listed(own, _MOST)}, more than noise explains; torque errors in other motions:"
+                    f" {error:.1%} from unmodelled effects, {beside:.1%} from noise: "
                     f"{BIASED if error > beside else 'noise dominates'}"
                 )
-        return sentences or ["no known misfit explains more of it than noise would: more motion helps"]
+        return sentences or [
+            "no known effect explains more of the residual than noise would: more motion helps"
+        ]
 
 
 def find_unmodelled(model: TorqueModel, estimate: Estimate, samples: Samples) -> Unmodelled:

@@ -136,12 +136,14 @@ class Quality:
 def _held_out(quality: Quality) -> Iterator[Finding]:
     train, validation, folds = quality.train, quality.held_out, quality.folds
     if validation is None:
-        yield Finding(USABLE, "no recording was held out: how well the model predicts others is not known")
+        yield Finding(
+            USABLE, "no recording was held out: how well the model predicts other motions is unknown"
+        )
     elif quality.mean(validation) > max(_OVERFIT * quality.mean(train), _GOOD_NMSE / 2):
         ratio = (
             f"validation nMSE is {quality.mean(validation) / quality.mean(train):.1f} times that of training"
         )
-        yield Finding(USABLE, ratio if quality.faulty else f"{ratio}: give more, or more varied, recordings")
+        yield Finding(USABLE, ratio if quality.faulty else f"{ratio}: add more, or more varied, recordings")
     if (
         quality.described
         and not quality.faulty
@@ -178,10 +180,10 @@ def _drowned(quality: Quality, j: int) -> Finding:
     level = BAD if (share * usual > _USABLE_LIMIT * limit if known else share > _USABLE_TORQUE) else USABLE
     return Finding(
         level,
-        f"what is left is noise of {noise:.2g} {unit}, for a usual torque of {usual:.2g} {unit}"
+        f"the residual is noise of {noise:.2g} {unit}, for a usual torque of {usual:.2g} {unit}"
         + f" and a limit of {limit:.3g} {unit}" * known
         + f"; torque in other motions is uncertain by {share * usual:.2g} {unit}: repetitions or a longer "
-        "recording make that less, a larger motion does not",
+        "recording reduce that, a larger motion does not",
         j,
     )
 
@@ -192,7 +194,9 @@ def _excitation(quality: Quality) -> Iterator[Finding]:
         yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
     elif condition > _CONDITION:
         alike = f"condition number {condition:.0f} of the scaled regressor"
-        yield Finding(USABLE, f"the arm is poorly excited: parameters act alike in this motion ({alike})")
+        yield Finding(
+            USABLE, f"the arm is poorly excited: parameters are hard to tell apart in this motion ({alike})"
+        )
     for j, share in enumerate(quality.torque_deviation.tolist()):
         if quality.drowned[j]:
             continue
@@ -214,7 +218,9 @@ def _negative(quality: Quality) -> Iterator[Finding]:
     clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
     for name, value, deviation in signed:
         if value < -clear * deviation:
-            what = "a rotor has no negative inertia" if name.startswith("Ia") else "friction drives no joint"
+            what = (
+                "rotor inertia cannot be negative" if name.startswith("Ia") else "friction cannot be negative"
+            )
             yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", joint_of(name))
 
 
@@ -229,11 +235,11 @@ def _advice(quality: Quality, j: int) -> str:
     limit = arm.velocity_limit[j]
     wishes = []
     if moved < _LITTLE * span:
-        wishes.append(f"goes further than {moved:.2g} of {span:.3g} {unit}")
+        wishes.append(f"covers more than {moved:.2g} of {span:.3g} {unit}")
     if fastest < _LITTLE * limit:
         wishes.append(f"is faster than {fastest:.2g} of {limit:.3g} {unit}/s")
     if not wishes:
-        wishes.append("has several frequencies at once and is not in step with other joints")
+        wishes.append("has several frequencies at once and is out of step with other joints")
     return f"; excite it with a motion that {' and '.join(wishes)}"
 
 
@@ -242,8 +248,8 @@ def implausible_mass(found: float, described: float) -> list[Finding]:
     if not described > 0 or described / _MASSES <= found <= described * _MASSES:
         return []
     units = "recording.units.torque or recording.units.current, robot.gains"
-    text = f"the links weigh {found:.3g} kg, by the description {described:.3g} kg"
-    return [Finding(USABLE, f"{text}: is the unit of the torques another one? ({units})")]
+    text = f"the links weigh {found:.3g} kg, {described:.3g} kg in the description"
+    return [Finding(USABLE, f"{text}: are the torques in another unit? ({units})")]
 
 
 def implausible_links(arm: Arm, links: Array) -> list[Finding]:
@@ -255,10 +261,10 @@ def implausible_links(arm: Arm, links: Array) -> list[Finding]:
     for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
         away = math.hypot(*moment) / mass if mass > 0 else 0.0
         if mass > max(_MASSES * described[j], whole) > 0:
-            text = f"{arm.link_names[j]} weighs {mass:.3g} kg, by the description {described[j]:.3g} kg"
+            text = f"{arm.link_names[j]} weighs {mass:.3g} kg, {described[j]:.3g} kg in the description"
             found.append(Finding(USABLE, text, j))
         if away > reach > 0 and mass > _NOTABLE * whole:
-            text = f"the mass of {arm.link_names[j]} is {away:.3g} m off, further than the arm reaches"
+            text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m away, beyond the arm's reach"
             found.append(Finding(BAD, text, j))
     return found
 

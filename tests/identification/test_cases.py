@@ -81,7 +81,7 @@ CASES = [
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
     (offset, GOOD, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
-    (of_motors, BAD, r"^rotors explain what is left: with model=motor_current the mean nMSE is \S+e-05, "),
+    (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
 ]
 
 
@@ -140,7 +140,7 @@ def test_one_recording_with_another_load_is_named():
     carrying = recorded(3, truth=replace(ARM, inertial_parameters=links))
     named = replace(carrying, statistics=replace(carrying.statistics, name="carrying"))
     quality = judged(recorded(2), named).quality
-    assert re.search(r"^carrying was recorded with another load .*: \+2 ± .* kg on ", quality.reasons[0])
+    assert re.search(r"^carrying was recorded with a different load .*: \+2 ± .* kg on ", quality.reasons[0])
 
 
 @pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.02, False)])
@@ -169,4 +169,4 @@ def test_links_that_no_arm_has_are_named():
     links = ARM.inertial_parameters.copy()
     links[2, 1] = 2.0 * links[2, 0]
     (found,) = implausible_links(ARM, links)
-    assert found.level == BAD and "further than the arm reaches" in found.text
+    assert found.level == BAD and "beyond the arm's reach" in found.text

@@ -40,7 +40,7 @@ def test_gains_come_back_within_their_deviations(arm, load, both):
 
 def test_a_load_that_was_not_there_is_refused(arm, load, both):
     again = currents(arm, 0 * load, 10)
-    with pytest.raises(RecordingError, match=r"the load is not seen in the currents: its part .* in loaded"):
+    with pytest.raises(RecordingError, match=r"the currents do not show the load: its effect .* in loaded"):
         drive_gains(model_of(arm), [both[0]], [again], load)
 
 
@@ -49,7 +49,9 @@ def test_a_gain_that_is_uncertain_is_reported(arm, load):
     found = drive_gains(model_of(arm), [free], [laden], load)
     (doubt,) = found.doubts(arm)
     assert found.certain.tolist() == [True, True, True, True, False, True, False]
-    assert "not seen in the current of joint_5, joint_7: the gain has a σ of more than 20% of it" in doubt
+    assert (
+        "the current of joint_5, joint_7 hardly shows the load: σ of the gain is more than 20% of it" in doubt
+    )
 
 
 def test_a_current_that_is_counted_the_other_way_round_is_reported(arm, load, both):
@@ -58,4 +60,4 @@ def test_a_current_that_is_counted_the_other_way_round_is_reported(arm, load, bo
     found = drive_gains(model_of(arm), *data, load)
     assert found.certain.tolist() == [True, True, True, False, True, True, True]
     (doubt,) = found.doubts(arm)
-    assert "gain of joint_4 is below zero" in doubt and "recording.reverse=[joint_4]" in doubt
+    assert "gain of joint_4 is negative" in doubt and "recording.reverse=[joint_4]" in doubt

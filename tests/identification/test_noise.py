@@ -85,6 +85,6 @@ def test_a_joint_that_noise_drowns_is_judged_in_torque_and_the_others_by_themsel
     assert result.drowned.tolist() == [False, True] and result.judged.nmse_mean > 0.1
     assert result.verdict == USABLE and result.mean(result.judged) < 0.01
     (said,) = [reason for reason in result.reasons if reason.startswith("joint 2")]
-    assert "what is left is noise of" in said and "a longer recording" in said and "excite it" not in said
+    assert "the residual is noise of" in said and "a longer recording" in said and "excite it" not in said
     strict = replace(result, noise=np.zeros(2, dtype=bool))
     assert strict.verdict == "not trustworthy" and "excite it" in " ".join(strict.reasons)

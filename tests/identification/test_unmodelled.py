@@ -85,14 +85,14 @@ def test_noise_is_no_misfit(model, keep):
     found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.found == () and (found.error == 0).all()
     (words,) = found.sentences(NAMES, np.zeros(model.joints))
-    assert words.startswith("no known misfit explains more of it than noise would")
+    assert words.startswith("no known effect explains more of the residual than noise would")
 
 
 def test_bias_and_noise_are_reported_apart_in_words(model, flawed):
     data, fitted, found = flawed(SHOWN[0])
     noise = quality_of(model, fitted, data).torque_deviation
     (said,) = found.sentences(NAMES, noise)
-    assert re.match(r"joint 4: \d+% of what is left is friction near rest, ", said)
+    assert re.match(r"joint 4: \d+% of the residual is friction near rest, ", said)
     assert said.endswith(BIASED) and found.error[JOINT] > noise[JOINT]
     (quiet,) = found.sentences(NAMES, 100 * noise)
     assert quiet.endswith("noise dominates")

@@ -40,7 +40,7 @@ def test_one_recording_is_tested_on_itself_and_that_is_stated(planar, recordings
     assert result.tested["weighted"].nmse.mean() < 2e-3
     assert result.kind.startswith("in sample") and result.tested is result.trained
     assert any("held out" in reason for reason in result.quality.reasons)
-    assert result.use == CONSISTENT and "nothing was held out by which" in advice(result)
+    assert result.use == CONSISTENT and "nothing was held out to compare" in advice(result)
 
 
 def test_fewer_equations_than_parameters_are_refused(planar, recordings):

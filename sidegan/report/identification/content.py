@@ -48,26 +48,26 @@ def advice(identified: IdentifiedArm) -> str:
 def _use(identified: IdentifiedArm) -> str:
     use, method, quality = identified.use, identified.chosen.method, identified.quality
     if quality.other_gravity:
-        return "Use none of these models: their links are what makes up for a gravity that is another one."
+        return "Use none of these models: their links compensate for a gravity unlike the description's."
     if not quality.judged.nmse_mean < 1:
-        return "Use none of these models: none predicts better than the mean torque does."
+        return "Use none of these models: none predicts better than the mean torque."
     if quality.verdict == BAD:
         return f"Use none of these models: {_needed(quality)}."
     if identified.tested is identified.trained:
         return (
-            "Use the consistent model, whose bodies can exist: nothing was held out by which others could be "
-            f"compared with it. {_held(identified)}"
+            "Use the consistent model, whose links are physically possible: nothing was held out to compare "
+            f"it with the others. {_held(identified)}"
         )
     consistent, other = (shown(identified.tested[name].nmse_mean) for name in (CONSISTENT, method))
     compared = f"mean nMSE {consistent} against {other} of the {method} one, {identified.kind}"
     if use == CONSISTENT:
         return (
-            "Use the consistent model: bodies that can exist predict as well or better "
+            "Use the consistent model: physically possible links predict as well or better "
             f"({compared}). {_held(identified)}"
         )
     return (
-        f"Use the {method} model, which the Python class holds: no bodies that can exist predict as well "
-        f"({compared}). The URDF and the MJCF hold the consistent one, since simulators refuse others."
+        f"Use the {method} model, which is in the Python class: no physically possible links predict as well "
+        f"({compared}). The URDF and the MJCF hold the consistent one, since simulators reject others."
     )
 
 
@@ -79,30 +79,30 @@ def _needed(quality: Quality) -> str:
         {finding.joint for finding in quality.findings if finding.level == BAD and finding.joint is not None}
     )
     if not joints:
-        return "the model lacks something that acts on the joints; the residuals show what it is like"
+        return "something that acts on the joints is not modelled; the residuals show what it looks like"
     names = listed([quality.joint(j) for j in joints], _NAMED)
     weak = listed([name for name in quality.weak if joint_of(name) in joints], _NAMED)
     motion = f"a motion that excites {weak}, or " if weak else ""
-    return f"{names} cannot be modelled well yet: what is needed is {motion}a model of what else acts there"
+    return f"{names} cannot be modelled well yet: this needs {motion}a model of what else acts there"
 
 
 def _held(identified: IdentifiedArm) -> str:
     """Which files hold the consistent model, and what some of them have no place for."""
-    terms = {"offset": "offsets (the Python class alone)", "rotor_inertia": "rotors (no URDF)"}
+    terms = {"offset": "offsets (Python class only)", "rotor_inertia": "rotors (not in the URDF)"}
     missing = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
-    but = f", but for {missing}" if missing else ""
+    but = f", except {missing}" if missing else ""
     return f"The URDF, the MJCF and the Python class hold it{but}."
 
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     """Motions to record next, a sentence each; the command designs them."""
     if identified.quality.faulty:
-        return ["mend what the verdict names first: no motion helps as long as that is wrong"]
+        return ["fix what the verdict names first: until then, more motion does not help"]
     if not identified.quality.weak:
         return []
     return [
-        "record trajectories that are optimised for what these recordings left uncertain, in your workspace, "
-        f"and identify from all of them: {command} known=FOLDER, with this report's own folder as FOLDER",
+        "record trajectories optimised for what these recordings left uncertain, in your workspace, and "
+        f"identify from all recordings: {command} known=FOLDER, where FOLDER is the folder of this report",
     ]
 
 
