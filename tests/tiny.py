@@ -31,6 +31,7 @@ TINY = (
     "selection.count=6",
     "library.batch=60",
     "identification.rate=20",
+    "plants.plant.rate=250",
 )
 
 

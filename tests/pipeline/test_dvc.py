@@ -24,7 +24,7 @@ PIPELINES = {
     "small": {"paper_seeds", "published_seeds", "identify"},
 }
 
-SPARED = "parallel.workers=1 tracking=off ~gan.exact ~gan.prediction"
+SPARED = "parallel.workers=1 tracking=off plants.plant.rate=250 ~gan.exact ~gan.prediction"
 
 
 @pytest.fixture(params=PIPELINES, ids=lambda name: name or "root")

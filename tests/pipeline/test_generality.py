@@ -9,7 +9,8 @@ from sidegan.pipeline.stages import arms, library
 from sidegan.pipeline.stages.seeds import seed_set
 from tests.tiny import TINY, composed, validate
 
-OWN = [one for one in TINY if not one.startswith(("long.", "selection.", "robot=", "seeds=", "tracking="))]
+FOREIGN = "long.", "plants.", "selection.", "robot=", "seeds=", "tracking="
+OWN = [override for override in TINY if not override.startswith(FOREIGN)]
 GIVEN = ("+experiment=generality", "arms=[planar2]", "gan=eigen", *OWN)
 
 
