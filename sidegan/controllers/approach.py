@@ -24,7 +24,7 @@ _ROUNDS, _NEAR, _FINER = 2, 0.99, 20
 _HOLDABLE = 0.999  # share of a torque limit that holds the arm, beyond which there is nothing left to move it
 _ROUNDING = 1e-9
 _SHORTEST = 0.5  # [s]
-_CLOSER = "bring the arm closer to home by hand or by its own planner first"
+_CLOSER = "move the arm closer to home by hand or with its own planner"
 
 
 def approach(
@@ -45,7 +45,7 @@ def approach(
     try:
         require_straight(constraints, start, home)
     except InfeasibleError as error:
-        raise InfeasibleError(f"{error}; {_CLOSER}, then say where it is") from error
+        raise InfeasibleError(f"{error}; {_CLOSER}, then update controllers.start") from error
     ends = np.array([start, home], float)
     needed = _for_motion(arm, ends[1] - ends[0], use)
     if constraints.torque:
@@ -55,10 +55,10 @@ def approach(
     duration = samples / settings.rate
     if duration > settings.longest:
         raise InfeasibleError(
-            f"the way from controllers.start to home takes {duration:.0f} s, by {use:.0%} of what "
-            f"{arm.joint_names[int(needed.argmax())]} may do at {settings.speed:.0%} of the speed; "
-            f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share of "
-            f"the limits; or {_CLOSER}"
+            f"the path from controllers.start to home takes {duration:.0f} s with {use:.0%} of the limits of "
+            f"{arm.joint_names[int(needed.argmax())]}, at {settings.speed:.0%} of the speed; "
+            f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share; "
+            f"or {_CLOSER}"
         )
     return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
 
@@ -119,9 +119,9 @@ def _refuse_heavy(arm: Arm, share: Array) -> None:
     row, joint = divmod(int(share.argmax()), arm.joints)
     if share[row, joint] > _HOLDABLE:
         raise InfeasibleError(
-            f"the straight way needs too much torque at any speed, whatever controllers.careful: "
-            f"{arm.joint_names[joint]} needs {float(share[row, joint]):.1%} of its limit to hold the arm on "
-            f"it; allow more by robot.effort=…, or {_CLOSER}"
+            f"the straight path needs too much torque at any speed and controllers.careful: "
+            f"{arm.joint_names[joint]} needs {float(share[row, joint]):.1%} of its limit just to hold the "
+            f"arm; allow more by robot.effort=…, or {_CLOSER}"
         )
 
 

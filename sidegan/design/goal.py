@@ -62,7 +62,7 @@ def compiled(
     """
     rigid = len(body.base.columns)
     if goal.model is not None and not np.array_equal(goal.model.body.base.columns, body.base.columns):
-        raise ShapeError("the model is of another arm: it has other base parameters")
+        raise ShapeError("the model is for another arm: its base parameters differ")
     extras = np.zeros(0, np.int64) if goal.model is None else goal.model.extras
     kinds, joints = np.divmod(extras, body.joints)
     by_joint = np.argsort(joints, kind="stable")

@@ -51,7 +51,7 @@ class Problem:
             )
         if self.samples <= 2 * harmonics:
             raise ShapeError(
-                f"{self.samples} samples cannot see {harmonics} harmonics, expected more than twice"
+                f"{self.samples} samples cannot resolve {harmonics} harmonics, expected more than twice"
             )
 
     @property

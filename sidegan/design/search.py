@@ -170,7 +170,7 @@ def search(
             best = Found(shrunk[0], searching.value(shrunk[0]), share)
     if best is None:
         faults = verdict.failures(0) if verdict else []
-        said = "; ".join(map(str, faults)) or "there was no time"
+        said = "; ".join(map(str, faults)) or "out of time"
         helps = [remedy(problem.constraints, (fault.constraint, fault.where)) for fault in faults[:1]]
         raise InfeasibleError("; ".join([f"no trajectory was proven in {done} evaluations: {said}", *helps]))
     return best
@@ -229,5 +229,5 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
             raise failed
     worth = [one for one in found if one.share >= _SCRAP] or found
     if len(worth) < count:
-        _log.warning("%d of %d trajectories came to nothing and are left out", count - len(worth), count)
+        _log.warning("%d of %d trajectories hardly move the arm and are left out", count - len(worth), count)
     return np.stack([one.coefficients for one in worth])

@@ -35,7 +35,7 @@ class Selection:
 
     def __post_init__(self) -> None:
         if self.method == "greedy" and self.noise is not None:
-            raise ConfigError("the paper's greedy score knows no noise: choose another method")
+            raise ConfigError("the paper's greedy score ignores noise: choose another method")
 
 
 def choose(settings: Selection, body: RigidBody, trajectory: Trajectory, c: Array, diagonal: Array) -> Array:
@@ -149,7 +149,7 @@ def _optimal(
         raise ShapeError(f"information is {information.shape}, expected (N, q, q), N ≥ 1")
     total, order = _PRIOR * information.mean(0), list[int]()
     if not math.isfinite(condition_of(total)):
-        raise ShapeError("no trajectory excites some direction of the parameters: they cannot be told apart")
+        raise ShapeError("no trajectory excites some combination of parameters: they cannot be told apart")
     _check_count(count, len(information))
     most = np.full(len(information), np.inf)  # that each can add
     for _ in range(count):

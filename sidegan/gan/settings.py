@@ -140,11 +140,11 @@ class Variant:
             if (getattr(self, group) is not None) != named:
                 raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
-            raise ConfigError(f"{self.variant} has no surrogates that could go on learning: set refresh null")
+            raise ConfigError(f"{self.variant} has no surrogates to refresh: set refresh to null")
         for option in ("gaussian_start", "boxed", "corrections"):
             if self.published is not None and getattr(self, option):
                 nothing = "0" if option == "corrections" else "false"
-                raise ConfigError(f"the published networks have no {option}: set it {nothing}")
+                raise ConfigError(f"the published networks have no {option}: set it to {nothing}")
 
     def rate(self, share: float) -> float:
         """Learning rate when a share of the training is done."""

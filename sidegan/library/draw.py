@@ -65,5 +65,5 @@ def draw_valid(
             f"of the last {len(c)}, {summarise_faults(verdict.faults())}"
         )
     if valid < count:
-        log.warning("%d valid trajectories in %d draws, %d were wanted: %s", valid, drawn, count, origin)
+        log.warning("only %d valid trajectories in %d draws, expected %d: %s", valid, drawn, count, origin)
     return Draws(np.concatenate(kept)[:count], drawn, valid)

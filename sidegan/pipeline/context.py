@@ -54,9 +54,7 @@ class RunContext:
             warnings, notes = self.cell.warnings, self.cell.notes
         else:
             placeholders = describe_placeholder_links(arm := self.cell.recorded_arm)
-            warnings = (
-                [f"{placeholders}: they serve neither as prior nor as reference"] if placeholders else []
-            )
+            warnings = [f"{placeholders}: they are not used as prior or reference"] if placeholders else []
             notes = list(filter(None, [described(arm)]))
         for text in warnings:
             log.warning("%s", text)

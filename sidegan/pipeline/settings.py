@@ -207,7 +207,7 @@ class Config:
                 from sidegan.gan.tensors import refusal
 
             if refused := refusal(self.device):
-                yield f"device is {self.device!r}, which is not there: {refused}"
+                yield f"device is {self.device!r}, which is not available: {refused}"
         if not _TRACKING.match(self.tracking):
             yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):

@@ -80,7 +80,7 @@ class Store:
                 if other.get("label") == artifact.label:
                     differences.append(difference(artifact.params, other))
         if differences:
-            message += f"; of the nearest one {', '.join(min(differences, key=len)[:4])}"
+            message += f"; in the nearest one, {', '.join(min(differences, key=len)[:4])}"
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
@@ -153,7 +153,7 @@ def read_params(folder: Path) -> dict[str, Any]:
         if not path.is_file():
             raise ArtifactError(f"{path} is missing")
         if file_digest(path) != digest:
-            raise ArtifactError(f"{path} is damaged: it is not the file that was written")
+            raise ArtifactError(f"{path} is damaged: it differs from the file that was written")
     return params
 
 

@@ -40,7 +40,7 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
                 return method(self, *args, **kwargs)
             except Exception as error:  # whatever goes wrong at the other end, the work goes on
                 self.enabled = False
-                log.warning("the run goes on without being recorded by MLflow: %s", _reason(error))
+                log.warning("the run continues without MLflow: %s", _reason(error))
         return None
 
     return call

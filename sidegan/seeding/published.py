@@ -62,8 +62,8 @@ class PublishedSeeds:
         if found := self._found(_MASTER):
             return found
         raise ConfigError(
-            f"seeds.folder={self.folder}: no seeds there, expected {_MASTER}; "
-            f"the paper's: git clone {REPOSITORY}"
+            f"seeds.folder={self.folder} has no seeds, expected {_MASTER}; "
+            f"for the paper's: git clone {REPOSITORY}"
         )
 
     def read(self, trajectory: Trajectory) -> Array:
@@ -78,7 +78,7 @@ class PublishedSeeds:
             )
         if not np.array_equal(images[:, :, 0], images[:, :, -1]):
             raise ConfigError(
-                f"{path} is not of the published layout: the last row of an image repeats its first"
+                f"{path} is not in the published layout: the last row of an image must repeat its first"
             )
         return layout.coefficients(images.astype(float))
 
@@ -92,6 +92,6 @@ class PublishedSeeds:
         if found := self._found(WEIGHTS[name]):
             return found
         raise ConfigError(
-            f"seeds.folder={self.folder}: no {WEIGHTS[name]} there, the published {name}; "
-            "surrogates.shipped=false trains one"
+            f"seeds.folder={self.folder} has no {WEIGHTS[name]}, the published {name}; "
+            "surrogates.shipped=false trains one instead"
         )

@@ -77,8 +77,8 @@ class SeedBatch:
         helps = f", or {remedy(constraints, (worst, where))}" if where else ""
         return InfeasibleError(
             f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
-            f"of those that failed, {why}; what may help: another home with more room around it, "
-            f"'trajectory.home=[…]', more time, trajectory.period=…{helps}"
+            f"of those that failed, {why}; what may help: a home with more room around it "
+            f"('trajectory.home=[…]'), a longer period (trajectory.period=…){helps}"
         )
 
 

@@ -54,7 +54,9 @@ class Seeds:
                 verb = "needs" if name in needed else "does not have"
                 raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
         if self.method == "published" and self.folder is None:
-            raise ConfigError(f"folder is not set: git clone {REPOSITORY}, and seeds.folder=SIDE-GAN-Pytorch")
+            raise ConfigError(
+                f"folder is not set: git clone {REPOSITORY}, then seeds.folder=SIDE-GAN-Pytorch"
+            )
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""
@@ -72,7 +74,7 @@ class Seeds:
     def refuse_beyond(self, c: Array) -> None:
         """Refuse coefficients [rad/s] beyond the box, by a ConfigError that says how far they reach."""
         if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
-            raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is without")
+            raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is no box")
 
     @property
     def optimiser(self) -> Optimiser:

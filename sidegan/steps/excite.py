@@ -78,7 +78,7 @@ def aim_of(
     """What a set is designed for, before anything of it is; a ConfigError where it does not fit the arm."""
     if goal.objective == "condition":
         if known is not None:
-            raise ConfigError("goal.objective=condition knows no model: leave out known=, or choose another")
+            raise ConfigError("goal.objective=condition uses no model: leave out known= or choose another")
         return ConditionGoal(cell.problem)
     if known is None:
         return unmeasured(cell.body, terms, goal)
@@ -100,11 +100,11 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
     try:
         numbers = read_json(path)
         if numbers["joints"] != list(arm.joint_names):
-            raise ConfigError(f"{path} is of an arm with joints {', '.join(numbers['joints'])}")
+            raise ConfigError(f"{path} is for an arm with joints {', '.join(numbers['joints'])}")
         kinds = {name: name in numbers["use"]["terms"] for name in _TERMS}
         model = TorqueModel(RigidBody(arm), Terms(**kinds, sign_width=numbers["sign_width"]))
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"])):
-            raise ConfigError(f"{path} is of another arm than {arm.name}: its links are placed otherwise")
+            raise ConfigError(f"{path} is for another arm than {arm.name}: its link frames differ")
         covariance, certainty = (np.array(numbers[name], float) for name in ("covariance", "certainty"))
         return model, covariance, certainty, float(numbers["rate"])
     except ConfigError:

@@ -101,7 +101,7 @@ def train(
     """
     name, settings = _settings(variant, changes)
     if seeds is None and settings.seeded:
-        raise ConfigError(f"{name} learns from seeds, which are not given: seeds=sidegan.seeds(cell)")
+        raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
     c = None if seeds is None or not settings.seeded else coefficients_of(seeds)
     with TemporaryDirectory() as work:
         folder = None if surrogates is None else Path(surrogates)

@@ -228,10 +228,10 @@ def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Arra
         return ""
     where = binding(cell.constraints, cell.trajectory, c)
     if where is None:
-        return f"the set excites the arm little: {', '.join(said)}"
+        return f"the set hardly excites the arm: {', '.join(said)}"
     constraint, which = where
     return (
-        f"the set excites the arm little: {', '.join(said)}; what limits it is {constraint} of {which}: "
+        f"the set hardly excites the arm: {', '.join(said)}; it is limited by {constraint} of {which}: try "
         f"{remedy(cell.constraints, where)}"
     )
 

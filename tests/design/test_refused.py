@@ -38,7 +38,7 @@ NUMBERS = [
     *each(condition_of, "not finite", np.full((2, 2), NAN)),
     *each(partial(d_optimal, SIX), " of 6", 0, -1, 7),
     *each(partial(a_optimal, count=1), r"expected \(N, q, q\)", SIX[:0], SIX[0]),
-    *each(partial(d_optimal, count=2), "no trajectory excites some direction", FLAT),
+    *each(partial(d_optimal, count=2), "no trajectory excites some combination", FLAT),
     *each(partial(d_optimal, count=2), "not finite", spoilt((5, 4, 4), 2, NAN), spoilt((5, 4, 4), 2, INF)),
     *each(partial(greedy, np.ones((3, 2))), " of 3", 0, -1, 4),
     *each(partial(greedy, count=1), r"\(N, p\)", *map(np.ones, [(3,), (3, 2, 2), (3, 0)])),
@@ -72,7 +72,7 @@ def test_noise_that_cannot_be_is_refused(planar_problem, random, noise):
 
 
 def test_a_score_without_noise_is_refused_one():
-    with pytest.raises(ConfigError, match="greedy score knows no noise"):
+    with pytest.raises(ConfigError, match="greedy score ignores noise"):
         Selection(noise=[3.0, 0.5])
 
 
@@ -80,5 +80,5 @@ def test_samples_that_cannot_be_are_refused(planar_problem):
     for harmonics in (1, 2, 6, 9):
         problem = partial(replace, planar_problem, trajectory=Trajectory(2, harmonics))
         assert problem(samples=2 * harmonics + 1).samples
-        with pytest.raises(ShapeError, match=f"cannot see {harmonics} harmonics"):
+        with pytest.raises(ShapeError, match=f"cannot resolve {harmonics} harmonics"):
             problem(samples=2 * harmonics)

@@ -125,7 +125,7 @@ def test_a_deadline_is_kept_and_what_is_proven_by_then_comes_back(problem_of):
         found = searched(problem, deadline=deadline, clock=clock)
         assert 1e-3 * (next(reads) - before) <= deadline + 10 * 1e-3  # ten looks at the clock
         assert_valid(problem, found.coefficients)
-    with pytest.raises(InfeasibleError, match="no trajectory was proven in 2 evaluations: there was no time"):
+    with pytest.raises(InfeasibleError, match="no trajectory was proven in 2 evaluations: out of time"):
         searched(problem, deadline=1e-3, clock=ticking(1.0))
 
 

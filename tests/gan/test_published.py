@@ -105,9 +105,9 @@ def test_other_images_are_refused(variants, planar, tmp_path):
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
         train(variants["vanilla"], data, Run("x", 0, tmp_path))
     for option in ("gaussian_start", "boxed"):
-        with pytest.raises(ConfigError, match=f"have no {option}: set it false"):
+        with pytest.raises(ConfigError, match=f"have no {option}: set it to false"):
             replace(variants["eigen"], **{option: True})
-    with pytest.raises(ConfigError, match="PublishedEigen has no surrogates that could go on learning"):
+    with pytest.raises(ConfigError, match="PublishedEigen has no surrogates to refresh"):
         replace(variants["eigen"], refresh=REFRESH)
 
 

@@ -35,7 +35,7 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
         ({**EXACT, "exact": None}, "Exact needs settings exact"),
         ({"exact": PHYSICS}, "Vanilla has no settings exact"),
         ({"published": {"fitness": "ratio"}}, "Vanilla has no settings published"),
-        ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates that could go on learning"),
+        ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates to refresh"),
         ({"last_rate": 1.1}, "last_rate is 1.1, expected a number ≤ 1"),
         ({"variant": "PublishedVanilla"}, "PublishedVanilla needs settings published"),
     ],

@@ -96,7 +96,7 @@ def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
     context = excited(GAP, "robot.limits.velocity={joint0: 0.2, joint1: 0.2, joint2: 0.2, joint3: 0.2}")
     c = found_for(context).coefficients[None]
     said = describe_weak_set(context.cell, ConditionGoal(context.cell.problem), 0.05 * c, 1e7)
-    assert "it uses 5% of the limits on motion, its condition is 1e7; what limits it is " in said
+    assert "it uses 5% of the limits on motion, its condition is 1e7; it is limited by " in said
     assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: (0.2|…), ", said)
     assert describe_weak_set(context.cell, ConditionGoal(context.cell.problem), c, 100.0) == ""
 
@@ -151,7 +151,7 @@ def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypa
         len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
         == 1
     )
-    assert "1 of 2 trajectories came to nothing and are left out" in caplog.text
+    assert "1 of 2 trajectories hardly move the arm and are left out" in caplog.text
 
 
 def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path):

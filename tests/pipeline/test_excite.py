@@ -173,7 +173,7 @@ def sections(folder):
 def test_the_page_says_what_to_send_in_order_the_slow_set_first(ran, folder):
     fast = ran(START, "goal.count=2")
     (slowly, command), (then, send), _ = sections(fast)
-    assert slowly.startswith("Slowly first") and "speed=0.25" in command and "start=[0.4,-0.3]" in command
+    assert slowly.startswith("First slowly") and "speed=0.25" in command and "start=[0.4,-0.3]" in command
     length = re.search(r"order: approach \(([\d.]+) s\), 1 … 2 \(8 s each\), return \(\1 s\)", then)[1]
     assert float(length) == pytest.approx(course(fast, "approach").time.iloc[-1], rel=5e-3)
     assert "must stand at controllers.start: shoulder 0.4, elbow -0.3" in then and "planned speed" in then

@@ -76,7 +76,7 @@ def test_what_to_do_next_is_a_command_whose_trajectories_move_what_hardly_moved(
     report = (known / "report.html").read_text()
     assert "+experiment=excite robot.name=planar2" in report and "known=FOLDER" in report
     folder = ran(tmp_path, "excite", *NEXT, f"known={known}")
-    said = r"uncertain by ([\d.]+)% of their usual size, before ([\d.]+)%"
+    said = r"uncertain by ([\d.]+)% of their usual size, ([\d.]+)% before"
     after, before = map(float, re.search(said, (folder / "set.md").read_text()).groups())
     assert 0 < after < 0.5 * before
     table = pd.read_csv(folder / "trajectories" / "1.csv")
@@ -88,8 +88,8 @@ def test_a_model_of_another_arm_is_refused(poor, arm, planar, tmp_path):
     assert placed in text
     (tmp_path / "longer.urdf").write_text(text.replace(placed, '<origin xyz="0 0 0.45"/>', 1))
     for stranger, said in (
-        (load_robot(tmp_path / "longer.urdf"), "of another arm than planar2: its links are placed otherwise"),
-        (arm, "is of an arm with joints"),
+        (load_robot(tmp_path / "longer.urdf"), "for another arm than planar2: its link frames differ"),
+        (arm, "is for an arm with joints"),
     ):
         with pytest.raises(ConfigError, match=said):
             known_model(poor[1], stranger)
@@ -100,7 +100,7 @@ def test_a_set_for_a_tool_states_the_expected_deviations(tmp_path):
     folder = ran(tmp_path, "excite", *wanted, *SMALL, "goal.objective=payload")
     said = (folder / "set.md").read_text()
     assert (
-        "a tool is identified to ±" in said and "executed with and without it, beside the description" in said
+        "a tool is identified to ±" in said and "executed with and without it, given the description" in said
     )
     assert "kg·m² but for my, Ixx, Ixy, Ixz, Iyz, Izz, exe" in said  # an arm in a plane tells no more
     table = pd.read_csv(folder / "goal.csv", index_col=0)

@@ -20,7 +20,7 @@ SETTINGS = [
     ("reproduction", "seeds=paper seeds.method=gradient", "choose it by seeds=gradient"),
     ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected local, off"),
     ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
-    ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not there"),
+    ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not available"),
     ("reproduction", "stages=[seeds,gan,seeds]", "expected each stage once"),
     ("reproduction", "stages=[seed]", "stages: there is no stage 'seed', expected some of seeds, surrogates"),
     ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
@@ -41,8 +41,8 @@ SETTINGS = [
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
     ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': there is no such module"),
-    ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition knows no model"),
-    ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 joints that turn; planar2 has 2"),
+    ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition uses no model"),
+    ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 revolute joints; planar2 has 2"),
     ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),
     ("excite", "controllers.start=[0,0,0]", "[0.0, 0.0, 0.0], expected the positions of 2 joints"),
     ("excite", "controllers.start=[0,90]", "controllers.start has 90 for elbow, whose range is"),
@@ -56,7 +56,7 @@ SETTINGS = [
     ("identify", "recordings=[a.csv,a.csv]", "recordings has a.csv twice"),
     ("identify", "recordings=[{position:a,effort:b}] validation=[{position:c,torque:b}]", "validation has b"),
     ("identify", "recordings=[{position:a}]", "recordings[0]: {position: a} has no effort"),
-    ("payload", "recordings=[FOLDER/a.csv]", "loaded is empty, expected files with the load"),
+    ("payload", "recordings=[FOLDER/a.csv]", "loaded is empty, expected recordings with the load"),
     ("gains", "recordings=[FOLDER/a.csv] loaded=[FOLDER/a.csv]", "load.mass is 0, expected the mass"),
 ]
 OTHERS = [

@@ -136,7 +136,7 @@ def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest_whole_
         store.require(numbers(4200))
     store.produce(numbers(400))
     store.produce(numbers(500, seed=7))
-    with pytest.raises(ArtifactError, match=r"of the nearest one settings\.count is 400, not 4200$"):
+    with pytest.raises(ArtifactError, match=r"in the nearest one, settings\.count is 400, not 4200$"):
         store.require(numbers(4200))
 
 

@@ -94,7 +94,7 @@ def test_too_few_seeds_come_with_what_may_help(planar_problem, faults, remedy):
     nothing = np.zeros((0, 2, 3, 2))
     batch = result.SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults)
     error = batch.shortfall(planar_problem.constraints, 6)
-    with pytest.raises(InfeasibleError, match=rf"what may help: another home .*trajectory\.home=.*{remedy}"):
+    with pytest.raises(InfeasibleError, match=rf"what may help: a home .*trajectory\.home=.*{remedy}"):
         raise error
 
 
@@ -124,6 +124,6 @@ def test_settings_of_another_method_are_refused(words, method, options):
 def test_published_seeds_may_have_a_box_which_they_keep():
     published = Seeds(method="published", **COMMON, folder="there", box=0.2)
     published.refuse_beyond(np.array([0.2 * (1 + 1e-7), -0.1]))
-    with pytest.raises(ConfigError, match=r"seeds reach 0\.3 rad/s, beyond seeds\.box=0\.2; null is without"):
+    with pytest.raises(ConfigError, match=r"seeds reach 0\.3 rad/s, beyond seeds\.box=0\.2; null is no box"):
         published.refuse_beyond(np.array([-0.3, 0.1]))
     replace(published, box=None).refuse_beyond(np.array([9.0]))

@@ -46,7 +46,7 @@ def test_images_and_coefficients_are_each_others_inverse():
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (None, "no seeds there.*git clone"),
+        (None, "has no seeds.*git clone"),
         (np.zeros((1, 2, 7, 7)), r"\(2, 3, 3\)"),
         (np.arange(18.0).reshape(1, 2, 3, 3), "last row"),
         (np.full((1, 2, 3, 3), np.nan), "last row"),

@@ -77,12 +77,12 @@ def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Track
     columns = {"before": aim.before, "with the set": aim.deviations}
     shown = {name: [plain(x) for x in column.tolist()] for name, column in columns.items()}
     of = "the description" if run.cfg.known is None else run.cfg.known
-    caption = f"Standard deviations that are to be expected, before: by {of}"
+    caption = f"Expected standard deviations; those before are from {of}"
     rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="wanted"))
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
-    planned = ", at the whole speed" if _slow(run) else ""
-    return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, beside {of}"
+    planned = ", at full speed" if _slow(run) else ""
+    return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, given {of}"
 
 
 def _slow(run: RunContext) -> str:
@@ -160,9 +160,9 @@ def _check(run: RunContext) -> None:
     aim_of(run.cell, run.cfg.goal, run.cfg.model, run.cfg.known)
     slides = run.cell.arm.prismatic
     if "urscript" in run.cfg.controllers.formats and (run.cell.arm.joints != SCRIPTED or slides.any()):
-        sliding = f", of which {run.cell.arm.named(slides)} slide" if slides.any() else ""
+        sliding = f" (prismatic: {run.cell.arm.named(slides)})" if slides.any() else ""
         raise ConfigError(
-            f"controllers.formats has urscript, which moves {SCRIPTED} joints that turn; "
+            f"controllers.formats has urscript, which moves {SCRIPTED} revolute joints; "
             f"{run.cell.arm.name} has {run.cell.arm.joints}{sliding}"
         )
 

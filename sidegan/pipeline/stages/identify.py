@@ -131,7 +131,7 @@ def _show_check(run: RunContext, tracker: Tracker) -> None:
 
 def _warn_doubtful_links(run: RunContext) -> None:
     if doubtful := describe_doubtful_links(recorded_arm(run)):
-        log.warning("%s; identification starts from the nearest that can be", doubtful)
+        log.warning("%s; identification starts from the nearest possible ones", doubtful)
 
 
 STAGES = {

@@ -33,7 +33,7 @@ log = logging.getLogger(__name__)
 def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
     """Measurements without and with the load, checked and preprocessed; ConfigError where none have it."""
     if not cfg.loaded:
-        raise ConfigError("loaded is empty, expected files with the load: 'loaded=[a.csv]'")
+        raise ConfigError("loaded is empty, expected recordings with the load: 'loaded=[a.csv]'")
     together: list[tuple[Recorded, Role]] = [(one, "training") for one in (*cfg.recordings, *cfg.loaded)]
     found = read_and_check(together, arm, cfg.recording, gains, cfg.model.sign_width)
     refuse_shared([(one.name, one.statistics.rows) for one in found])
@@ -49,8 +49,8 @@ def _payload(run: RunContext, tracker: Tracker) -> None:
     write_json(run.store.run_folder / PAYLOAD, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
     caption = (
-        f"What {arm.name} carries, in the frame of {found.link}, inertia about the centre of mass; mean nMSE "
-        f"of the runs with it {before:.3g} without a load and {after:.3g} with this one"
+        f"Load of {arm.name}, in the frame of {found.link}, inertia about the centre of mass; mean nMSE of "
+        f"the loaded runs: {before:.3g} modelled without a load, {after:.3g} with this one"
     )
     publish(_table(found), run.store.run_folder / "payload", caption, tracker)
     mass, sigma = float(found.values[0]), float(found.deviation[0])
@@ -92,9 +92,11 @@ def _gains(run: RunContext, tracker: Tracker) -> None:
     write_json(folder / GAINS, {**joints, "gain": gains, "deviation": deviation})
     shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
     table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
-    publish(table, folder / "gains", f"Drive gains of {arm.name}, by a load of {cfg.load.mass:g} kg", tracker)
+    publish(
+        table, folder / "gains", f"Drive gains of {arm.name}, from a load of {cfg.load.mass:g} kg", tracker
+    )
     for doubt in (doubts := found.doubts(arm)):
-        log.warning("no setting robot.gains: %s", doubt)
+        log.warning("robot.gains cannot be set: %s", doubt)
     if not doubts:
         log.info("robot.gains=[%s]", ",".join(shown["gain [N·m/A]"]))
 

@@ -15,8 +15,8 @@ Steps = list[tuple[str, str]]  # a sentence and a command each
 
 _FIRST = 0.25  # share of the speed of a first run
 _OWN = ("controllers.speed=", "controllers.start=", "controllers.rehearse=")  # of each run
-_SLOWLY = "Slowly first. The same set at a quarter of the speed, with the way from where the arm stands:"
-_LOG = "Log positions with torques or currents all the time, the whole set twice or more; then:"
+_SLOWLY = "First slowly: the same set at a quarter of the speed, with a path from where the arm stands:"
+_LOG = "Log positions and torques or currents throughout, run the whole set at least twice; then:"
 _ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
 _GOAL = "control_msgs/action/FollowJointTrajectory"
 
@@ -38,7 +38,7 @@ def _place(run: RunContext, durations: Mapping[str, float]) -> str:
     where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q or ()))
     if ways:
         return f"the arm must stand at controllers.start: {where}"
-    return f"the arm must stand at home first: {where} (controllers.start=[…] writes the way there)"
+    return f"the arm must stand at home first: {where} (controllers.start=[…] writes a path there)"
 
 
 def next_steps(run: RunContext, durations: Mapping[str, float]) -> Steps:
@@ -70,7 +70,7 @@ def _send(run: RunContext, folder: Path, durations: Mapping[str, float]) -> str:
         return "\n".join(f"{folder / name}.{ending}" for name in durations)
     large = max((folder / f"{name}.yaml").stat().st_size for name in durations) >= SHELL
     goal = "--stdin < $1.yaml" if large else '"$(cat $1.yaml)"'
-    needs = "  # more than a shell passes on: --stdin needs ROS 2 Jazzy or newer" if large else ""
+    needs = "  # too long for a command line: --stdin needs ROS 2 Jazzy or newer" if large else ""
     send = f"send() {{ ros2 action send_goal {_ACTION} \\\n    {_GOAL} {goal}; }}{needs}"
     return "\n".join([f"cd {quote(str(folder))}", send, *(f"send {name}" for name in durations)])
 

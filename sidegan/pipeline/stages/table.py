@@ -21,7 +21,7 @@ def _module(run: RunContext) -> ModuleType:
         if error.name is None or not f"{name}.".startswith(f"{error.name}."):
             raise
         raise ConfigError(
-            f"table is {name!r}: there is no such module (experiments are in a clone alone)"
+            f"table is {name!r}: there is no such module (experiments are only in a clone)"
         ) from error
 
 
