@@ -1,4 +1,4 @@
-"""Recordings of a real arm, from files to filtered segments, and what is suspicious in them.
+"""Recordings of a real arm: reading files, checking plausibility, filtering into segments.
 
-Whatever cannot be read or used is refused by a RecordingError, with file, value and setting.
+Unusable recordings raise a RecordingError that names file, value and setting.
 """

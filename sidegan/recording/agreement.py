@@ -1,11 +1,11 @@
-"""Torques of a recording beside the arm's description: gravity, scale and sign."""
+"""Comparison of recorded torques with the arm's description: gravity, scale and sign."""
 
 import math
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
@@ -15,64 +15,65 @@ from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
 from sidegan.robot.mounting import direction, in_base, mount_of, straightened
 
-_SAMPLES = 20_000  # enough to tell a sign
-_FEW = 2_000  # enough to tell whose motion it is
-_CLEAR = 0.4  # correlation with the model that says something
-_SURE = 0.9  # correlation from which on a scale is one
-_OTHER = 2.0  # times what the description needs, or a part of it: another unit, not another mass
-_STILL = 0.1  # [rad or m] that a joint moves through at least where its sign is told
-_DRIVEN = 0.02  # of the power, that friction dissipates at least of a torque that is not reversed
-_BETTER = 0.3  # of what a joint's own described torque leaves, that another's leaves where they are exchanged
-_STRANGE = 4  # times as many joints as agree: the description is hardly that of the arm
-_MOST = 0.99  # of the samples have less than the usual torque
+_SAMPLES = 20_000  # enough to determine a sign
+_FEW = 2_000  # enough to detect swapped motions
+_CLEAR = 0.4  # smallest meaningful correlation with the model
+_SURE = 0.9  # correlation above which a scale is meaningful
+_OTHER = (
+    2.0  # ratio to the described torque, or its inverse, that means another unit rather than another mass
+)
+_STILL = 0.1  # [rad or m] range of motion needed to determine a joint's sign
+_DRIVEN = 0.02  # least share of the power that friction dissipates if the torque is not reversed
+_BETTER = 0.3  # largest ratio of residuals, swapped over unswapped, for joints to count as swapped
+_STRANGE = 4  # joints per agreeing joint from which the description hardly fits the arm
+_MOST = 0.99  # quantile of the usual torque
 _TINY = 1e-12
 
 
 class Agreement(NamedTuple):
     """Agreement of the measured torque with the arm's description."""
 
-    load: Load  # the gravity and the scales that explain the torques
-    order: Array  # the joint whose described torque each joint's is, (J,): itself, unless some are exchanged
-    turned: bool  # whether that is another gravity than the description's
-    swapped: tuple[int, int] | None  # two joints whose motions are exchanged
+    load: Load  # gravity and scales that explain the torques best
+    order: Array  # joint whose described torque fits each measured one, (J,): itself, unless swapped
+    turned: bool  # whether the gravity differs from the description's
+    swapped: tuple[int, int] | None  # two joints whose motions are swapped
     moved: Array  # range of each joint [rad or m], (J,)
-    # share of the power that friction dissipates, (J,); negative where the torque would drive the arm's
-    # friction
+    # share of the power that friction dissipates, (J,); negative where friction would have to drive the arm
     friction: Array
-    usual: Array  # largest torque but for a hundredth of the samples [N·m or N], (J,)
-    needed: Array  # the same of what the description's links need [N·m or N], (J,)
+    usual: Array  # 99th percentile of the absolute measured torque [N·m or N], (J,)
+    needed: Array  # 99th percentile of the absolute described torque [N·m or N], (J,)
 
     @property
     def sign(self) -> Array:
-        """Correlation with the description without friction and rotors, −1 to 1, (J,).
+        """Correlation with the described torque, without friction and rotors, −1 to 1, (J,).
 
-        Near −1 the torque is counted the other way round; near 0 the motion does not tell.
+        Near −1 the torque has the opposite sign; near 0 the motion does not determine the sign.
         """
         return self.load.correlation
 
     @property
     def heavier(self) -> float:
-        """Median of measured over needed torque of the joints whose sign is told; 1 where none is."""
+        """Median ratio of measured to described torque over joints with a clear sign; 1 if there are none."""
         clear = np.abs(self.load.scale[np.abs(self.sign) > _CLEAR])
         return float(np.median(clear)) if len(clear) else 1.0
 
     @property
     def strange(self) -> bool:
-        """Whether hardly any torque is as described."""
+        """Whether hardly any torque matches the description."""
         return bool(self.needed.any() and _STRANGE * (self.sign > _CLEAR).sum() <= len(self.sign))
 
     @property
     def rescaled(self) -> Array:
-        """Joints whose torque is a multiple of what the description needs, beyond doubt, (J,)."""
+        """Whether each joint's torque is clearly a multiple of the described one, (J,)."""
         scale = self.load.scale
         return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
 
     def doubts(self, arm: Arm) -> list[str]:
-        """Sentences on what cannot be right of both the description and the torques, beside gravity."""
+        """Warnings about contradictions between description and torques, other than gravity."""
         found = []
         if self.rescaled.any():
-            each = zip(arm.joint_names, self.load.scale.tolist(), self.rescaled.tolist())
-            shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in each if marked], arm.joints)
+            joints = zip(arm.joint_names, self.load.scale.tolist(), self.rescaled.tolist())
+            shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in joints if marked], arm.joints)
             found.append(
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
                 "gain or wrong masses? (recording.units, robot.gains)"
@@ -84,7 +85,7 @@ class Agreement(NamedTuple):
         return found
 
     def gravity(self, arm: Arm) -> str | None:
-        """Which gravity these torques hold, a sentence; None where it is the description's."""
+        """Warning about the gravity in these torques; None if it matches the description's."""
         if not self.turned:
             return None
         if not self.load.gravity.any():
@@ -100,7 +101,7 @@ class Agreement(NamedTuple):
         )
 
     def reversed(self, arm: Arm, driven: bool = False) -> str | None:
-        """Which joints' torque looks reversed, a sentence; only where it does not overcome friction if so."""
+        """Warning about joints with a reversed torque; ``driven``: only if it does not overcome friction."""
         against = (self.sign < -_CLEAR) & (self.moved >= _STILL)
         names = arm.named(against & (self.friction < (_DRIVEN if driven else _CLEAR)))
         if not names:
@@ -111,25 +112,25 @@ class Agreement(NamedTuple):
         )
 
     def exchanged(self, arm: Arm) -> str | None:
-        """Which joints have each other's torques or motions, a sentence; None where each has its own."""
+        """Warning about joints whose torques or motions look swapped; None if there are none."""
         moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
         if not moved and self.swapped and not self.turned:
-            one, other = (arm.joint_names[j] for j in self.swapped)
+            first, second = (arm.joint_names[j] for j in self.swapped)
             return (
-                f"the motions of {one} and {other} look swapped: each one's torque fits the other's "
+                f"the motions of {first} and {second} look swapped: each one's torque fits the other's "
                 "positions; is the order of columns right? (recording.position)"
             )
         if not moved:
             return None
-        each = [f"that of {arm.joint_names[j]} fits {arm.joint_names[self.order[j]]}" for j in moved]
-        return f"torques look swapped: {', '.join(each)}; is the order of columns right? (recording.torque)"
+        fits = [f"that of {arm.joint_names[j]} fits {arm.joint_names[self.order[j]]}" for j in moved]
+        return f"torques look swapped: {', '.join(fits)}; is the order of columns right? (recording.torque)"
 
     def warnings(self, arm: Arm) -> list[str]:
-        """All of these doubts, and joints whose sign the motion does not show."""
+        """All warnings, including joints whose sign the motion does not determine."""
         silent = (np.abs(self.sign) < _CLEAR) | (self.moved < _STILL)
-        said = self.exchanged(arm)
-        first = [said] if said else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]
-        warnings = [one for one in first if one]
+        swapped = self.exchanged(arm)
+        found = [swapped] if swapped else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]
+        warnings = [warning for warning in found if warning]
         if silent.any():
             warnings.append(
                 f"the motion does not show whether the sign of the torque of {arm.named(silent)} is right"
@@ -139,8 +140,8 @@ class Agreement(NamedTuple):
 
 def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     """Agreement of segments with an arm's description."""
-    every = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
-    q, v, a, torque = (np.concatenate([segment[k][::every] for segment in segments]) for k in range(1, 5))
+    stride = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
+    q, v, a, torque = (np.concatenate([segment[k][::stride] for segment in segments]) for k in range(1, 5))
     load = load_of(body, q, v, a, torque)
     model = body.torque(q, v, a)
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
@@ -156,10 +157,10 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     )
 
 
-def _left(model: Array, v: Array, a: Array, torque: Array) -> Array:
-    """Share of each measured torque that a described one leaves, with that joint's friction and rotor.
+def _residual_share(model: Array, v: Array, a: Array, torque: Array) -> Array:
+    """Share of each measured torque that each described one leaves, (J, J), described by measured.
 
-    Of (S, J) each; (J, J), described by measured.
+    Arguments are (S, J); the measuring joint's friction and rotor are removed from both.
     """
     described, measured = unexplained(v, a, model.T[..., None], torque)  # (J, S, 1), (J, S, J)
     size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
@@ -168,35 +169,35 @@ def _left(model: Array, v: Array, a: Array, torque: Array) -> Array:
 
 
 def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
-    """The joint whose described torque (S, J), with its friction and rotor, each measured one is, (J,)."""
+    """Joint whose described torque fits each measured one best, (J,); arguments are (S, J)."""
     own = np.arange(model.shape[1])
-    left = _left(model, v, a, torque)
-    found = scipy.optimize.linear_sum_assignment(np.log(left).T)[1]
+    share = _residual_share(model, v, a, torque)
+    found = scipy.optimize.linear_sum_assignment(np.log(share).T)[1]
     other = found != own
-    clear = left[found, own] < _BETTER * left.diagonal()
+    clear = share[found, own] < _BETTER * share.diagonal()
     return found if clear[other].all() else own
 
 
 def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
-    """Two joints with whose motions exchanged far more of the torques is explained, of (S, J) each."""
+    """Two joints whose motions, once swapped, explain the torques far better; ``states`` are (S, J)."""
     *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
 
-    def left(*pair: int) -> float:
-        """What the description leaves of the torques, the sum over joints of logarithms."""
+    def misfit(*pair: int) -> float:
+        """Sum over joints of the logarithm of the unexplained share, with this pair's motions swapped."""
         order = np.arange(body.joints)
         order[[*pair]] = pair[::-1]
         q, v, a = (x[:, order] for x in motion)
-        return float(np.log(_left(body.torque(q, v, a), v, a, torque).diagonal()).sum())
+        return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
 
-    found = {pair: left(*pair) for pair in combinations(range(body.joints), 2)}
+    found = {pair: misfit(*pair) for pair in combinations(range(body.joints), 2)}
     best = min(found, key=found.__getitem__, default=None)
-    return best if best and found[best] < left() + 2 * math.log(_BETTER) else None
+    return best if best and found[best] < misfit() + 2 * math.log(_BETTER) else None
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:
-    """Share of the power that friction dissipates, (J,), of (S, J) each; see ``Agreement``."""
+    """Share of the power that friction dissipates, (J,), see ``Agreement``; arguments are (S, J)."""
     columns = np.concatenate([other_columns(v, a), model[..., None]], 2).swapaxes(0, 1)  # (J, S, 5)
-    weights = np.stack([np.linalg.lstsq(*each)[0] for each in zip(columns, torque.T)])
+    weights = np.stack([np.linalg.lstsq(*system)[0] for system in zip(columns, torque.T)])
     friction = (columns[..., :2] @ weights[:, :2, None])[..., 0].T
     power = np.maximum(np.sqrt(np.square(torque).mean(0) * np.square(v).mean(0)), _TINY)
     return (friction * v).mean(0) / power

@@ -23,23 +23,23 @@ _NANOSECONDS = 1e-9
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is a ROS 2 bag: a folder, or a file of one."""
+    """Whether a path is a ROS 2 bag: its folder or one of its files."""
     return path.is_dir() or path.suffix.lower() in _SUFFIXES
 
 
 def bag_files(path: Path) -> list[Path]:
-    """Files of the folder of a bag, in the order of their names."""
+    """Files in a bag's folder, sorted by name."""
     inside = sorted(path.iterdir())
-    if not any(one.suffix in _SUFFIXES or one.name == "metadata.yaml" for one in inside):
+    if not any(file.suffix in _SUFFIXES or file.name == "metadata.yaml" for file in inside):
         raise RecordingError(f"{path} is a folder without a bag: it has no .db3 or .mcap file")
-    return [one for one in inside if one.is_file()]
+    return [file for file in inside if file.is_file()]
 
 
 def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> tuple[Table, Where]:
-    """Joint states of some joints in a bag, and which of its columns is which signal.
+    """Joint states of the named joints in a bag, and which of its columns hold which signal.
 
-    Time is that of the header, or that of the bag where headers have none. A message without any of the
-    joints, such as a gripper's, is no row; one that lacks some of them is a corrupt one.
+    Time stamps are the headers', or the bag's where headers have none. Messages without any of the joints,
+    such as a gripper's, are skipped; messages with only some of them become corrupt rows.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -59,7 +59,7 @@ def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> 
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
-    """Connections of the configured topic of joint states, or of the only one."""
+    """Connections of the configured joint state topic, or of the only one."""
     of_states = [c for c in reader.connections if c.msgtype == _KIND]
     topics = sorted({c.topic for c in of_states})
     if not topics:
@@ -75,7 +75,7 @@ def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Co
 
 
 def _fields(path: Path, messages: Sequence[Any], names: Sequence[str]) -> list[str]:
-    """Fields that the first message with all of the arm's joints has values of."""
+    """Fields with values in the first message that has all of the arm's joints."""
     for message in messages:
         if {*names} <= {*message.name}:
             fields = [field for field in _FIELDS if len(getattr(message, field)) == len(message.name)]
@@ -91,7 +91,7 @@ def _fields(path: Path, messages: Sequence[Any], names: Sequence[str]) -> list[s
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:
-    """Time [s], that of the bag where the header has none, and the joints' values; NaN where one lacks."""
+    """Time [s] from the header, or else from the bag, and the joints' values; NaN where missing."""
     stamp, place = message.header.stamp, {name: i for i, name in enumerate(message.name)}
     row = [stamp.sec + stamp.nanosec * _NANOSECONDS or received * _NANOSECONDS]
     for field in fields:

@@ -1,4 +1,4 @@
-"""Check of a recording before anything is fitted to it: is it plausible, and what can it tell?"""
+"""Plausibility check and preprocessing of recordings before identification."""
 
 import logging
 import math
@@ -28,26 +28,26 @@ from sidegan.robot import Arm
 log = logging.getLogger(__name__)
 
 Role = Literal["training", "validation"]
-_LEAST_PART = 20  # samples of a part of a recording
+_LEAST_PART = 20  # samples in each part of a split recording
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedRecording:
-    """A recording that was checked and preprocessed."""
+    """A checked and preprocessed recording."""
 
     joint_names: tuple[str, ...]  # of the arm
     statistics: Statistics  # of the raw recording
-    grid: Grid  # what it was preprocessed with
-    segments: list[Segment]  # preprocessed stretches
-    agreement: Agreement  # of the torques with the arm's description
-    warnings: list[str]  # what a person should look at
-    remarks: dict[str, str]  # of these, on signals that contradict others and are not used, by their names
-    late: str | None  # what is said of a delay that is left in and explains what is wrong
+    grid: Grid
+    segments: list[Segment]
+    agreement: Agreement
+    warnings: list[str]
+    remarks: dict[str, str]  # the warnings about unused, contradictory signals, by signal
+    late: str | None  # warning about a clear but uncorrected delay
     delay: Delay  # of the torques
-    corrected: bool  # whether it was taken off
-    noise: Array  # density of that of the torques [(N·m)²/Hz or N²/Hz], (J,); NaN where it is not told
-    repeated: Repeated | None = None  # trajectories that were sent and found, where they are known
-    role: Role = "training"  # what it is for
+    corrected: bool  # whether the delay was removed
+    noise: Array  # torque noise density [(N·m)²/Hz or N²/Hz], (J,); NaN if undetermined
+    repeated: Repeated | None = None  # commanded trajectories found, if known
+    role: Role = "training"
 
     @property
     def name(self) -> str:
@@ -56,28 +56,28 @@ class CheckedRecording:
 
     @property
     def kept(self) -> int:
-        """Number of samples that are left for identification."""
+        """Number of samples left for identification."""
         return sum(len(segment.time) for segment in self.segments)
 
     @property
     def moving(self) -> float:
-        """Time that they cover [s]."""
+        """Total duration of the segments [s]."""
         return sum(float(segment.time[-1] - segment.time[0]) for segment in self.segments)
 
     @property
     def statements(self) -> list[str]:
-        """How it was preprocessed, in sentences."""
+        """Sentences on how it was preprocessed."""
         found = [] if self.repeated is None else [self.repeated.statement]
-        told = self.delay.statement(self.corrected)  # where it is no warning
-        return [self.grid.statement, *found, *([told] if told not in self.warnings else [])]
+        delay = self.delay.statement(self.corrected)
+        return [self.grid.statement, *found, *([delay] if delay not in self.warnings else [])]
 
     @property
     def derived(self) -> list[str]:
-        """Signals that were not recorded, and are derivatives of others."""
+        """Signals computed as derivatives because they were not recorded."""
         return [name for name in ("velocity", "acceleration") if name not in self.statistics.signals]
 
     def as_json(self) -> dict[str, Any]:
-        """All of it but the samples, as plain values."""
+        """Everything but the samples, as plain values."""
         raw = self.statistics
         repeated = self.repeated
         same = ("name", "samples", "duration", "jitter", "duplicates", "gaps", "frozen")
@@ -86,8 +86,8 @@ class CheckedRecording:
             "rate": 1 / raw.step,
             "corrupt": Counter(reason for _, reason in raw.corrupt),
             "signals": {
-                name: {key: x.tolist() for key, x in one._asdict().items()}
-                for name, one in raw.signals.items()
+                name: {key: x.tolist() for key, x in signal._asdict().items()}
+                for name, signal in raw.signals.items()
             },
             "derived": self.derived,
             "conditioning": {**asdict(self.grid), "statement": self.grid.statement},
@@ -102,9 +102,9 @@ class CheckedRecording:
 
 
 def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, CheckedRecording]:
-    """The first part of a recording, to identify from, and the last share of it, which is held out.
+    """The first part of a recording, for training, and the last ``share`` of it, for validation.
 
-    Between them as much is left out as the low-pass mixes.
+    Samples between them that the low-pass mixes are left out.
     """
     mixed = round(recording.grid.rate / recording.grid.cutoff)
     end = round((1 - share) * recording.kept)
@@ -116,7 +116,7 @@ def split(recording: CheckedRecording, share: float) -> tuple[CheckedRecording, 
 
 
 def _part(recording: CheckedRecording, role: Role, which: str, first: int, last: int) -> CheckedRecording:
-    """Kept samples of a recording from one number to another."""
+    """Kept samples ``first`` to ``last`` of a recording."""
     parts = []
     begin = 0
     for segment in recording.segments:
@@ -135,18 +135,18 @@ def read_and_check(
     gains: Sequence[float] | None = None,
     sign_width: float = SIGN_WIDTH,
 ) -> list[CheckedRecording]:
-    """Recordings of files, checked and preprocessed; what is odd about them is logged.
+    """Recordings read from files, checked and preprocessed; oddities are logged.
 
-    They are of one arm and have one delay. Arguments and errors are those of ``check_recording``.
+    All are assumed to have the same torque delay. See ``check_recording`` for arguments and errors.
     """
     read = [load_for(arm, file, settings) for file, _ in files]
-    found = [check_recording(one, arm, settings, gains, sign_width) for one in read]
-    common = pooled([one.delay for one in found])
+    found = [check_recording(recording, arm, settings, gains, sign_width) for recording in read]
+    common = pooled([checked.delay for checked in found])
     if common is not None and settings.delay is None:
-        found = [check_recording(one, arm, settings, gains, sign_width, common) for one in read]
+        found = [check_recording(x, arm, settings, gains, sign_width, common) for x in read]
     elif common is not None:
-        found = [replace(one, delay=common) for one in found]
-    found = [replace(one, role=role) for one, (_, role) in zip(found, files)]
+        found = [replace(checked, delay=common) for checked in found]
+    found = [replace(checked, role=role) for checked, (_, role) in zip(found, files)]
     warned = defaultdict[str, list[str]](list)
     for (file, role), checked in zip(files, found):
         name = recording_name(file) if isinstance(file, Files) else file
@@ -169,10 +169,9 @@ def check_recording(
     sign_width: float = SIGN_WIDTH,
     known: Delay | None = None,
 ) -> CheckedRecording:
-    """A recording, checked and preprocessed.
+    """A recording, checked against the arm's description and preprocessed.
 
-    Its torques are compared with the arm's description. ``known`` is the delay of the torques where other
-    recordings tell it too; the other arguments are those of ``preprocess``.
+    ``known`` is the torque delay determined from several recordings; see ``preprocess`` for the others.
     """
     statistics = statistics_of(recording, settings)
     refused.refuse_wrong_units(statistics, arm, settings.units)
@@ -184,7 +183,7 @@ def check_recording(
     grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
 
     def kept(delay: float) -> list[Segment]:
-        """Segments of all parts with this delay [s] taken off."""
+        """Segments of all parts with this delay [s] removed."""
         return [x for part in parts for x in preprocess(part, settings, gains, sign_width, grid, delay)]
 
     body = RigidBody(arm)
@@ -199,7 +198,7 @@ def check_recording(
             statistics = replace(statistics, signals=used)
             segments = kept(given)
             remarks[rate] = wrong
-    left = known or measured(body, segments, lambda more: kept(given + more))
+    left = known or measured(body, segments, lambda delay: kept(given + delay))
     delay = Delay(given, given=True) if given else left
     corrected = settings.delay is None and delay.believed
     segments = kept(delay.seconds) if corrected else segments
@@ -212,7 +211,7 @@ def check_recording(
     if left.noticed and not corrected:
         warnings.append(left.statement(corrected))
         late = warnings[-1] if left.clear or left.lost else None
-    # a delay that is left in turns signs and gravity round
+    # an uncorrected delay would distort the estimated signs and gravity
     agreement = agreement_of(body, kept(given + left.seconds) if late and left.clear else segments)
     torques = [(x.time, torque_of(x, gains, settings.reverse)) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units)

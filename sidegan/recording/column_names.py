@@ -1,4 +1,4 @@
-"""Signals that columns hold, by their names, in all usual conventions."""
+"""Which signals columns hold, judged by their names, in all usual conventions."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -17,50 +17,50 @@ _CALLED = {
     "current": ["i", "cur", "current", "currents"],
 }
 _WORDS = {word: signal for signal, words in _CALLED.items() for word in words}
-_RATES = {"dot", "ddot"}  # of a position; of a torque they are no signal
-_OTHERS = {  # words of set points, of estimated contact, and of what is not measured at a joint
+_RATES = {"dot", "ddot"}  # of positions; rates of torques are not signals
+_OTHERS = {  # words of set points, contact estimates, and quantities not measured at a joint
     *("d", "des", "desired", "target", "targets", "cmd", "command", "commands", "commanded", "ref"),
     *("reference", "goal", "set", "setpoint", "action", "ipo", "ext", "external", "err", "error", "limit"),
     *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
     *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian"),
 }
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "datetime"}
-_SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are no stamps
+_SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are not time stamps
 _SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
 _KNOWN = {*_WORDS, *_OTHERS, *_TIMES, *_SPANS, *SPELT_TIMES}
 
 
 @dataclass(frozen=True)
 class Series:
-    """Columns that differ in nothing but a number, or the name of a joint."""
+    """Columns whose names differ only in a number or a joint's name."""
 
     before: str
     after: str
     named: bool
-    columns: dict[int, str]  # by the number, or the place of the joint in the chain
+    columns: dict[int, str]  # by number, or by the joint's place in the chain
 
     @cached_property
     def words(self) -> list[str]:
-        """Words of what the columns have in common."""
+        """Words that the column names have in common."""
         return [*_words(f"{self.before} {self.after}")]
 
     def of(self, places: Sequence[int], base: int) -> list[str]:
-        """Columns of some joints, those that are there; numbers begin with the base."""
+        """Existing columns of the joints at some places; numbers start at ``base``."""
         wanted = [place + (0 if self.named else base) for place in places]
         return [self.columns[k] for k in wanted if k in self.columns]
 
     def of_another_arm(self, arms: "Series") -> bool:
-        """Whether columns are called as an arm's but for one word, which is none of a signal: right, left."""
-        words, others = ([*_words(next(iter(one.columns.values())))] for one in (self, arms))
+        """Whether names differ from the arm's by a single word that names no signal, as in left and right."""
+        words, others = ([*_words(next(iter(series.columns.values())))] for series in (self, arms))
         swapped = {pair for pair in zip(words, others) if pair[0] != pair[1]}
         return len(words) == len(others) and len(swapped) == 1 and not {*next(iter(swapped))} & _KNOWN
 
     def pattern(self, base: int) -> str:
-        """The pattern that they are columns of."""
+        """The pattern of the column names."""
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
 
     def signal(self, effort: str) -> str | None:
-        """The signal that they hold, by their last word: a current position is a position."""
+        """The signal that the last known word names: a "current position" is a position."""
         signals = [_WORDS[word] for word in self.words if word in _WORDS]
         loads = {"torque", "effort", "current"} & {*signals}
         if not signals or self.foreign or (loads and _RATES & {*self.words}):
@@ -69,12 +69,12 @@ class Series:
 
     @property
     def foreign(self) -> bool:
-        """Whether a word of theirs says that they are no measurements of joints."""
+        """Whether a word rules out that these are joint measurements."""
         return bool(_OTHERS & {*self.words})
 
 
 def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:
-    """All ways in which columns differ in a number or the name of a joint that is none."""
+    """All series of columns that differ only in a number, or in the name of a joint that is not a number."""
     found: dict[tuple[str, str, bool], dict[int, str]] = {}
     patterns: list[tuple[str, int | None]] = [(r"\d+", None)]
     patterns += [(_bounded(name), place) for place, name in enumerate(names) if not name.isdigit()]
@@ -86,21 +86,21 @@ def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:
     series: dict[tuple[str, str, bool], list[Series]] = {}
     for (before, after, named), columns in found.items():
         same = series.setdefault((before, without_unit(after), named), [])
-        if same and not same[-1].columns.keys() & columns.keys():  # a joint that slides is in another unit
+        if same and not same[-1].columns.keys() & columns.keys():  # prismatic joints have another unit
             same[-1].columns.update(columns)
         else:
             same.append(Series(before, after, named, columns))
-    return [one for some in series.values() for one in some]
+    return [each for same in series.values() for each in same]
 
 
 def _bounded(name: str) -> str:
-    """A regular expression of a name that is no part of a longer word or number."""
+    """A regular expression for a name that is not part of a longer word or number."""
     before, after = (r"\d" if end.isdigit() else "[A-Za-z]" for end in (name[:1], name[-1:]))
     return rf"(?<!{before}){re.escape(name)}(?!{after})"
 
 
 def _words(text: str) -> Iterator[str]:
-    """Words of a name in small letters; where a word is none that is known, its humps are words."""
+    """Lower-case words of a name; unknown words are split at capitals."""
     for run in re.findall(r"[A-Za-z]+", text):
         if run.lower() in _KNOWN:
             yield run.lower()
@@ -109,7 +109,7 @@ def _words(text: str) -> Iterator[str]:
 
 
 def stamps_of(available: Sequence[str]) -> list[str]:
-    """Columns of time stamps that are called so with the fewest words."""
+    """Columns of time stamps, those with the fewest words in their names."""
     ranked = []
     for column in available:
         words = [word for word in _words(column) if word not in SPELT_TIMES]
@@ -119,13 +119,13 @@ def stamps_of(available: Sequence[str]) -> list[str]:
 
 
 def is_split(stamps: Sequence[str]) -> bool:
-    """Whether stamps are seconds and, in a column of their own, nanoseconds."""
+    """Whether stamps are split into a column of seconds and one of nanoseconds."""
     units = [SPELT_TIMES & {*_words(column)} for column in stamps]
     return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
 
 
 def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
-    """Names of so many joints that a file has a signal of, in the order of its columns."""
+    """Names of the ``count`` joints for which a file has a signal, in the order of its columns."""
     groups: dict[tuple[str, str], list[str]] = {}
     for column in available:
         marks = [k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in m.span()]

@@ -1,4 +1,4 @@
-"""Which columns of a file hold which signal: by the patterns that are set, or by what they are called."""
+"""Which columns of a file hold which signal, by configured patterns or by their names."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSett
 from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
 
-_MOST_LEFT = 2  # columns after the arm's last joint that are a gripper's; more are another arm's
-_SHOWN = 3  # patterns that a message offers
+_MOST_LEFT = 2  # columns after the arm's last joint that may be a gripper's; more belong to another arm
+_SHOWN = 3  # patterns that a message suggests
 
-# places in the chain by which a file numbers the arm's joints, and the number of the chain's first joint
+# numbers of the arm's joints in a file, as places in the chain, and the number of the chain's first joint
 Numbering = tuple[tuple[int, ...], int]
 
 
@@ -22,11 +22,11 @@ Numbering = tuple[tuple[int, ...], int]
 class Joints:
     """Names and numbers of the arm's joints in a file."""
 
-    # names in the file of the arm's joints and of locked ones between them, from the base outwards
+    # file's names of the arm's joints and of locked ones between them, from the base outwards
     chain: tuple[str, ...]
-    places: tuple[int, ...]  # which of these are the arm's
+    places: tuple[int, ...]  # of the arm's joints among these
     own: tuple[str, ...]  # names of the arm's joints in its description
-    slides: tuple[bool, ...]  # which of the arm's do not turn
+    slides: tuple[bool, ...]  # whether each of the arm's joints is prismatic
 
     @classmethod
     def of(
@@ -37,13 +37,13 @@ class Joints:
         chain: Sequence[str],
         sliding: Collection[str] = (),
     ) -> "Joints":
-        """The arm's joints in a file, of a chain in which others may be locked; without names none are."""
+        """The arm's joints in a file; ``chain`` also names locked joints between them, if there are any."""
         own = tuple(joint_names)
-        every = tuple(chain or joint_names)
-        named = tuple(settings.joints or every)
+        whole = tuple(chain or joint_names)
+        named = tuple(settings.joints or whole)
         slides = tuple(name in sliding for name in own)
-        if len(named) == len(every):
-            return cls(named, tuple(every.index(name) for name in own), own, slides)
+        if len(named) == len(whole):
+            return cls(named, tuple(whole.index(name) for name in own), own, slides)
         if len(named) == len(own):
             return cls(named, tuple(range(len(own))), own, slides)
         raise RecordingError(
@@ -58,15 +58,15 @@ class Joints:
 
 
 def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[str]:
-    """Columns of a pattern for joints of these names and places, counted from 0; or the one array of all."""
+    """Columns of a pattern for joints of these names and places (from 0); or the array of all joints."""
     if not PLACEHOLDER.search(pattern):
         return [pattern]
-    each = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
-    return [PLACEHOLDER.sub(lambda match, one=one: one[match[1]], pattern) for one in each]  # type: ignore[misc]
+    values = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
+    return [PLACEHOLDER.sub(lambda match, x=x: x[match[1]], pattern) for x in values]  # type: ignore[misc]
 
 
 class Finder:
-    """Search for the columns of a file that hold time and signals, or the only one of interest."""
+    """Search for the columns of a file that hold time and signals, or only one signal."""
 
     def __init__(
         self, file: str, table: Table, settings: RecordingSettings, joints: Joints, only: str | None
@@ -79,7 +79,7 @@ class Finder:
         self.ambiguous = bool(others)
 
     def found(self) -> tuple[Where, list[str]]:
-        """Columns of time, or two of seconds and nanoseconds, and of each signal, and remarks on them."""
+        """Columns of time (two if split into seconds and nanoseconds) and each signal, and remarks."""
         time = self._time()
         where = {"time": time} if time else {}
         patterns: dict[str, str] = {}
@@ -103,7 +103,7 @@ class Finder:
         return where, [*self._shifted(guessed), *self._left_over(where, patterns)]
 
     def _time(self) -> list[str]:
-        """Columns of time stamps; none of a file without, whose rate is known."""
+        """Columns of time stamps; none if the file has none but its rate is known."""
         names = self.settings.time.split("|")
         stamps = [name for name in names if name in self.available][:1]
         if not stamps and AUTO in names:
@@ -120,7 +120,7 @@ class Finder:
         return stamps
 
     def _set(self, pattern: str) -> tuple[list[str], str]:
-        """Columns of a pattern that is set, where all are there, and the pattern."""
+        """Columns of a configured pattern, none unless all exist, and the pattern."""
         for places in (self.joints.places, range(len(self.joints.places))):
             columns = _filled(pattern, self.joints.names, places)
             if {*columns} <= {*self.available}:
@@ -128,12 +128,9 @@ class Finder:
         return [], pattern
 
     def _called(self, signal: str) -> tuple[list[str], str]:
-        """Columns that are the signal's by their names, and their pattern; none where there are none.
-
-        The column is one where it holds all joints.
-        """
+        """Columns named like the signal, or a single one that holds all joints, and their pattern."""
         ways = self._ways(self._own(self._candidates(signal)), self.numbering)
-        ways = ways or {(one,): one for one in self._arrays(signal)}
+        ways = ways or {(column,): column for column in self._arrays(signal)}
         if len(ways) > 1:
             self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
@@ -147,52 +144,51 @@ class Finder:
         return [], ""
 
     def _candidates(self, signal: str) -> list[Series]:
-        """Series that are called as a signal; in a file of that alone those that are called as none."""
+        """Series named like a signal; if the file is for that signal only, else those named like none."""
         called = [s for s in self.series if s.signal(self.effort) == signal]
         return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
     def _own(self, series: Sequence[Series]) -> list[Series]:
-        """Series without numbered ones of another arm, where this one's are there by their names."""
+        """Series, without another arm's numbered ones if this arm's joints occur by name."""
         whole = [s for s in series if s.named and len(s.of(self.joints.places, 0)) == len(self.joints.places)]
-        return [s for s in series if s.named or not any(s.of_another_arm(one) for one in whole)]
+        return [s for s in series if s.named or not any(s.of_another_arm(arms) for arms in whole)]
 
     def _arrays(self, signal: str | None) -> list[str]:
-        """Columns of lists with an element for each joint that are called as a signal, or as none."""
+        """Columns of lists with an element per joint that are named like a signal, or like none."""
         called = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
         return [c for c in called if self.table.width(c) == len(self.joints.places)]
 
-    def _of(self, one: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
-        """Columns of a series that are the arm's joints', numbered like this, and its pattern."""
+    def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
+        """The arm's columns in a series with this numbering, and its pattern."""
         places, base = numbering
-        return tuple(one.of(self.joints.places if one.named else places, base)), one.pattern(base)
+        return tuple(series.of(self.joints.places if series.named else places, base)), series.pattern(base)
 
     def _ways(self, series: Sequence[Series], numbering: Numbering) -> dict[tuple[str, ...], str]:
-        """Patterns of series that have all joints, numbered like this, by their columns; names win."""
-        each = [self._of(one, numbering) for one in sorted(series, key=lambda one: one.named)]
-        return {columns: pattern for columns, pattern in each if len(columns) == len(self.joints.places)}
+        """Patterns of series with all joints in this numbering, by their columns; names take precedence."""
+        found = [self._of(s, numbering) for s in sorted(series, key=lambda s: s.named)]
+        return {columns: pattern for columns, pattern in found if len(columns) == len(self.joints.places)}
 
     def _numberings(self) -> list[Numbering]:
-        """Ways to number the arm's joints: their places, and the number of the first joint of the chain.
+        """Possible numberings of the arm's joints; locked joints may or may not be counted.
 
-        Locked joints have numbers, too, or else none. A file that names its joints in columns has
-        numbered them.
+        A file with columns of joint names states its numbering.
         """
         names, count = self.joints.names, len(self.joints.places)
-        for one in self.series:
-            if not one.named and one.words[-1:] in (["name"], ["names"]):
-                numbers = {self.table.first(column): number for number, column in one.columns.items()}
+        for series in self.series:
+            if not series.named and series.words[-1:] in (["name"], ["names"]):
+                numbers = {self.table.first(column): number for number, column in series.columns.items()}
                 if {*names} <= {*numbers}:
                     return [(tuple(numbers[name] for name in names), 0)]
-        every = dict.fromkeys([self.joints.places, tuple(range(count))])
-        return [(places, base) for places in every for base in (0, 1)]
+        distinct = dict.fromkeys([self.joints.places, tuple(range(count))])
+        return [(places, base) for places in distinct for base in (0, 1)]
 
     def _likeliest(self) -> list[Numbering]:
-        """Numberings with which most signals are whole, the likeliest first."""
+        """Numberings with which most signals are complete, the likeliest first."""
         count = len(self.joints.places)
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.effort)]
         scores = {
-            numbering: tuple(sum(len(s.of(*numbering)) == count for s in some) for some in (signals, series))
+            numbering: tuple(sum(len(s.of(*numbering)) == count for s in kind) for kind in (signals, series))
             for numbering in self.numberings
         }
         if (most := max(scores.values())) == (0, 0):
@@ -200,41 +196,41 @@ class Finder:
         return [score for score in scores if scores[score] == most]
 
     def _left(self, columns: Sequence[str], pattern: str) -> list[str]:
-        """Numbered columns that go on after those of the arm's joints, and of locked ones by the pattern."""
+        """Numbered columns of a series that belong neither to the arm's joints nor to locked ones."""
         chain = self.joints.chain
         known = {*columns, *_filled(pattern, chain, range(len(chain)))}
         numbered = [{*s.columns.values()} for s in self.series if not s.named]
-        left = {column for some in numbered if {*columns} <= some for column in some - known}
+        left = {column for series in numbered if {*columns} <= series for column in series - known}
         return [column for column in self.available if column in left]
 
     def _shifted(self, guessed: Sequence[Sequence[str]]) -> list[str]:
-        """A sentence about numbered columns that are called as other joints than they are taken for."""
+        """A remark if joints are counted from 0 but named from 1, so that the columns read may surprise."""
         named = [(c, place) for s in self.series if s.named for place, c in s.columns.items()]
         taken = [dict(zip(columns, self.joints.places)) for columns in guessed]
-        first = [next(iter(one)) for one in taken if any(one.get(c, place) != place for c, place in named)]
+        first = [next(iter(t)) for t in taken if any(t.get(c, place) != place for c, place in named)]
         if not first:
             return []
         return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
 
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
-        """A sentence about columns of more joints than the arm has."""
+        """A remark on columns of more joints than the arm has."""
         lefts = {signal: self._left(where[signal], pattern) for signal, pattern in patterns.items()}
-        left = [*dict.fromkeys(column for some in lefts.values() for column in some)]
+        left = [*dict.fromkeys(column for columns in lefts.values() for column in columns)]
         if not left:
             return []
         has = f"the arm has {counted(len(self.joints.places), 'joint')}"
-        said = f"not used: {listed(left)}; "
+        unused = f"not used: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.position or not zero:
-            return [said + has]
+            return [unused + has]
         other = " ".join(_typed(s, p.replace("{index0}", "{index}")) for s, p in zero.items())
-        return [f"{said}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
+        return [f"{unused}joints are counted from 0, and {has}; if the first joint is number 1: {other}"]
 
     def _refuse_missing(self, signal: str) -> None:
-        """Raise when a signal has to be there, or is for half of the joints or more, but not for all."""
+        """Raise if a signal is required, or present for at least half of the joints but not for all."""
         patterns = (getattr(self.settings, signal) or "").split("|")
         series = self._candidates(signal) if AUTO in patterns else []
-        ways = [self._of(one, self.numbering) for one in series]
+        ways = [self._of(s, self.numbering) for s in series]
         nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))
         optional = AUTO in patterns and not self.only and signal != "position"
         if patterns == [""] or (optional and len(nearest) * 2 < len(self.joints.places)):
@@ -250,7 +246,7 @@ class Finder:
         )
 
     def _remedy(self, signal: str, joints: Sequence[str]) -> str:
-        """Words to type when a signal of some joints is missing."""
+        """The end of a message: what to type when joints lack a signal."""
         partial = len(joints) < len(self.joints.own)
         if signal == "position" or not partial:
             return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
@@ -259,16 +255,16 @@ class Finder:
         return f"; to derive it instead: recording.{signal}=null"
 
     def _another_file(self, has: str) -> str:
-        """Words to type when another file has what this one lacks, and this one has a signal."""
+        """The end of a message: how to give this file for the signal it has, and others for the rest."""
         files = {"position": "FILE", "effort": "FILE"} | {has: self.file}
-        each = ", ".join(f"{signal}: {file}" for signal, file in files.items())
-        return f"; is it in another file? 'recordings=[{{{each}}}]'"
+        paths = ", ".join(f"{signal}: {file}" for signal, file in files.items())
+        return f"; is it in another file? 'recordings=[{{{paths}}}]'"
 
     def _offers(self, signal: str) -> str:
-        """Settings with which other columns of the file would be the signal."""
+        """The end of a message: settings that would read the signal from other columns of the file."""
         unknown = [s for s in self.series if self.only or s.signal(self.effort) is None]
         ways = [self._ways(unknown, numbering) for numbering in self.numberings]
-        patterns = [*dict.fromkeys(p for one in ways for p in one.values())]
+        patterns = [*dict.fromkeys(p for way in ways for p in way.values())]
         patterns += self._arrays(None)
         if patterns:
             return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
@@ -276,7 +272,7 @@ class Finder:
         return f"; are its joints, in the arm's order, 'recording.joints=[{names}]'?" if names else ""
 
     def _refuse_several(self, signal: str, ways: Sequence[str]) -> NoReturn:
-        """Raise: a signal is there in more than one way, between which nothing decides."""
+        """Raise because a signal occurs in several, equally plausible ways."""
         listed_ways = " and as ".join(map(repr, ways))
         raise RecordingError(
             f"{self.file} has {signal} as {listed_ways}; choose one: {_typed(signal, ways[0])}"
@@ -287,5 +283,5 @@ class Finder:
 
 
 def _typed(signal: str, pattern: str) -> str:
-    """A setting as a word on the command line."""
+    """A setting as an argument of the command."""
     return f"'recording.{signal}=\"{pattern}\"'"

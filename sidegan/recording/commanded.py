@@ -1,4 +1,4 @@
-"""Trajectories that were sent to the arm, found again in its recording, and averaged over repetitions."""
+"""Commanded trajectories located in a recording and averaged over their repetitions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
@@ -15,50 +15,50 @@ from sidegan.errors import RecordingError
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import bandwidth_of
 
-FOLDER = "trajectories"  # of a run of excite
-_RATE = 50.0  # [Hz] at which trajectories are looked for
-_ALIKE = 0.9  # correlation of velocities from which a trajectory is one of those that were sent
-_NEAR = 0.1  # [rad or m] between the means of the commands and what was recorded
-_ROUNDS = 4  # of finding the moment at which a repetition begins
+FOLDER = "trajectories"  # in the folder of an excite run
+_RATE = 50.0  # [Hz] sampling rate of the search
+_ALIKE = 0.9  # least correlation of recorded and commanded velocities
+_NEAR = 0.1  # [rad or m] largest difference of mean commanded and recorded positions
+_ROUNDS = 4  # of refining the start of a repetition
 
 
 @dataclass(frozen=True, eq=False)
 class Commanded:
-    """A trajectory that was sent to the arm."""
+    """A commanded trajectory."""
 
     name: str  # of its file
-    time: Array  # [s], (T,), from 0 on
+    time: Array  # [s], (T,), from 0
     position: Array  # [rad or m], (T, J)
 
     def at(self, times: Array) -> tuple[Array, Array]:
-        """Positions and velocities at some times [s] within, (S, J) each."""
+        """Positions [rad or m] and velocities at times (S,) [s] within it, (S, J) each."""
         curve = scipy.interpolate.PchipInterpolator(self.time, self.position)
         return curve(times), curve(times, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class Repeated:
-    """How often trajectories were found in a recording, and how far their repetitions differ."""
+    """Repetitions of the commanded trajectories in a recording, and the noise between them."""
 
-    counts: dict[str, int]  # by the name of the commands
-    # standard deviation of a sample of each joint's torque [N·m or N] or current [A] between repetitions,
-    # (J,); None where nothing was repeated
+    counts: dict[str, int]  # repetitions by name of the trajectory
+    # standard deviation of each joint's torque [N·m or N] or current [A] between repetitions, (J,); None
+    # without repetitions
     noise: Array | None
     bandwidth: float  # of the commands [Hz]
 
     @property
     def statement(self) -> str:
-        """A sentence on what was found."""
+        """A sentence on what was found, for people."""
         listed = ", ".join(f"{name} × {count}" for name, count in self.counts.items())
         averaged = "" if self.noise is None else "; repetitions are averaged"
         return f"found the commanded trajectories: {listed}{averaged}"
 
 
 def commanded_files(path: Path) -> list[Path]:
-    """Tables of the trajectories that were sent: one file, or those of a folder, a run, or the newest run."""
-    runs = sorted(path.glob(f"*/{FOLDER}"))  # named by their time
+    """Tables of the commanded trajectories: one file, or those of a folder, a run, or the newest run."""
+    runs = sorted(path.glob(f"*/{FOLDER}"))  # named by time
     folder = runs[-1] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
-    files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda one: one.stem.zfill(9))
+    files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda csv: csv.stem.zfill(9))
     files = [file for file in files if folder.is_file() or file.stem.isdigit()]
     if not files:
         raise RecordingError(
@@ -68,7 +68,7 @@ def commanded_files(path: Path) -> list[Path]:
 
 
 def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
-    """The trajectories that were sent, in the columns of ``excite``."""
+    """The commanded trajectories, from tables with the columns of ``excite``."""
     found = []
     for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):
@@ -82,9 +82,9 @@ def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
 
 
 def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tuple[list[Recording], Repeated]:
-    """Each trajectory that is found in a recording, averaged over its repetitions, in the order of time.
+    """Each commanded trajectory found in a recording, averaged over its repetitions, in order of time.
 
-    With a gap [s] in it a repetition does not count.
+    Repetitions that contain a gap [s] are left out.
     """
     fresh = np.append(True, np.diff(recording.time) > 0)
     time = recording.time[fresh]
@@ -101,31 +101,31 @@ def averaged(recording: Recording, sent: Sequence[Commanded], gap: float) -> tup
     random = np.random.default_rng(0).standard_normal(signals["position"].shape)
     white = scipy.interpolate.PchipInterpolator(time, random)
     found = []
-    squares, free = np.zeros(len(names)), 0  # of what repetitions differ by, and its degrees of freedom
+    squares, free = np.zeros(len(names)), 0  # squared deviations, and their degrees of freedom
     for k, begins in starts.items():
         grid = np.arange(0.0, sent[k].time[-1], step)
-        each = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
-        means: dict[str, Any] = {name: x.mean(0) for name, x in each.items()}
+        repeats = {name: np.stack([curve(grid + s) for s in begins]) for name, curve in curves.items()}
+        means: dict[str, Any] = {name: x.mean(0) for name, x in repeats.items()}
         found.append(Recording(recording.name, names, grid + begins[0], **means))
         if len(begins) > 1:
-            # what interpolation leaves of a sample's noise is seen in what it leaves of made-up noise
+            # interpolation attenuates noise; interpolating white noise shows by how much
             left = np.mean([white(grid + start) ** 2 for start in begins])
-            squares += ((each[recording.load] - each[recording.load].mean(0)) ** 2).sum((0, 1)) / left
+            squares += ((repeats[recording.load] - means[recording.load]) ** 2).sum((0, 1)) / left
             free += (len(begins) - 1) * len(grid)
     noise = np.sqrt(squares / free) if free else None
     counts = {sent[k].name: len(begins) for k, begins in starts.items()}
     bandwidth = max(bandwidth_of(x.name, x.time, x.position, float(np.median(np.diff(x.time)))) for x in sent)
-    found.sort(key=lambda one: float(one.time[0]))
+    found.sort(key=lambda mean: float(mean.time[0]))
     return found, Repeated(counts, noise, bandwidth)
 
 
 def _starts(time: Array, position: Array, sent: Sequence[Commanded], gap: float) -> dict[int, list[float]]:
-    """Moments [s] at which trajectories begin, by their number; no two overlap."""
+    """Start times [s] of trajectories, by their number; no two overlap."""
     step = 1 / _RATE
     grid = np.arange(time[0], time[-1], step)
     velocity = np.gradient(np.stack([np.interp(grid, time, q) for q in position.T], 1), step, axis=0)
-    alike = [_alike(velocity, one.at(np.arange(0.0, one.time[-1], step))[1]) for one in sent]
-    lengths = [round(float(one.time[-1]) / step) for one in sent]
+    alike = [_correlation(velocity, x.at(np.arange(0.0, x.time[-1], step))[1]) for x in sent]
+    lengths = [round(float(x.time[-1]) / step) for x in sent]
     holes = time[:-1][np.diff(time) > gap]
     starts: dict[int, list[float]] = {}
     while True:
@@ -133,15 +133,15 @@ def _starts(time: Array, position: Array, sent: Sequence[Commanded], gap: float)
         if alike[k].max(initial=0.0) < _ALIKE:
             return {k: sorted(starts[k]) for k in sorted(starts)}
         at = int(alike[k].argmax())
-        start = _begun(time, position, sent[k], float(grid[at]))
-        for x, length in zip(alike, lengths):  # another one may neither begin nor end within this one
+        start = _start_time(time, position, sent[k], float(grid[at]))
+        for x, length in zip(alike, lengths):  # no other trajectory may overlap this one
             x[max(0, at - length + 1) : at + lengths[k]] = 0.0
         if start is not None and not ((holes >= start) & (holes < start + sent[k].time[-1])).any():
             starts.setdefault(k, []).append(start)
 
 
-def _alike(velocity: Array, wanted: Array) -> Array:
-    """Correlation, −1 to 1, of velocities (S, J) with wanted ones (T, J) that begin at each sample."""
+def _correlation(velocity: Array, wanted: Array) -> Array:
+    """Correlation, −1 to 1, of velocities (S, J) with wanted ones (T, J), by the sample where these start."""
     if len(wanted) > len(velocity):
         return np.zeros(0)
     match = sum(scipy.signal.correlate(v, w, "valid", "fft") for v, w in zip(velocity.T, wanted.T))
@@ -150,10 +150,10 @@ def _alike(velocity: Array, wanted: Array) -> Array:
     return match / np.sqrt(power)
 
 
-def _begun(time: Array, position: Array, sent: Commanded, start: float) -> float | None:
-    """The moment at which a trajectory begins [s]; None where it is another one or not all of it is there.
+def _start_time(time: Array, position: Array, sent: Commanded, start: float) -> float | None:
+    """Start time of a trajectory [s]; None if it is another one or incomplete.
 
-    What a servo is late by is part of it: the recording is compared with itself, not with what was asked for.
+    Servo lag is included: repetitions are averaged with each other, not compared with the commands.
     """
     grid = np.arange(0.0, sent.time[-1], 1 / _RATE)
     wanted, rate = sent.at(grid)

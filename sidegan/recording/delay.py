@@ -1,4 +1,4 @@
-"""By how much a recording's torques are later than its motion, from the motion and the torques alone."""
+"""Delay of a recording's torques behind its motion, estimated from both alone."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,49 +10,48 @@ from sidegan.base.arrays import Array, flatten
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import Segment
 
-_SAMPLES = 3000  # that are looked at, spread over the recording
+_SAMPLES = 3000  # used, spread over the recording
 _ROUNDS = 4  # of Gauss-Newton
-_SETTLED = 1e-5  # [s]
-_STEP = 0.1  # [s] that a single fit goes at most
-_NEAR = 0.02  # [s] up to which a single fit is right, and a delay is no reason to warn
-LONGEST = 1.0  # [s] that is looked for
-_LEAST_KEPT = 0.5  # of a recording that the longest one leaves
-_FITS = 8  # with what was found taken off
-_BETTER = 0.5  # of what is left without a delay, that a long one leaves at most
-_ROUNDING = 1e-12  # relative eigenvalue that is no information
-# samples of a low-passed error, kept ten to a period of the cut-off, that tell as much as one
-_CORRELATED = 5.0
-_CLEAR = 3.0  # deviations off zero at which a delay is believed
-_WORTH = 2e-3  # [s]: a delay that is worth taking off; friction that sticks passes for a smaller one
-_ALIKE = 3e-3  # [s] between delays of one arm: friction that sticks passes for some of it
-_AWAY = 0.3  # of a joint's usual speed, above which its friction is that of one direction
+_SETTLED = 1e-5  # [s] step at which Gauss-Newton has converged
+_STEP = 0.1  # [s] largest delay found by a single fit
+_NEAR = 0.02  # [s] up to which a single fit is accurate, and a delay needs no warning
+LONGEST = 1.0  # [s] longest delay that is searched
+_LEAST_KEPT = 0.5  # share of a recording left at the longest delay
+_FITS = 8  # each after the delay found so far is removed
+_BETTER = 0.5  # largest residual at a long delay, relative to that without
+_ROUNDING = 1e-12  # relative eigenvalue below which there is no information
+_CORRELATED = 5.0  # samples per independent one: the error is low-passed, at ten samples per cut-off period
+_CLEAR = 3.0  # standard deviations from zero at which a delay is believed
+_WORTH = 2e-3  # [s] smallest delay worth removing; stiction looks like smaller ones
+_ALIKE = 3e-3  # [s] between delays of the same arm, part of which may be stiction
+_AWAY = 0.3  # of a joint's RMS speed, above which friction does not depend on reversals
 
 
 class Delay(NamedTuple):
-    """Time by which torques are later than states."""
+    """Delay of torques behind states."""
 
-    seconds: float  # negative where they are earlier
-    deviation: float = 0.0  # standard deviation of that [s]
-    given: bool = False  # whether it was set, not measured
-    clear: bool = False  # whether less than half of what is left without it is left with it
+    seconds: float  # negative if torques are early
+    deviation: float = 0.0  # standard deviation of the delay [s]
+    given: bool = False  # whether it was set rather than measured
+    clear: bool = False  # whether removing it at least halves the residual
 
     @property
     def noticed(self) -> bool:
-        """Whether a person should look at it."""
+        """Whether it deserves a warning."""
         return self.lost or (self.believed and abs(self.seconds) > _NEAR)
 
     @property
     def believed(self) -> bool:
-        """Whether there is one beyond doubt; one as long as the search goes is where that was stopped."""
+        """Whether it differs from zero significantly."""
         return _CLEAR * self.deviation < abs(self.seconds) and not self.lost
 
     @property
     def lost(self) -> bool:
-        """Whether the search was stopped before it found one."""
+        """Whether it is beyond the range of the search."""
         return not self.given and abs(self.seconds) >= LONGEST
 
     def statement(self, taken_off: bool) -> str:
-        """A sentence on the delay, and on whether it is taken off."""
+        """A sentence on the delay, and on whether it was removed."""
         size, when = abs(self.seconds) * 1e3, "earlier" if self.seconds < 0 else "later"
         if self.given:
             return f"torques are assumed to be {size:g} ms {when} than the motion, as set"
@@ -66,26 +65,26 @@ class Delay(NamedTuple):
         if math.isinf(self.deviation):
             return "the delay of the torques cannot be determined: not corrected"
         rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
-        said = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
-        return f"{said}: {'taken off' if taken_off else left}"
+        delay = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
+        return f"{delay}: {'taken off' if taken_off else left}"
 
 
 def pooled(delays: Sequence[Delay]) -> Delay | None:
-    """The delay that recordings have in common; None of a single one, or where they have not the same."""
-    if len(delays) < 2 or not all(0 < one.deviation < math.inf for one in delays):
+    """The common delay of several recordings; None if there is only one recording or they differ."""
+    if len(delays) < 2 or not all(0 < delay.deviation < math.inf for delay in delays):
         return None
-    weights = [one.deviation**-2 for one in delays]
-    mean = sum(w * one.seconds for w, one in zip(weights, delays)) / sum(weights)
-    apart = any(abs(one.seconds - mean) > max(_CLEAR * one.deviation, _ALIKE) for one in delays)
-    return None if apart else Delay(mean, sum(weights) ** -0.5, clear=all(one.clear for one in delays))
+    weights = [delay.deviation**-2 for delay in delays]
+    mean = sum(w * delay.seconds for w, delay in zip(weights, delays)) / sum(weights)
+    apart = any(abs(delay.seconds - mean) > max(_CLEAR * delay.deviation, _ALIKE) for delay in delays)
+    return None if apart else Delay(mean, sum(weights) ** -0.5, clear=all(delay.clear for delay in delays))
 
 
 def measured(body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]]) -> Delay:
-    """Delay of the torques, however long; ``less`` gives segments that have a delay [s] taken off.
+    """Delay of the torques, however long; ``less`` returns segments with a delay [s] removed.
 
-    Near the reversals of a joint, friction that leads or lags its velocity passes for a delay, so that it is
-    measured away from them. Only where torques would be earlier than the motion then and later with these,
-    it is that of all samples: friction lags, and taking that off explains more of it.
+    Near a joint's reversals, friction that leads or lags the velocity looks like a delay, so only faster
+    samples are used. The exception: if these say that torques are early and all samples say that they are
+    late, all samples are used. Friction lags, and removing that lag explains more of it.
     """
     away = _refined(body, segments, less, _AWAY)
     if away.seconds > -_WORTH:
@@ -97,7 +96,7 @@ def measured(body: RigidBody, segments: list[Segment], less: Callable[[float], l
 def _refined(
     body: RigidBody, segments: list[Segment], less: Callable[[float], list[Segment]], above: float
 ) -> Delay:
-    """Delay from samples in which a joint is faster than a share of its usual speed."""
+    """Delay from samples in which a joint is faster than the share ``above`` of its RMS speed."""
     taken = coarse = _coarse(body, segments)
     found = delay_of(body, less(taken) if taken else segments, above)
     for _ in range(_FITS):
@@ -106,21 +105,21 @@ def _refined(
         taken = max(-LONGEST, min(LONGEST, taken + found.seconds))
         found = delay_of(body, less(taken), above)
     whole = taken + found.seconds
-    if not coarse and _STEP < abs(whole) < LONGEST:  # where hardly less is left than without it
+    if not coarse and _STEP < abs(whole) < LONGEST:  # so long a delay would have reduced the residual
         return Delay(0.0, math.inf)
     return Delay(max(-LONGEST, min(LONGEST, whole)), found.deviation, clear=coarse != 0)
 
 
 def _coarse(body: RigidBody, segments: list[Segment]) -> float:
-    """The long delay [s], a multiple of the time between samples, that leaves least; 0 where none is long."""
+    """Long delay [s], a multiple of the sampling step, with the smallest residual; 0 if there is none."""
     step = float(segments[0].time[1] - segments[0].time[0])
     furthest = min(round(LONGEST / step), int(max(len(x.time) for x in segments) * (1 - _LEAST_KEPT) / 2))
     inner = [x for x in segments if len(x.time) > 2 * furthest]
-    every = max(1, sum(len(x.time) - 2 * furthest for x in inner) // _SAMPLES)
+    stride = max(1, sum(len(x.time) - 2 * furthest for x in inner) // _SAMPLES)
     states, torques = [], []
     for x in inner:
-        rows = np.arange(furthest, len(x.time) - furthest, every)
-        states.append(Segment(*(one[rows] for one in x)))
+        rows = np.arange(furthest, len(x.time) - furthest, stride)
+        states.append(Segment(*(signal[rows] for signal in x)))
         torques.append(x.torque[rows[:, None] + np.arange(-furthest, furthest + 1)])
     columns = np.concatenate([_columns(body, *x[1:4], x.sign) for x in states])
     torque = np.concatenate(torques)  # (S, D, J)
@@ -136,22 +135,22 @@ def _coarse(body: RigidBody, segments: list[Segment]) -> float:
 
 
 def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> Delay:
-    """Delay of the torques, a short one, with which an arm of these kinematics explains them best.
+    """Short delay of the torques with which an arm of these kinematics explains them best.
 
-    A torque that is late by d is Y θ − d τ̇. That is fitted with rigid bodies, friction, offsets and rotors,
-    so that the description's inertias do not matter; each joint counts by its residual, where it is faster
-    than a share of its usual speed.
+    A torque that is late by d is Y θ − d τ̇, fitted with rigid bodies, friction, offsets and rotors, so that
+    the description's inertias do not matter. Joints are weighted by their residuals and count only where
+    they are faster than the share ``above`` of their RMS speed.
     """
     whole = [np.concatenate(x) for x in zip(*map(_rates, segments))]
-    every = max(1, len(whole[0]) // _SAMPLES)
-    q, dq, ddq, torque, sign, rate, bend = (x[::every] for x in whole)
+    stride = max(1, len(whole[0]) // _SAMPLES)
+    q, dq, ddq, torque, sign, rate, bend = (x[::stride] for x in whole)
     known = _columns(body, q, dq, ddq, sign)
     if above:
         fast = np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))
         known, torque, rate, bend = known * fast[..., None], torque * fast, rate * fast, bend * fast
     late, deviation = 0.0, math.inf
     for _ in range(_ROUNDS):
-        # where the torque would be if it came earlier by what was found so far
+        # the torque without the delay found so far
         now = torque + late * rate + late**2 / 2 * bend
         step, deviation = _step(np.concatenate([known, -(rate + late * bend)[..., None]], 2), now)
         late = max(-_STEP, min(_STEP, late + step))
@@ -161,14 +160,14 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
 
 
 def _columns(body: RigidBody, q: Array, dq: Array, ddq: Array, sign: Array) -> Array:
-    """Columns of rigid bodies, friction, offsets and rotors, (S, J, P), at states (S, J)."""
+    """Regressor of rigid bodies, friction, offsets and rotors, (S, J, P), at states (S, J)."""
     others = np.stack([dq, sign, np.ones_like(dq), ddq], -1)
     terms = flatten(others[:, :, None] * np.eye(body.joints)[..., None], 2)
     return np.concatenate([body.base_regressor(q, dq, ddq), terms], 2)
 
 
 def _step(columns: Array, torque: Array) -> tuple[float, float]:
-    """The last parameter of weighted least squares on columns (S, J, P), and its deviation."""
+    """Last parameter of a weighted least-squares fit of columns (S, J, P), and its standard deviation."""
     weights = 1 / np.maximum(torque.std(0), 1e-300)
     for _ in range(2):
         rows = (columns * weights[:, None]).reshape(-1, columns.shape[2])
@@ -179,13 +178,13 @@ def _step(columns: Array, torque: Array) -> tuple[float, float]:
 
 
 def _inverse(rows: Array) -> tuple[Array, Array]:
-    """Inverse information (P, P) of rows (N, P) over the lengths of their columns, and these, (P,)."""
+    """Inverse information (P, P) of rows (N, P) with normalised columns, and the columns' norms, (P,)."""
     scale = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
     return np.linalg.pinv((rows / scale).T @ (rows / scale), _ROUNDING, hermitian=True), scale
 
 
 def _rates(segment: Segment) -> list[Array]:
-    """A segment's states, torque and sign, with the torque's first and second derivative."""
+    """A segment's states, torque and sign, and the torque's first and second time derivatives."""
     step = float(segment.time[1] - segment.time[0])
     rate = np.gradient(segment.torque, step, axis=0)
     bend = np.gradient(rate, step, axis=0)

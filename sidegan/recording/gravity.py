@@ -1,4 +1,4 @@
-"""Which gravity a recording's torques hold, and at which scale, by the inertias of the description."""
+"""Direction of gravity and scales of torque in a recording, from the description's inertias."""
 
 import math
 from dataclasses import replace
@@ -10,33 +10,33 @@ from sidegan.base.arrays import Array
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import SIGN_WIDTH
 
-_ROUNDS = 10  # of scales and gravity in turn
-_BETTER = 0.7  # share of what the description's gravity leaves, from which on another one is believed
-_EXPLAINED = 0.5  # of the median joint's variance is left at most by a gravity that is believed
-_LEAST = 1e-2  # of a joint's torque that is taken for noise at least
-_TURNED = 0.26  # [rad] between two directions that are not one and the same
+_ROUNDS = 10  # of fitting scales and gravity alternately
+_BETTER = 0.7  # misfit relative to the described gravity's below which another gravity is believed
+_EXPLAINED = 0.5  # most that a believed gravity leaves of the median joint's variance
+_LEAST = 1e-2  # of a joint's torque assumed to be noise at least
+_TURNED = 0.26  # [rad] angle between two directions that count as different
 _TINY = 1e-12
 
 
 class Load(NamedTuple):
-    """The gravity with which a description explains torques best, and the factors to its torques."""
+    """The gravity with which a description explains torques best, and the scales of the torques."""
 
-    gravity: Array  # in the world [m/s²], (3,); the description's own unless another one is far better
-    # of each joint, (J,): measured over described torque, both without what friction and rotors can explain
+    gravity: Array  # in the world [m/s²], (3,); the described one unless another is far better
+    # measured over described torque of each joint, (J,), both without what friction and rotors can explain
     scale: Array
-    correlation: Array  # of the same two, −1 to 1, (J,); 0 where the description needs no torque
-    left: Array  # share of each joint's variance that is left, (J,)
+    correlation: Array  # of the same torques, −1 to 1, (J,); 0 where the described torque is zero
+    left: Array  # unexplained share of each joint's variance, (J,)
 
     @property
     def misfit(self) -> float:
-        """Geometric mean of what is left, so that joints count alike however much noise they have."""
+        """Geometric mean of the unexplained shares: all joints count equally, whatever their noise."""
         return float(np.exp(np.log(np.maximum(self.left, _TINY)).mean()))
 
 
 class _Torques:
-    """Measured torques beside the described ones by their origin, without what friction and rotors explain.
+    """Measured, inertial and gravity torques, without what friction and rotors explain.
 
-    All are (S, J), those of gravity (S, J, 3) for 1 m/s² along each axis of the world.
+    All are (S, J), but gravity's (S, J, 3): for 1 m/s² along each axis of the world.
     """
 
     def __init__(self, body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> None:
@@ -51,7 +51,7 @@ class _Torques:
         self.weight = 1 / np.maximum(np.linalg.norm(self.measured, axis=0), _TINY)
 
     def explained(self, gravity: Array) -> Load:
-        """Scales of the joints with a gravity [m/s²], (3,)."""
+        """Joint scales with a gravity [m/s²], (3,)."""
         model = self.inertial + self.static @ gravity
         products, squares = (model * self.measured).sum(0), np.square(model).sum(0)
         seen = np.sqrt(squares) > 1e-9 * np.maximum(self.size, _TINY)
@@ -60,7 +60,7 @@ class _Torques:
         return Load(gravity, scale, cosine, 1 - np.square(cosine))
 
     def towards(self, scale: Array, left: Array) -> Array:
-        """Gravity [m/s²], (3,), that explains most at these scales, where so much is left, (J,) each."""
+        """Best gravity [m/s²], (3,), at these scales and unexplained shares, (J,) each."""
         weight = self.weight / np.maximum(np.sqrt(left), _LEAST)
         rows = (self.static * (scale * weight)[:, None]).reshape(-1, 3)
         rest = ((self.measured - scale * self.inertial) * weight).ravel()
@@ -68,10 +68,10 @@ class _Torques:
 
 
 def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> Load:
-    """Gravity and scales of measured torques (S, J) at states (S, J), by an arm's description.
+    """Gravity and scales of measured torques (S, J) at states (S, J), from an arm's description.
 
-    Whether masses or gravity are larger cannot be told, so that its size is the description's, or nothing.
-    Another one is believed where both halves of the samples say the same.
+    Larger masses cannot be told from larger gravity, so its magnitude is the description's, or zero.
+    Another gravity is believed only if both halves of the samples agree on it.
     """
     states = q, v, a, measured
     torques = _Torques(body, *states)
@@ -80,45 +80,45 @@ def load_of(body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> L
     if best is not None:
         halves = zip(*(np.array_split(x, 2) for x in states))
         found = [_best(_Torques(body, *half), described) for half in halves]
-        if all(one is not None and _alike(one.gravity, best.gravity) for one in found):
+        if all(half is not None and _same_direction(half.gravity, best.gravity) for half in found):
             return best
     return torques.explained(described)
 
 
 def _best(torques: _Torques, described: Array) -> Load | None:
-    """With the gravity [m/s²], (3,), that explains torques far better than the described one, if any does."""
+    """Load with a gravity that explains torques far better than the described one [m/s²]; None if no such."""
     size = float(np.linalg.norm(described))
     if not size > 0:
         return None
     as_described = torques.explained(described)
     found = _other_direction(torques, size)
     others = [torques.explained(np.zeros_like(described))]
-    others += [] if _alike(found.gravity, described) else [found]
-    best = min(others, key=lambda one: one.misfit)
+    others += [] if _same_direction(found.gravity, described) else [found]
+    best = min(others, key=lambda load: load.misfit)
     believed = best.misfit < _BETTER * as_described.misfit and np.median(best.left) < _EXPLAINED
     return best if believed else None
 
 
-def _alike(one: Array, other: Array) -> bool:
-    """Whether two gravities, (3,), have one direction, or are none."""
-    sizes = float(np.linalg.norm(one) * np.linalg.norm(other))
-    return float(one @ other) > sizes * math.cos(_TURNED) if sizes > 0 else np.array_equal(one, other)
+def _same_direction(a: Array, b: Array) -> bool:
+    """Whether two gravities, (3,), have nearly the same direction, or are both zero."""
+    sizes = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(a @ b) > sizes * math.cos(_TURNED) if sizes > 0 else np.array_equal(a, b)
 
 
 def _other_direction(torques: _Torques, size: float) -> Load:
-    """The gravity of this size [m/s²] that explains most."""
+    """Load with the gravity of this magnitude [m/s²] that explains most."""
     left = np.ones_like(torques.weight)
-    scale = 1 / (torques.weight * np.maximum(torques.size, _TINY))  # whatever the unit of each joint's torque
+    scale = 1 / (torques.weight * np.maximum(torques.size, _TINY))  # independent of the torques' units
     found = []
     for _ in range(_ROUNDS):
         gravity = torques.towards(scale, left)
         found.append(torques.explained(gravity * size / np.maximum(np.linalg.norm(gravity), _TINY)))
         scale, left = found[-1].scale, found[-1].left
-    return min(found, key=lambda one: one.misfit)
+    return min(found, key=lambda load: load.misfit)
 
 
 def other_columns(velocity: Array, acceleration: Array) -> Array:
-    """Viscous and Coulomb friction, offset and rotor inertia of joints, (…, 4), at states (…)."""
+    """Regressor of viscous and Coulomb friction, offset and rotor inertia, (…, 4), at states (…)."""
     sign = np.tanh(velocity / SIGN_WIDTH)
     return np.stack([velocity, sign, np.ones_like(velocity), acceleration], -1)
 

@@ -1,42 +1,42 @@
-"""From jittery samples to a uniform grid, filters along it, and the noise above the motion."""
+"""Resampling of jittery samples to a uniform grid, filters on it, and the noise above the motion's band."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 
-_HIGHEST = 0.8  # of half the sampling rate: above it there is nothing to filter
-_ORDER = 4  # of the low-pass, which is run forwards and backwards
-_LEAST = 4  # samples of a run: the interpolation looks at so many
-_BAND = (1.5, 3.0)  # times the cut-off of the low-pass, itself twelve times the bandwidth of the motion
-_RESOLVED = 0.6  # of half the sampling rate: above it, interpolation to the grid takes noise away
-_MOST = 200_000  # samples of a part that are looked at
-_BLOCK = 16  # periods of the cut-off in a block of the spectrum
+_HIGHEST = 0.8  # of the Nyquist frequency, above which a low-pass has nothing to remove
+_ORDER = 4  # of the low-pass, which runs forwards and backwards
+_LEAST = 4  # samples of a run, as many as the interpolation needs
+_BAND = (1.5, 3.0)  # of noise, times the low-pass's cut-off, itself twelve times the motion's bandwidth
+_RESOLVED = 0.6  # of the Nyquist frequency, above which interpolation to the grid attenuates noise
+_MOST = 200_000  # samples of a part from which noise is estimated
+_BLOCK = 16  # cut-off periods per block of the spectrum
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Uniform grid and low-pass that a recording is preprocessed with; ``statement`` says it to people."""
+    """Uniform grid and low-pass of a recording's preprocessing."""
 
     step: float  # of the grid [s]
     gap: float  # longest time that is interpolated over [s]
     bandwidth: float  # of the motion [Hz]
     source: str  # of the bandwidth, for people
     cutoff: float  # of the low-pass [Hz]
-    stride: int  # every so manieth sample of the grid is kept
+    stride: int  # every ``stride``-th sample of the grid is kept
 
     @property
     def rate(self) -> float:
-        """Rate of the samples that are kept [Hz]."""
+        """Rate of the kept samples [Hz]."""
         return 1 / (self.step * self.stride)
 
     @property
     def statement(self) -> str:
-        """The grid and the filter in words."""
+        """Grid and filter in words, for people."""
         return (
             f"resampled to {1 / self.step:.4g} Hz (gaps over {self.gap * 1e3:.3g} ms are not crossed), "
             f"zero-phase low-pass at {self.cutoff:.3g} Hz (bandwidth of the motion "
@@ -46,53 +46,52 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A stretch of samples without a gap, and a uniform grid along it."""
+    """A stretch of samples without a gap, and a uniform grid over it."""
 
-    samples: Array  # their numbers, (S,)
-    time: Array  # their stamps [s], (S,), which ascend
+    samples: Array  # indices, (S,)
+    time: Array  # ascending time stamps [s], (S,)
     step: float  # of the grid [s]
     points: int  # of the grid
 
     def grid(self, first: int, last: int) -> Array:
-        """Times [s] of points of the grid from one number to another, (K,)."""
+        """Times [s] of grid points ``first`` to ``last``, (K,)."""
         return self.time[0] + np.arange(first, last) * self.step
 
     def at(self, signals: Sequence[Array], first: int, last: int) -> Array:
-        """Signals (S, J) of the recording at these points, (K, C), by monotone cubic interpolation.
+        """The recording's signals (S, J) at these grid points, (K, C), by monotone cubic interpolation.
 
         Source: Fritsch, Butland 1984, A method for constructing local monotone piecewise cubic interpolants.
         """
         at = np.minimum(self.grid(first, last), self.time[-1])
         begin, end = np.searchsorted(self.time, at[[0, -1]])
-        part = slice(max(0, begin - _LEAST), end + _LEAST)  # the curves depend on no others
+        part = slice(max(0, begin - _LEAST), end + _LEAST)  # interpolation is local
         columns = np.concatenate([x[self.samples[part]] for x in signals], 1).T
-        # a curve of all signals at once would take four times the memory
+        # interpolating all signals at once would take four times the memory
         return np.stack([scipy.interpolate.PchipInterpolator(self.time[part], y)(at) for y in columns], 1)
 
 
 def runs(time: Array, step: float, gap: float) -> Iterator[Run]:
-    """Stretches of samples at ascending times (S,) between gaps [s], with a grid of this step [s].
+    """Stretches of samples at ascending times (S,) [s] between gaps, with a grid of this step [s].
 
-    The second of two samples with one stamp is left out, and so is a run of fewer than four samples, before
-    or on the grid.
+    Samples with a repeated time stamp are left out, and so are runs of fewer than four samples or points.
     """
     fresh = np.flatnonzero(np.diff(time, prepend=-np.inf) > 0)
     time = time[fresh]
     cuts = np.flatnonzero(np.diff(time) > gap) + 1
     for samples, t in zip(np.split(fresh, cuts), np.split(time, cuts)):
-        points = int((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9) + 1  # rounding does not lose one
+        points = int((t[-1] - t[0]) / step * (1 + 1e-12) + 1e-9) + 1  # not one fewer by rounding
         if min(len(t), points) >= _LEAST:
             yield Run(samples, t, step, points)
 
 
 def stretches(marked: Array) -> tuple[Array, Array]:
-    """Numbers of the first samples of stretches in which (S,) are marked, and of those after their last."""
+    """First indices of stretches of marked samples (S,), and the indices after their last."""
     edges = np.flatnonzero(np.diff(np.pad(marked, 1)))
     return edges[::2], edges[1::2]
 
 
 def interpolated(at: Array, time: Array, signals: Array, gap: float) -> Array:
-    """Signals (S, C) at other times (K,) [s], (K, C), as by ``Run.at``; NaN outside and in gaps."""
+    """Signals (S, C) at times (K,) [s], (K, C), interpolated as by ``Run.at``; NaN outside and in gaps."""
     fresh = np.diff(time, prepend=-np.inf) > 0
     time, signals = time[fresh], signals[fresh]
     values = scipy.interpolate.PchipInterpolator(time, signals, extrapolate=False)(at)
@@ -103,9 +102,9 @@ def interpolated(at: Array, time: Array, signals: Array, gap: float) -> Array:
 
 
 def low_pass(x: Array, cutoff: float, step: float) -> Array:
-    """Signals (S, C) without what is faster than ``cutoff`` [Hz], not shifted in time.
+    """Signals (S, C), low-passed at ``cutoff`` [Hz] without phase shift.
 
-    A Butterworth filter forwards and backwards; a cut-off near half the sampling rate filters nothing.
+    A Butterworth filter, forwards and backwards; a cut-off near the Nyquist frequency filters nothing.
     """
     if cutoff >= _HIGHEST / (2 * step):
         return x
@@ -115,32 +114,32 @@ def low_pass(x: Array, cutoff: float, step: float) -> Array:
 
 
 def derivative(x: Array, step: float) -> Array:
-    """Time derivative of signals (S, C) of three samples or more, by five-point differences.
+    """Time derivative of signals (S, C), three samples or more, by five-point central differences.
 
-    Outside of the samples the signal goes on point-symmetrically.
+    Signals are extended point-symmetrically at both ends.
     """
     p = np.pad(x, ((2, 2), (0, 0)), "reflect", reflect_type="odd")
     return (p[:-4] - 8 * p[1:-3] + 8 * p[3:-1] - p[4:]) / (12 * step)
 
 
 def noise_of(torques: Sequence[tuple[Array, Array]], grid: Grid) -> Array:
-    """Density of each joint's torque noise [(N·m)²/Hz], (J,), of times (S,) [s] and torques (S, J) in parts.
+    """Density of each joint's torque noise [(N·m)²/Hz], (J,), from parts: times (S,) [s], torques (S, J).
 
-    It is that between 1.5 and 3 times the cut-off, the median over blocks, so that a jump is no noise. NaN
-    where samples are too few or too far apart to tell.
+    The mean between 1.5 and 3 times the cut-off, of the median over blocks, so that jumps do not count. NaN
+    if samples are too few or too far apart.
 
     Source: Welch 1967, The use of fast Fourier transform for the estimation of power spectra.
     """
     low, high = _BAND[0] * grid.cutoff, min(_BAND[1] * grid.cutoff, _RESOLVED / (2 * grid.step))
     size = round(_BLOCK / (grid.cutoff * grid.step))
-    each = (
+    signals = (
         run.at([torque], 0, run.points)
         for time, torque in torques
         for run in runs(time[:_MOST], grid.step, grid.gap)
         if run.points >= size
     )
     found, weights = [], []
-    for x in each if low < high else ():
+    for x in signals if low < high else ():
         frequency, density = scipy.signal.welch(x, 1 / grid.step, "hann", size, axis=0, average="median")
         found.append(density[(low <= frequency) & (frequency <= high)].mean(0))
         weights.append(len(x))

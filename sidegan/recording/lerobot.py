@@ -1,4 +1,4 @@
-"""Datasets of LeRobot, versions 2 and 3: Parquet files of frames that ``meta/info.json`` describes."""
+"""LeRobot datasets, versions 2 and 3: Parquet files of frames, described by ``meta/info.json``."""
 
 import json
 from pathlib import Path
@@ -13,16 +13,16 @@ from sidegan.recording.tables import Table, parquet_table
 
 _INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"
 _TIME, _EPISODE = "timestamp", "episode_index"
-_PAUSE = 10.0  # [s] that is put between two episodes, whose clocks begin anew
+_PAUSE = 10.0  # [s] inserted between episodes, whose clocks start at zero
 
 
 def is_dataset(path: Path) -> bool:
-    """Whether a path is the folder of a dataset."""
+    """Whether a path is a dataset's folder."""
     return (path / _INFO).is_file()
 
 
 def dataset_files(path: Path) -> list[Path]:
-    """Files of a dataset that hold numbers: its description, and its frames in the order of episodes."""
+    """A dataset's description, and its files of frames in the order of episodes."""
     frames = sorted(path.glob(_FRAMES))
     if not frames:
         raise RecordingError(f"{path} is a LeRobot dataset without frames, expected {_FRAMES}")
@@ -30,10 +30,9 @@ def dataset_files(path: Path) -> list[Path]:
 
 
 def dataset_table(path: Path) -> Table:
-    """The frames of a dataset, episode after episode on one clock.
+    """The frames of a dataset, with all episodes on one clock.
 
-    Columns are those of its files. One that holds a vector whose elements have names is a column for each of
-    them instead: ``observation.state.shoulder.pos``.
+    A vector with named elements becomes a column per element: ``observation.state.shoulder.pos``.
     """
     info, *files = dataset_files(path)
     with reading(info, "JSON", RecordingError):
@@ -60,10 +59,10 @@ def dataset_table(path: Path) -> Table:
 
 
 def _names(about: Any) -> list[str]:
-    """Names of a vector's elements, each another one; none where it has none."""
+    """Unique names of a vector's elements; empty if it has none."""
     names = about.get("names")
-    if isinstance(names, dict) and len(names) == 1:  # by what they are: motors
+    if isinstance(names, dict) and len(names) == 1:  # under their kind, such as motors
         (names,) = names.values()
     if not isinstance(names, list) or len(names) < 2 or [len(names)] != list(about.get("shape", [])):
-        return []  # what holds one number is no vector in the file
+        return []  # a feature of one number is not a vector in the file
     return [str(name) for name in names] if len(set(names)) == len(names) else []

@@ -1,4 +1,4 @@
-"""From files to recordings in SI units."""
+"""Recordings in SI units, read from files."""
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
@@ -23,9 +23,9 @@ from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
 
 _MOST_CORRUPT = 0.5  # of the rows of a file
-_LARGEST = 1e12  # of any signal in SI units: what is larger is no measurement
-_LATEST = 1e21  # of a time; one beyond the largest number is a damaged row, unless most are
-_APART = 0.1  # of the rows: where a signal lacks in as many, it comes at other moments than the others
+_LARGEST = 1e12  # value in SI units that may be a measurement
+_LATEST = 1e21  # time stamp; those above ``_LARGEST`` are damaged rows unless most of them are
+_APART = 0.1  # of the rows; a signal missing in more has its own time stamps
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
@@ -42,44 +42,38 @@ def load_recording(
     chain: Sequence[str] = (),
     sliding: Collection[str] = (),
 ) -> Recording:
-    """A recording of an arm's joints, from a file or from one for each signal.
+    """A recording of an arm's joints, from one file or from a file per signal.
 
-    It is CSV (first line: column names), Parquet, JSON lines, NPZ, a MATLAB file, a ROS 2 bag (folder, .db3,
-    .mcap) or a LeRobot dataset (folder). The chain are the names of the arm's joints and of those locked
-    between them, from the base outwards; no names: no others. Some joints slide; the others turn, and where
-    their readings jump by a turn, that is taken out. So are rows at rest without drives.
+    Files are CSV (first line: column names), Parquet, JSON lines, NPZ, MATLAB, ROS 2 bags (folder, .db3,
+    .mcap) or LeRobot datasets (folder). ``chain`` names the arm's joints and those locked between them, from
+    the base outwards; empty if none are locked. ``sliding`` names prismatic joints. Positions of the others
+    are unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
     """
     name = recording_name(files)
     joints = Joints.of(name, settings, joint_names, chain, sliding)
-    each: list[tuple[str | None, Path]] = [
-        (None, Path(paths_of(files)[0]))
-    ]  # the signal of interest, and a file
+    sources: list[tuple[str | None, Path]] = [(None, Path(paths_of(files)[0]))]  # signal of interest, file
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
-        each = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    signals, corrupt, remarks = merged([_read(path, settings, joints, only) for only, path in each])
-    every: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
-    made = Recording(name, tuple(joint_names), **every)
-    return driven(unwrapped(made, joints.slides))
+        sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
+    signals, corrupt, remarks = merged([_read(path, settings, joints, only) for only, path in sources])
+    fields: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
+    return driven(unwrapped(Recording(name, tuple(joint_names), **fields), joints.slides))
 
 
 def recording_name(files: Recorded | Path) -> str:
-    """The file's name; of several, the first one's."""
+    """Name of the recording's file, or of the first of several."""
     return listed([Path(path).name for path in paths_of(files)], 1)
 
 
 def files_of(path: Path) -> list[Path]:
-    """The files of a recording: itself, or those of a folder."""
+    """Files of a recording: the path itself, or those in its folder."""
     if not path.is_dir():
         return [path]
     return dataset_files(path) if is_dataset(path) else bag_files(path)
 
 
 def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
-    """The signals of a file, or the only one of interest, without rows that lack a number.
-
-    Where signals come at moments of their own, each has its rows.
-    """
+    """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged."""
     with reading(path, "recording", RecordingError):
         if not path.exists():
             raise RecordingError(f"there is no recording {path}")
@@ -95,32 +89,32 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
             remarks = [*odd, *remarks]
         for name in [name for name in where if name != "time"]:
             signals[name] = _in_si(path.name, table, name, where[name], settings, joints)
-            table.forget({*where[name]} - {c for one in where.keys() - signals.keys() for c in where[one]})
+            table.forget(
+                {*where[name]} - {c for other in where.keys() - signals.keys() for c in where[other]}
+            )
     if len({len(x) for x in signals.values()}) > 1:
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
         raise RecordingError(f"{path.name}: the arrays differ in length: {lengths}")
-    parts = [_part(path.name, where, some, rows, settings.rate) for some, rows in _apart(signals, table.rows)]
-    signals, corrupt, more = merged(parts)
-    remarks = [*_headed(where, settings.units, joints), *remarks, *more]
+    apart = _apart(signals, table.rows)
+    parts = [_part(path.name, where, group, rows, settings.rate) for group, rows in apart]
+    signals, corrupt, clocks = merged(parts)
+    remarks = [*_headed(where, settings.units, joints), *remarks, *clocks]
     return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
 
 
 def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array], Array]]:
-    """Signals and their rows, (S,): all of them, or each, with time, at the rows where it has any numbers.
-
-    The latter where one comes at moments of its own, so that many cells are blank.
-    """
+    """Signals and their rows, (S,): all together, or each with its time stamps if many cells are blank."""
     blank = {name: np.asarray(np.isnan(x).all(1)) for name, x in signals.items() if name != "time"}
     if not any(_APART < lacks.mean() < 1 for lacks in blank.values()):
         return [(signals, rows)]
     return [
-        ({one: signals[one][~lacks] for one in ("time", name) if one in signals}, rows[: len(lacks)][~lacks])
+        ({key: signals[key][~lacks] for key in ("time", name) if key in signals}, rows[: len(lacks)][~lacks])
         for name, lacks in blank.items()
     ]
 
 
 def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
-    """Signals without rows that lack a number."""
+    """Signals without corrupt rows."""
     good, corrupt = _whole_rows(file, rows, where, signals)
     if not good.any():
         raise RecordingError(f"{file} holds no samples")
@@ -131,19 +125,19 @@ def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate:
 
 
 def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
-    """A sentence on the units that columns are headed with, where these count."""
+    """A remark on units taken from column names."""
     found = []
     for name, columns in where.items():
         slides = (False,) if name == "time" else joints.slides
-        found += [(name, units.read(name, *each)) for each in zip(slides, columns)]
-    each = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
-    return [f"{each}, according to the column names; recording.units overrides them"] if each else []
+        found += [(name, units.read(name, *joint)) for joint in zip(slides, columns)]
+    read = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
+    return [f"{read}, according to the column names; recording.units overrides them"] if read else []
 
 
 def _open(
     path: Path, settings: RecordingSettings, joints: Joints, only: str | None
 ) -> tuple[Table, Where, list[str]]:
-    """A file's table, which of its columns is which signal, and remarks on that."""
+    """A file's table, which of its columns hold which signal, and remarks on that."""
     suffix, dataset = path.suffix.lower(), is_dataset(path)
     if is_bag(path) and not dataset:
         table, where = bag_table(path, settings, joints.names)
@@ -162,10 +156,10 @@ def _open(
 def _in_si(
     file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
 ) -> Array:
-    """A signal (S, J) in SI units, of columns (S,), or of one (S, J)."""
+    """A signal (S, J) in SI units, from columns (S,) or from an array (S, J)."""
     columns = [table.numbers(column) for column in where]
     if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
-        shapes = ", ".join(f"{one} is {x.shape}" for one, x in zip(where, columns))
+        shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, columns))
         raise RecordingError(f"{file}: columns must have one length and one number per row: {shapes}")
     x = np.stack(columns).T if where[1:] else columns[0].reshape(len(columns[0]), -1)
     if x.shape[1] != len(joints.own):
@@ -174,7 +168,7 @@ def _in_si(
     if name == "position" and settings.units.position is not None:
         return settings.units.position.in_si(x, joints.slides)
     headings = where if where[1:] else [*where] * len(joints.own)
-    factors = [settings.units.factor(name, *each) for each in zip(joints.slides, headings)]
+    factors = [settings.units.factor(name, *joint) for joint in zip(joints.slides, headings)]
     return np.multiply(x, factors, out=x if where[1:] else None)
 
 
@@ -183,10 +177,10 @@ def _whole_rows(
 ) -> tuple[Array, list[tuple[int, str]]]:
     """Which rows hold a number in every column, and the number and reason of the others."""
     names, lacks = [], []
-    for name, some in signals.items():
-        for k, x in enumerate(some.T):
-            one = some.shape[1] <= len(where[name])  # a column for each joint
-            names.append(where[name][k] if one else f"{where[name][0]}[{k}]")
+    for name, signal in signals.items():
+        for k, x in enumerate(signal.T):
+            separate = signal.shape[1] <= len(where[name])  # a column for each joint
+            names.append(where[name][k] if separate else f"{where[name][0]}[{k}]")
             lacks.append(~(np.abs(x) <= _most(name, x)))
     missing = np.stack(lacks)  # (C, S)
     wrong = np.asarray(missing.any(0))
@@ -203,6 +197,6 @@ def _whole_rows(
 
 
 def _most(name: str, column: Array) -> float:
-    """The largest number that a column (S,) may hold."""
+    """Largest plausible value of a column (S,)."""
     late = name == "time" and np.count_nonzero(np.abs(column) > _LARGEST) > len(column) / 2
     return _LATEST if late else _LARGEST

@@ -1,4 +1,4 @@
-"""What is taken out of a raw recording, and told: jumps by a turn, and rows at rest without drives."""
+"""Repairs of a raw recording, with a remark on each: unwrapped positions, rows with the drives off."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,17 +11,16 @@ from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import SLOWEST
 
 _TURN = 2 * np.pi
-_AROUND = np.pi / 2  # [rad] that a joint turns by between two samples at most
-_GLITCHES = 1e-3  # of the samples, that may jump otherwise
-_AT_REST = 0.02  # [rad or m] that encoders differ by in an arm at rest
-_WITHOUT_DRIVES = 0.5  # [s] for which every torque stays as it is
+_AROUND = np.pi / 2  # [rad] largest rotation between two samples
+_GLITCHES = 1e-3  # share of samples that may jump otherwise
+_AT_REST = 0.02  # [rad or m] range of encoder readings at rest
+_WITHOUT_DRIVES = 0.5  # [s] of constant torques from which drives are off
 
 
 def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
-    """A recording in which positions of joints that turn go on where a driver begins a turn anew.
+    """A recording with the positions of revolute joints unwrapped.
 
-    Steps between neighbouring samples are that which are nearly a turn, in a joint none of whose other steps
-    is beyond doubt.
+    Only steps of nearly whole turns are removed, and only of joints with hardly any other jumps.
     """
     near = np.diff(recording.time) < SLOWEST
     position = recording.position
@@ -37,12 +36,12 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
             found.append(name)
     if not found:
         return recording
-    said = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they continue beyond ±π"
-    return replace(recording, position=position, remarks=(*recording.remarks, said))
+    remark = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they continue beyond ±π"
+    return replace(recording, position=position, remarks=(*recording.remarks, remark))
 
 
 def driven(recording: Recording) -> Recording:
-    """A recording without rows at rest in which no torque or current of any joint changes: brakes hold it."""
+    """A recording without rows at rest in which no joint's torque or current changes: brakes hold the arm."""
     if recording.torque is recording.current is None:
         return recording
     load = recording.signals()[recording.load]
@@ -62,13 +61,13 @@ def driven(recording: Recording) -> Recording:
     if kept.all() or not kept.any():
         return recording
     rows = np.flatnonzero(kept)
-    whole = len(rows) == rows[-1] - rows[0] + 1  # a part of the memory will do
+    whole = len(rows) == rows[-1] - rows[0] + 1  # a view needs no copy
     part = slice(rows[0], rows[-1] + 1) if whole else rows
     signals: dict[str, Any] = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
-    said = (
+    remark = (
         f"from {first:.6g} s no {recording.load} changes while the arm rests, as if drives were off: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
-    remarks = (*recording.remarks, said)
+    remarks = (*recording.remarks, remark)
     return replace(recording, time=recording.time[part], remarks=remarks, **signals)

@@ -1,4 +1,4 @@
-"""Signals of one recording that lie in files of their own, on one clock."""
+"""Merging of a recording's signals from several files with a common clock."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from sidegan.recording.statistics import clock_of
 
 
 class Part(NamedTuple):
-    """Signals of a file, without rows that lack a number."""
+    """Signals of a file, without corrupt rows."""
 
     file: str
-    stamped: bool  # whether the file has time stamps; else they are numbers of rows over a rate
+    stamped: bool  # whether the file has time stamps; otherwise they follow from row numbers and rate
     signals: dict[str, Array]  # time [s], (S,), and the others in SI units, (S, J)
-    corrupt: list[tuple[int, str]]  # number and reason of rows that are left out
-    remarks: list[str]  # on its columns
+    corrupt: list[tuple[int, str]]  # row numbers and reasons of corrupt rows
+    remarks: list[str]  # on the columns
 
     @property
     def time(self) -> Array:
@@ -30,7 +30,7 @@ class Part(NamedTuple):
 def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str]], list[str]]:
     """Time and signals at the stamps of the fastest file, corrupt rows of all files, and remarks.
 
-    Only what all files cover counts, and in none of them is interpolated over a gap. One file is as it is.
+    Only times that all files cover are kept, without interpolation over gaps. A single file is unchanged.
     """
     if len(parts) == 1:
         return parts[0].signals, parts[0].corrupt, parts[0].remarks
@@ -48,7 +48,7 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
     fastest = parts[int(np.argmin([clock.step for clock in clocks]))]
     begin, end = max(part.time[0] for part in parts), min(part.time[-1] for part in parts)
     if not begin < end:
-        spans = [f"{one.file} from {one.time[0]:.6g} s to {one.time[-1]:.6g} s" for one in parts]
+        spans = [f"{part.file} from {part.time[0]:.6g} s to {part.time[-1]:.6g} s" for part in parts]
         raise RecordingError(
             f"the files do not overlap in time, expected time stamps of one clock: {'; '.join(spans)}"
         )

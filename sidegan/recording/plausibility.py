@@ -1,4 +1,4 @@
-"""Doubts about a recording: clock, ranges, saturation, signals that do not change or contradict others."""
+"""Warnings about a recording: clock, ranges, saturation, frozen or contradictory signals."""
 
 import math
 
@@ -11,21 +11,21 @@ from sidegan.recording.refused import DEGREES
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
-RATES = {"velocity": "position", "acceleration": "velocity"}  # what is the rate of what
-_MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] of a rate from which on it is compared
-_WRONG = 1.1  # times the derivative, or a part of it
-_ALIKE = 0.5  # correlation with the derivative below which it is another signal
-_SAME = 0.95  # correlation with another joint's derivative, from which on it is that one
-_NEAR = 0.3  # of the logarithm of a ratio
+RATES = {"velocity": "position", "acceleration": "velocity"}  # a rate, and what it is the derivative of
+_MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] above which a rate is compared
+_WRONG = 1.1  # largest ratio of a rate and the derivative, either way
+_ALIKE = 0.5  # least correlation of a rate with the derivative
+_SAME = 0.95  # correlation above which a rate is another joint's
+_NEAR = 0.3  # tolerance of a ratio's logarithm
 _MOST_JITTER = 0.5
-_COARSE = 0.02  # of a joint's torque range, that a quantum of it is noticed at
+_COARSE = 0.02  # quantum that is too coarse, as a share of the torque's range
 _NOTHING = 1e-12
-_LITTLE = 0.1  # of its range, that a joint moves through at least where much can be told
-_OUTSIDE = 1e-3  # [rad or m] beyond a limit that is noticed
+_LITTLE = 0.1  # share of its range below which a joint hardly moves
+_OUTSIDE = 1e-3  # [rad or m] tolerance of position limits
 
 
 def clock_warnings(statistics: Statistics) -> list[str]:
-    """Oddities of the time stamps and the rows."""
+    """Warnings about time stamps and rows."""
     corrupt = statistics.corrupt
     warnings = []
     if gaps := statistics.gaps:
@@ -45,7 +45,7 @@ def clock_warnings(statistics: Statistics) -> list[str]:
 
 
 def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
-    """Oddities of the signals' ranges."""
+    """Warnings about the ranges of signals."""
     position = statistics.signals["position"]
     span = position.upper - position.lower
     lower, upper = arm.position_lower, arm.position_upper
@@ -74,9 +74,9 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
 
 
 def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> str | None:
-    """What is wrong with a recorded rate, a sentence; None where it is the derivative that it should be.
+    """Warning about a recorded rate that is not the derivative of its signal; None if it is.
 
-    Noise of either only makes it look smaller than the derivative, or the derivative smaller than it.
+    Noise only lowers the slope, of the rate over the derivative or its inverse, so high slopes are errors.
     """
     signals = [getattr(segment, RATES[rate]) for segment in segments]
     steps = [segment.time[1] - segment.time[0] for segment in segments]
@@ -100,12 +100,12 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
     if not wrong.any():
         return None
-    each = []
+    ratios = []
     for j in np.flatnonzero(wrong).tolist():
         k = int(correlation[:, j].argmax())
         others = f": it is that of {arm.joint_names[k]}" if k != j and correlation[k, j] > _SAME else ""
-        each.append(f"{slope[j]:.2f} ({arm.joint_names[j]}{others})")
+        ratios.append(f"{slope[j]:.2f} ({arm.joint_names[j]}{others})")
     return (
-        f"the {rate} is {', '.join(each)} times the derivative of the {RATES[rate]}, so it is derived "
+        f"the {rate} is {', '.join(ratios)} times the derivative of the {RATES[rate]}, so it is derived "
         f"instead: were columns swapped, scaled or reversed? (recording.{rate}=null silences this)"
     )

@@ -1,4 +1,4 @@
-"""Recordings that cannot be used: other units than are declared, no motion, torques that no drive gives."""
+"""Refusal of unusable recordings: wrong units, no motion, impossible torques."""
 
 import math
 
@@ -12,21 +12,21 @@ from sidegan.recording.units import Units
 from sidegan.robot import Arm
 
 DEGREES, MILLIMETRES = 180 / math.pi, 1e3
-HARDLY = 0.02  # [rad or m] by which a joint moves at least where there is something to identify
+HARDLY = 0.02  # [rad or m] range of motion below which nothing can be identified
 _FAR = 1.5  # times a joint limit, beyond which positions are hardly in radians
-_TURN = 2.1 * math.pi  # [rad] that nothing moves from zero without a reason
-_LONG = 5.0  # times the limit of a joint that slides, beyond which positions are hardly in metres
-_PART = 0.1  # of its range, that a joint slides through at least where it is used
-_COUNTED = 10.0  # times a joint limit, beyond which most positions are neither in degrees nor in radians
-_TINY = 2 * math.pi / DEGREES  # [rad] that a turn becomes when radians are taken for degrees
-_USUAL = 0.15  # [s] between samples: the first unit of time by which they are no further apart is likely
-_STRONG = 3.0  # times a torque limit: no drive is overloaded that much for a hundredth of the time
-_HEAVY = 30.0  # times what the description's links need; their masses may be a guess, but not that bad a one
+_TURN = 2.1 * math.pi  # [rad] from zero, up to which positions are plausible whatever the limits
+_LONG = 5.0  # times a prismatic joint's limit, beyond which positions are hardly in metres
+_PART = 0.1  # of its range, through which a prismatic joint in use moves at least
+_COUNTED = 10.0  # times a joint limit, beyond which positions are hardly in any unit of angle
+_TINY = 2 * math.pi / DEGREES  # [rad] a turn, if radians are taken for degrees
+_USUAL = 0.15  # [s] longest usual time between samples
+_STRONG = 3.0  # times a torque limit: more than drives stand for a hundredth of the time
+_HEAVY = 30.0  # times the described torque: more than badly guessed masses explain
 _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 
 def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
-    """Refuse positions and time stamps that make sense in another unit than the declared one only."""
+    """Refuse positions and time stamps that make sense only in another unit."""
     name, position = statistics.name, statistics.signals["position"]
     if statistics.step > SLOWEST:
         raw = statistics.step / units.factor("time")
@@ -36,12 +36,12 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
             f"(recording.units.time={likely})"
         )
     for doubt in (_angles, _lengths, _counts):
-        if said := doubt(position, arm, units):
-            raise RecordingError(f"{name}: {said}")
+        if message := doubt(position, arm, units):
+            raise RecordingError(f"{name}: {message}")
 
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
-    """Whether angles are degrees taken for radians, or the other way round; None where they are not."""
+    """Message if angles look like degrees taken for radians, or vice versa."""
     turning, reach, limit = ~arm.prismatic, position.largest, _limit(arm)
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
     if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= limit[turning]).all():
@@ -54,7 +54,7 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
 
 
 def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
-    """Whether lengths are millimetres taken for metres, or the other way round; None where they are not."""
+    """Message if lengths look like millimetres taken for metres, or vice versa."""
     sliding, reach, limit = arm.prismatic, position.largest, _limit(arm)
     far = sliding & (reach > _LONG * limit)
     if units.length != "mm" and far.any() and (reach[far] / MILLIMETRES <= _FAR * limit[far]).all():
@@ -68,7 +68,7 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
 
 
 def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
-    """Whether positions are counts of encoders, which no unit makes angles of; None where they are not."""
+    """Message if positions look like encoder counts."""
     if units.position is not None:
         return None
     far = position.largest > _COUNTED * _limit(arm)
@@ -85,12 +85,12 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
 
 
 def _limit(arm: Arm) -> Array:
-    """How far joints may be from zero [rad or m], (J,)."""
+    """Largest absolute joint positions within limits [rad or m], (J,)."""
     return np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
 
 
 def _reaches(position: Signal, arm: Arm, far: Array) -> str:
-    """How far the first of some joints reaches, and might."""
+    """Text on how far the first of the marked joints reaches, and its limit."""
     j = int(far.argmax())
     unit = "m" if arm.prismatic[j] else "rad"
     reach, limit = position.largest[j], _limit(arm)[j]
@@ -98,7 +98,7 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque, or whose velocities are none."""
+    """Refuse a recording without motion or torque, or with constant rates of moving joints."""
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
     if (span < HARDLY).all():
@@ -126,9 +126,9 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
 
 
 def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, units: Units) -> None:
-    """Refuse torques far beyond the arm's limits; without limits, far beyond what its description needs.
+    """Refuse torques far beyond the arm's limits, or without limits far beyond the described torques.
 
-    Limits that the description's own links exceed in the same motion stand for none.
+    Limits below the described torques of the same motion are ignored.
     """
     limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
     most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description predicts")
@@ -146,8 +146,8 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
         suspicion = "are the drive gains (robot.gains) and the joint order right?"
     else:
         suspicion = "is it in N·m, and the joint order right? (a current is named by recording.current)"
-    each = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
-    limits = ", ".join(f"{name}: {math.ceil(usual)}" for name, usual, far in each if far)
+    joints = zip(arm.joint_names, agreement.usual.tolist(), (share > most).tolist())
+    limits = ", ".join(f"{name}: {math.ceil(usual)}" for name, usual, far in joints if far)
     raise RecordingError(
         f"{statistics.name}: the torque of {arm.joint_names[j]} reaches {agreement.usual[j]:.4g} {unit}, "
         f"{share[j]:.3g} times {than}: {suspicion}; if the arm can do that, raise its limits: "

@@ -1,4 +1,4 @@
-"""Preprocessing: from raw recordings to filtered states and torques on a uniform grid."""
+"""Preprocessing of raw recordings to filtered states and torques on a uniform grid."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -13,16 +13,16 @@ from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.statistics import HEADROOM, Statistics, statistics_of
 
-_OVERSAMPLING = 10.0  # samples that are kept per period of the cut-off
-_AT_ONCE = 50_000  # points of the grid that are filtered at once
-_FORGOTTEN = 20.0  # periods of the cut-off, after which the filter has forgotten all but 1e-12 of a sample
-_PAUSE = 0.1  # [s]: samples this close to a motion are kept
+_OVERSAMPLING = 10.0  # samples kept per cut-off period
+_AT_ONCE = 50_000  # grid points filtered at once
+_FORGOTTEN = 20.0  # cut-off periods after which the filter's response is below 1e-12
+_PAUSE = 0.1  # [s] around a motion in which samples are kept
 _LEAST_POINTS = 8  # of a segment
-_LEAST_PERIODS = 4.0  # of the cut-off in a recording: as long as the edges of the filter
+_LEAST_PERIODS = 4.0  # of the cut-off in a recording, the length of the filter's edges
 
 
 def grid_for(statistics: Statistics, settings: RecordingSettings, sent: float | None = None) -> Grid:
-    """Grid of a recording: cut-off by the bandwidth [Hz] of the motion or the commands; rate by it."""
+    """Grid of a recording; its cut-off follows from the bandwidth [Hz] of the motion, or of what was sent."""
     bandwidth = sent or statistics.bandwidth
     if not bandwidth:
         raise RecordingError(f"{statistics.name}: no joint moves")
@@ -54,14 +54,14 @@ def preprocess(
     """Moving stretches of a recording, filtered, on a uniform grid.
 
     Velocity and acceleration that were not recorded are derivatives of the filtered position and velocity.
-    Everything else passes the same filter, so no signal is later than another.
+    All recorded signals pass the same filter, so none is delayed against another.
 
-    Drives have gains [N·m/A], one per joint. The smooth sign is at 76 % at a width [rad/s or m/s]. A delay
-    [s] by which torques are later than states is taken off. None is the grid of the recording's statistics.
+    ``gains`` are the drives' [N·m/A], one per joint. At ``sign_width`` [rad/s or m/s] the smooth sign is at
+    76 %. ``delay`` is that of torques behind states [s], and is removed. The default grid is ``grid_for``.
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
     signals, factor = _signals(recording, gains, settings.reverse)
-    edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)  # points that the filter cannot see around
+    edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)  # points distorted at the ends
     segments: list[Segment] = []
     for run in runs(recording.time, grid.step, grid.gap):
         pieces = [
@@ -82,7 +82,7 @@ def preprocess(
 
 
 def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, int, int]]:
-    """First and last points of pieces of a run, and of what the filters have to see of it around them."""
+    """Pieces of a run: first point with the filter's margin, first and last point, last with margin."""
     margin = round((max(_FORGOTTEN / grid.cutoff, 2 * _PAUSE) + abs(delay)) / grid.step)
     size = max(_AT_ONCE, 4 * margin)
     for begin in range(0, points, size):
@@ -100,7 +100,7 @@ def _thinned(
     still: float,
     delay: float,
 ) -> tuple[Array, ...]:
-    """Numbers of kept points of a piece of a run, (K,), which are near a motion, and states, (K, J)."""
+    """A piece's kept points, (K,), whether they are near a motion, (K,), and states, (K, J) each."""
     first, begin, end, last = span
     x = low_pass(run.at([*signals.values()], first, last), grid.cutoff, grid.step)
     smooth = dict(zip(signals, np.split(x, len(signals), 1)))
@@ -114,11 +114,11 @@ def _thinned(
     moving = maximum_filter1d(fast, 2 * round(_PAUSE / grid.step) + 1)
     kept = np.arange(-(-begin // grid.stride) * grid.stride, end, grid.stride)
     states = smooth["position"], velocity, acceleration, torque, sign
-    return kept, *(one[kept - first] for one in (moving, *states))
+    return kept, *(x[kept - first] for x in (moving, *states))
 
 
 def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Array:
-    """Torque [N·m or N] of samples, (S, J), as recorded or from the current."""
+    """Torque [N·m or N] of all samples, (S, J), as recorded or from currents."""
     signals, factor = _signals(recording, gains, reverse)
     return signals["torque"] * factor
 
@@ -126,7 +126,7 @@ def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequ
 def _signals(
     recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]
 ) -> tuple[dict[str, Array], Array]:
-    """Signals (S, J) that count, and factors (J,) to what is the torque among them, or the current."""
+    """Signals (S, J), with torques or currents as ``torque``, and the factors (J,) from these to torques."""
     names = recording.joint_names
     signals = recording.signals()
     factor = np.array([-1.0 if name in reverse else 1.0 for name in names])

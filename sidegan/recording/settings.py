@@ -1,4 +1,4 @@
-"""Group ``recording`` of ``conf/``: where a file keeps what, in which units, and how it is preprocessed."""
+"""Settings of the group ``recording``: columns of a file, their units, and preprocessing."""
 
 import re
 from dataclasses import dataclass, field
@@ -13,17 +13,17 @@ from sidegan.recording.units import Units
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
 PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
-AUTO = "auto"  # in the place of a pattern: what columns are called tells what they hold
+AUTO = "auto"  # instead of a pattern: columns are recognised by their names
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordingSettings:
-    """Where a file keeps time and signals, what is known of its making, and how it is preprocessed.
+    """Columns of a recording's file, how it was recorded, and how to preprocess it.
 
     A signal is a pattern with ``{joint}`` (the joint's name), ``{index}`` (from 1) or ``{index0}`` (from
-    0), the name of one array (S, J), or ``auto``; what stands between bars is tried one after another. A
-    pattern that is set has to be there, and so has position; of what is found by its names, what a file does
-    not have is left out, but a signal of some joints only is refused.
+    0), the name of an array (S, J), or ``auto``; alternatives between bars are tried in turn. Position and
+    every configured pattern must exist. Other signals are optional with ``auto``, but a signal of only some
+    joints is refused.
     """
 
     time: str = AUTO
@@ -33,21 +33,21 @@ class RecordingSettings:
     torque: str | None = AUTO
     current: str | None = AUTO
     units: Units = Units()
-    joints: list[str] | None = None  # names that the file uses, in the arm's order; null: the arm's own
-    # joints without a torque, which stand still: they are locked where they stand
+    joints: list[str] | None = None  # the file's joint names, in the arm's order; null: the arm's
+    # joints without a torque, which stand still and are locked where they stand
     without: list[str] = field(default_factory=list)
     topic: str | None = None  # of a bag; null: the only topic of joint states
-    effort: Literal["torque", "current"] = "torque"  # what is meant by efforts
-    rate: Hertz | None = None  # of the rows [Hz] of a file without time stamps
-    # joints whose torque or current is counted the other way round
+    effort: Literal["torque", "current"] = "torque"  # meaning of effort in files
+    rate: Hertz | None = None  # sampling rate [Hz] of files without time stamps
+    # joints whose torque or current has the opposite sign
     reverse: list[str] = field(default_factory=list)
     cutoff: Hertz | None = None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
     # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
     gap: Seconds | None = None
-    still: NonNegative = 0.02  # below it a joint rests [rad/s or m/s]; 0 keeps all samples
-    # time by which torques are later than states [s], which is taken off; null: measured
+    still: NonNegative = 0.02  # speed below which a joint is at rest [rad/s or m/s]; 0 keeps all samples
+    # delay of torques behind states [s], which is removed; null: measured
     delay: Annotated[float, Field(ge=-2, le=2)] | None = 0.0
-    # what was sent to the arm: a table of excite, or the folder of its run; null: not known
+    # commanded trajectories: a table written by excite, or the folder of its run; null: unknown
     sent: str | None = None
 
     def __post_init__(self) -> None:
@@ -61,14 +61,14 @@ class RecordingSettings:
 
 @dataclass(frozen=True)
 class Files:
-    """Files of one recording: of each a signal and its time stamps are read."""
+    """Files of one recording, each with a signal and its time stamps."""
 
     position: str
     velocity: str | None = None
     acceleration: str | None = None
     torque: str | None = None
     current: str | None = None
-    effort: str | None = None  # torque or current, as ``recording.effort`` says
+    effort: str | None = None  # torque or current, see ``recording.effort``
 
     def __post_init__(self) -> None:
         if self.torque is self.current is self.effort is None:
@@ -77,11 +77,11 @@ class Files:
             raise ConfigError(f"{self} has both an effort and a torque or current: leave one of them out")
 
     def __str__(self) -> str:
-        """As they are given on the command line."""
+        """The files as given on the command line."""
         return "{" + ", ".join(f"{name}: {path}" for name, path in vars(self).items() if path) + "}"
 
     def signals(self, effort: str) -> dict[str, str]:
-        """Paths by signal, where efforts are torques or currents."""
+        """Paths by signal; ``effort`` is "torque" or "current"."""
         return {effort if name == "effort" else name: path for name, path in vars(self).items() if path}
 
 
@@ -89,6 +89,6 @@ Recorded = str | Files  # a recording as it is named in the settings
 
 
 def paths_of(recorded: Recorded | Path) -> list[str]:
-    """Paths of a recording's files, each once."""
+    """Paths of a recording's files, without repetitions."""
     paths = vars(recorded).values() if isinstance(recorded, Files) else [str(recorded)]
     return [*dict.fromkeys(path for path in paths if path)]

@@ -1,4 +1,4 @@
-"""Time stamps as files keep them: numbers, also since 1970, dates with time zones, times of day."""
+"""Time stamps as files hold them: numbers, also since 1970, dates with time zones, times of day."""
 
 import warnings
 from collections.abc import Callable, Sequence
@@ -13,21 +13,21 @@ from sidegan.recording.tables import Table
 from sidegan.recording.units import Units
 
 _EPOCH = pd.Timestamp("1970-01-01", tz="UTC")
-_SINCE_1970 = 9.4e8, 4.1e9  # [s] when such clocks are read: 2000 to 2100
+_SINCE_1970 = 9.4e8, 4.1e9  # [s] plausible range of such clocks: 2000 to 2100
 _OF_TEXT: tuple[Callable[[Any], Any], ...] = (
     lambda texts: pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601") - _EPOCH,
     lambda texts: pd.to_timedelta(texts, errors="coerce"),  # since midnight
     lambda texts: pd.to_datetime(texts, utc=True, errors="coerce") - _EPOCH,
 )
 _LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
-_DATES = 0.5  # of a column's texts that are dates at least, where it is one of dates
+_DATES = 0.5  # least share of dates among the texts of a column of dates
 
 
 def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Array, list[str]]:
-    """Time stamps [s], (S, 1), of a column, or of one of seconds and one of nanoseconds; and remarks on them.
+    """Time stamps [s], (S, 1), of a column, or of a pair for seconds and nanoseconds; and remarks on them.
 
-    Dates are seconds since 1970. Numbers that are a usual time since 1970 in another unit than seconds, and
-    follow each other like samples in it, are in that unit, unless another one is set.
+    Dates become seconds since 1970. Without a configured unit, numbers are in ms, µs or ns if that makes
+    them plausible times since 1970 at a plausible sampling rate.
     """
     if len(columns) > 1:
         seconds, nanoseconds = map(table.numbers, columns)
@@ -39,8 +39,8 @@ def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Ar
     known = units.time or units.read("time", False, heading)
     unit = "" if known else _since_1970(stamps)
     if unit:
-        said = f"time stamps are {_LONG[unit]} since 1970; recording.units.time overrides it"
-        return (stamps * Units.of_time(unit)).reshape(len(stamps), -1), [said]
+        remark = f"time stamps are {_LONG[unit]} since 1970; recording.units.time overrides it"
+        return (stamps * Units.of_time(unit)).reshape(len(stamps), -1), [remark]
     factor = units.factor("time", heading=heading)
     return (stamps * factor).reshape(len(stamps), -1), []
 
@@ -51,7 +51,7 @@ def dated(table: Table) -> list[str]:
 
 
 def _dates(values: Any) -> Array | None:
-    """Seconds since 1970 of dates, or since midnight of times of day, (S,); None of what is neither."""
+    """Dates as seconds since 1970, times of day as seconds since midnight, (S,); None if neither."""
     if np.ndim(values) != 1:
         return None
     series = pd.Series(values)
@@ -66,14 +66,14 @@ def _dates(values: Any) -> Array | None:
     ):
         texts = series.astype(str).str.replace(",", ".")
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a form that has to be guessed
+            warnings.simplefilter("ignore", UserWarning)  # that the format has to be guessed
             each = (read(texts) for read in _OF_TEXT)
             found = next((times for times in each if times.notna().mean() > _DATES), None)
     return None if found is None else found.dt.total_seconds().to_numpy(np.float64)
 
 
 def _since_1970(stamps: Array) -> str:
-    """The unit other than seconds in which stamps (S,) are times since 1970; nothing where there is none."""
+    """The unit other than seconds in which stamps (S,) are times since 1970; empty if there is none."""
     steps = np.diff(stamps) if stamps.ndim == 1 else np.zeros(0)
     forward = steps[steps > 0]
     if not len(forward):

@@ -1,4 +1,4 @@
-"""Joints that stand still in recordings, and their places in the chain that files name or number."""
+"""Joints that stand still in recordings, and their places in the chain."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -16,7 +16,7 @@ from sidegan.robot.tree import read_tree
 
 
 def chain_of(arm: Arm) -> tuple[str, ...]:
-    """Names of an arm's joints and of those that its setup locks on their way, from the base outwards."""
+    """Names of an arm's joints and of locked ones between them, from the base outwards."""
     if not arm.setup.locked:
         return arm.joint_names
     tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
@@ -35,7 +35,7 @@ def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recordin
 def stationary_positions(
     arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings
 ) -> dict[str, float]:
-    """Where the joints without a torque stand [rad or m], from the positions in all recordings."""
+    """Positions of the joints without a torque [rad or m], from all recordings."""
     if unknown := [name for name in settings.without if name not in arm.joint_names]:
         raise RecordingError(
             f"recording.without names {', '.join(unknown)}; the arm has joints {', '.join(arm.joint_names)}"

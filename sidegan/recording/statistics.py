@@ -1,4 +1,4 @@
-"""Statistics of a raw recording: its clock, its motion's bandwidth, each signal, torques that stood still."""
+"""Statistics of a raw recording: clock, bandwidth of the motion, signals, frozen torques."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -13,28 +13,28 @@ from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
 
-SLOWEST = 0.5  # [s] between samples, with which no arm's motion is recorded
-HEADROOM = 12.0  # cut-off of the low-pass over the bandwidth of the motion
-_BRIDGED = 0.25  # of the cut-off's period
-_GAP_STEPS = 5.0  # sampling steps that are still interpolated over
+SLOWEST = 0.5  # [s] longest plausible time between samples
+HEADROOM = 12.0  # ratio of the low-pass's cut-off to the motion's bandwidth
+_BRIDGED = 0.25  # cut-off periods that are interpolated over
+_GAP_STEPS = 5.0  # sampling steps that are interpolated over
 _LEAST_SAMPLES = 10
-_HEAD = 120.0  # [s] of a recording from which the bandwidth is measured
-_HEAD_RATE = 50.0  # [Hz] at which that is done
-_LEAST_HEAD = 16  # points of it
-_MOVED = 0.005  # [rad or m] away from where it stood, the arm moves
-_ENERGY = 0.98  # of the motion's energy lies below its bandwidth
-_CLIPPED = 5  # consecutive samples at the very same extreme
-_STUCK = 0.3  # of its range in the recording, through which a joint moves while its torque does not change
-_LEAST_STUCK = 20  # samples of that; a few that are alike are a coarse quantum
+_HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
+_HEAD_RATE = 50.0  # [Hz] sampling rate of that part
+_LEAST_HEAD = 16  # samples of that part
+_MOVED = 0.005  # [rad or m] from its initial position beyond which the arm moves
+_ENERGY = 0.98  # share of the motion's energy below its bandwidth
+_CLIPPED = 5  # consecutive samples at an extreme that mean saturation
+_STUCK = 0.3  # share of its range through which a joint moves while its frozen torque is constant
+_LEAST_STUCK = 20  # samples of a frozen torque; fewer are coarse quantisation
 
 
 class Signal(NamedTuple):
-    """Statistics of one signal of all joints as it was recorded, (J,) each, SI units."""
+    """Statistics of a raw signal of all joints, (J,) each, SI units."""
 
     lower: Array  # smallest value
     upper: Array  # largest value
-    quantum: Array  # smallest step between neighbouring samples
-    clipped: Array  # longest stay at an extreme, in samples
+    quantum: Array  # smallest nonzero step between neighbouring samples
+    clipped: Array  # longest time at an extreme, in samples
 
     @property
     def largest(self) -> Array:
@@ -52,12 +52,12 @@ class Clock:
     """Time stamps of a recording."""
 
     duration: float  # from first to last sample [s]
-    step: float  # mean time between samples, gaps apart [s]
-    jitter: float  # standard deviation of that time over its mean
-    duplicates: int  # rows with the time stamp of the row before
-    gaps: tuple[tuple[float, float], ...]  # start and length of every gap [s]
-    gap: float  # time above which it is one [s]
-    bridged: int = 0  # shorter stretches without samples, over five steps long, that are interpolated over
+    step: float  # mean time between samples, without gaps [s]
+    jitter: float  # standard deviation of that time, relative to its mean
+    duplicates: int  # rows with the previous row's time stamp
+    gaps: tuple[tuple[float, float], ...]  # start and length of each gap [s]
+    gap: float  # time between samples above which it is a gap [s]
+    bridged: int = 0  # shorter breaks, over five steps long, that are interpolated over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,20 +65,20 @@ class Statistics(Clock):
     """Statistics of a raw recording."""
 
     name: str  # of the recording
-    samples: int  # whole rows
-    corrupt: tuple[tuple[int, str], ...]  # row and reason of what was left out
-    # frequency below which nearly all of the motion's energy lies [Hz]; 0 where nothing moves, or the samples
-    # are further apart than those of any motion
+    samples: int  # rows that are not corrupt
+    corrupt: tuple[tuple[int, str], ...]  # row numbers and reasons of corrupt rows
+    # frequency below which nearly all of the motion's energy lies [Hz]; 0 if nothing moves or the samples are
+    # implausibly far apart
     bandwidth: float
-    load: Literal["torque", "current"]  # what the arm is identified from
-    # joints whose torque or current stays as it is while they move, from when to when [s] for the longest
+    load: Literal["torque", "current"]  # signal from which the arm is identified
+    # joints that move while their torque or current is constant, with start and end of the widest motion [s]
     frozen: tuple[tuple[int, float, float], ...]
     signals: dict[str, Signal]  # by name
-    rows: Digests  # of some rows, by which another recording with the same samples is found
+    rows: Digests  # to find other recordings with the same samples
 
 
 def statistics_of(recording: Recording, settings: RecordingSettings) -> Statistics:
-    """Statistics of a recording; what a gap is follows from the settings and the bandwidth of the motion."""
+    """Statistics of a recording; the gap follows from the settings and the motion's bandwidth."""
     name, samples, time = recording.name, len(recording), recording.time
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} has {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
@@ -87,7 +87,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
     bandwidth = 0.0 if slow else bandwidth_of(name, time, recording.position, clock.step)
     if settings.gap is None and bandwidth:
         limit = max(clock.gap, _BRIDGED / (settings.cutoff or HEADROOM * bandwidth))
-        long = tuple(one for one in clock.gaps if one[1] > limit)
+        long = tuple(gap for gap in clock.gaps if gap[1] > limit)
         clock = replace(clock, gap=limit, gaps=long, bridged=len(clock.gaps) - len(long))
     return Statistics(
         **vars(clock),
@@ -103,7 +103,7 @@ def statistics_of(recording: Recording, settings: RecordingSettings) -> Statisti
 
 
 def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
-    """The clock of time stamps [s], (S,); ``name`` is for messages."""
+    """Clock of time stamps [s], (S,); ``name`` is for messages."""
     steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0))
@@ -130,10 +130,10 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
 
 
 def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
-    """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 where nothing moves.
+    """Frequency [Hz] below which nearly all energy of the joints' velocities lies; 0 if nothing moves.
 
-    Of positions (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White noise of the
-    positions, which is seen above half of the highest frequency, is taken off first.
+    Positions are (S, J) at times (S,), ``step`` [s] apart; the name is for messages. White position noise,
+    estimated above half of the Nyquist frequency, is subtracted first.
     """
     moved = [np.flatnonzero(np.abs(q - q[0]) > _MOVED)[:1] for q in position.T]
     if not any(map(len, moved)):
@@ -165,7 +165,7 @@ def _signal(x: Array) -> Signal:
 
 
 def _of_joint(x: Array) -> tuple[float, float, float, float]:
-    """The same of one joint, (S,); a joint after the other, an hour of all takes little memory."""
+    """Statistics of one joint's signal (S,); joint by joint, a long recording takes little memory."""
     lower, upper, steps = x.min(), x.max(), np.abs(np.diff(x))
     quantum = steps.min(where=steps > 0, initial=np.inf)
     clipped = max(_longest_run(x == lower), _longest_run(x == upper)) if upper > lower else 0
@@ -173,13 +173,13 @@ def _of_joint(x: Array) -> tuple[float, float, float, float]:
 
 
 def _longest_run(marked: Array) -> float:
-    """Most consecutive samples that are marked, of (S,)."""
+    """Length of the longest run of marked samples, of (S,)."""
     begins, ends = stretches(marked)
     return float((ends - begins).max(initial=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
-    """The stretch of one torque or current with the widest motion, of joints where that is wide enough."""
+    """Joint, start and end [s] of the widest motion with a constant torque or current, if wide enough."""
     found = []
     time = recording.time
     load = recording.signals()[recording.load]

@@ -1,4 +1,4 @@
-"""Tables of columns from files of other programs: Parquet, JSON lines, NPZ and MATLAB files."""
+"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -12,36 +12,36 @@ import pandas as pd
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 
-Where = dict[str, list[str]]  # columns of time and of every signal; a single column may hold all joints
+Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns of a file as they are kept in it, of S rows; an element may be a list of all joints."""
+    """Raw columns of a file with S rows; an element may be a list of all joints."""
 
     columns: Mapping[str, Any]
-    rows: Array  # their numbers as people count them, (S,)
-    skipped: Sequence[tuple[int, str]] = ()  # number and reason of rows that have no columns
+    rows: Array  # row numbers as people count them, (S,)
+    skipped: Sequence[tuple[int, str]] = ()  # row numbers and reasons of unreadable rows
 
     def first(self, name: str) -> str:
-        """A column's first element as text; nothing where there is none."""
+        """A column's first element as text; empty if there is none."""
         return str(next(iter(self.columns[name]), "")).strip()
 
     def forget(self, names: Iterable[str]) -> None:
-        """Give up the memory of columns that are not asked for again."""
+        """Release the memory of columns that are no longer needed."""
         for name in names:
             if isinstance(self.columns, dict):
                 self.columns.pop(name, None)
 
     def width(self, name: str) -> int:
-        """How many elements a column has in each row: 1 where it holds no lists."""
+        """Number of elements that a column has in each row: 1 unless it holds lists."""
         values = self.columns[name]
         if np.ndim(values) == 2:
             return int(np.shape(values)[1])
         return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
 
     def numbers(self, name: str) -> Array:
-        """A column, (S,) or, of lists, (S, J); NaN where it holds no number."""
+        """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
         if len(values) and isinstance(values[0], list | np.ndarray):
             values = np.stack([*values])
@@ -53,7 +53,7 @@ class Table:
 
 
 def parquet_table(path: Path) -> Table:
-    """A Parquet file: a row per sample; a column may hold lists of all joints. Pictures stay in it."""
+    """Table of a Parquet file with a row per sample; columns may hold lists of all joints."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -62,7 +62,7 @@ def parquet_table(path: Path) -> Table:
 
 
 class _Parquet(Mapping[str, Any]):
-    """Columns of a Parquet file, each of which is read when it is asked for."""
+    """Columns of a Parquet file, read on access."""
 
     def __init__(self, path: Path, names: Sequence[str]) -> None:
         self.path, self.names = path, names
@@ -71,9 +71,9 @@ class _Parquet(Mapping[str, Any]):
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        # What pandas notes in a file about an index would hide the column.
+        # pandas metadata may declare the column an index, which would hide it
         column = pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True)[name]
-        pa.default_memory_pool().release_unused()  # or it keeps what decoding took
+        pa.default_memory_pool().release_unused()  # otherwise it keeps the memory that decoding used
         return column
 
     def __iter__(self) -> Iterator[str]:
@@ -84,7 +84,7 @@ class _Parquet(Mapping[str, Any]):
 
 
 def json_table(path: Path) -> Table:
-    """A file of JSON, an object per line; of what it nests, names are joined by dots and lists numbered."""
+    """Table of JSON lines, an object per row; nested names are joined by dots, lists are numbered."""
     rows, found, skipped = [], [], []
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for row, line in enumerate(file, 1):
@@ -98,27 +98,27 @@ def json_table(path: Path) -> Table:
 
 
 def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Names and values of what a value of JSON nests; a ValueError where the whole of it is no object."""
+    """Names and values of all leaves of a JSON value; ValueError if it is not an object."""
     if isinstance(value, dict):
-        for key, one in value.items():
-            yield from _leaves(one, f"{name}.{key}".lstrip("."))
+        for key, child in value.items():
+            yield from _leaves(child, f"{name}.{key}".lstrip("."))
     elif not name:
         raise ValueError("no object")
     elif isinstance(value, list):
-        for k, one in enumerate(value):
-            yield from _leaves(one, f"{name}[{k}]")
+        for k, child in enumerate(value):
+            yield from _leaves(child, f"{name}[{k}]")
     else:
         yield name, value
 
 
 def npz_table(path: Path) -> Table:
-    """An NPZ file: an array (S,) per column, or (S, J) or (J, S) per signal; nothing in it is run."""
+    """Table of an NPZ file: an array (S,) per column, or (S, J) or (J, S) per signal; pickles are refused."""
     with np.load(path, allow_pickle=False) as file:
         return _of_arrays(dict(file.items()))
 
 
 def mat_table(path: Path) -> Table:
-    """A file of MATLAB, up to version 7, as an NPZ file; names of what structures nest are joined by dots."""
+    """Table of a MATLAB file up to version 7, as of an NPZ file; names in structures are joined by dots."""
     import scipy
 
     try:
@@ -131,7 +131,7 @@ def mat_table(path: Path) -> Table:
 
 
 def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Names and arrays of a structure and of those in it."""
+    """Names and arrays of a structure and of nested ones."""
     for name, value in content.items():
         if isinstance(value, dict):
             yield from _fields(value, f"{prefix}{name}.")

@@ -1,4 +1,4 @@
-"""Text with a first line of column names, in the encodings and with the separators that programs write."""
+"""Text files with a header line of column names, in common encodings and with common separators."""
 
 import csv
 import io
@@ -18,16 +18,16 @@ from sidegan.recording.tables import Table
 
 _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
-_LOOKED_AT = 100  # lines that tell separator and decimal mark
-_SAMPLE = 1 << 16  # bytes that tell the encoding
+_LOOKED_AT = 100  # lines from which separator and decimal mark are inferred
+_SAMPLE = 1 << 16  # bytes from which the encoding is inferred
 _FIELDS = ("position", "velocity", "effort")  # of a joint state, in its order
 
 
 def text_table(path: Path) -> Table:
-    """A text file whose columns are separated by commas, semicolons, tabs or spaces.
+    """Table of a text file with columns separated by commas, semicolons, tabs or spaces.
 
-    Between semicolons and tabs, numbers may have decimal commas. Joint states as ``ros2 topic echo --csv``
-    writes them need no names.
+    With semicolons or tabs, numbers may have decimal commas. The output of ``ros2 topic echo --csv`` for
+    joint states needs no header.
     """
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
@@ -50,12 +50,12 @@ def text_table(path: Path) -> Table:
 
 
 def _encoding_of(path: Path) -> str:
-    """UTF-16 by its mark, UTF-8 where the text is that, or else the encoding that Windows had."""
+    """UTF-16 if there is a byte-order mark, UTF-8 if the text is valid, or else Windows-1252."""
     with path.open("rb") as file:
         sample = file.read(_SAMPLE)
     if sample.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
-    try:  # a last character that is cut off is no error
+    try:  # up to the last line break, so that no character is cut in two
         io.TextIOWrapper(io.BytesIO(sample.rpartition(b"\n")[0] or sample), "utf-8").read()
     except UnicodeDecodeError:
         return "cp1252"
@@ -63,7 +63,7 @@ def _encoding_of(path: Path) -> str:
 
 
 def _format_of(lines: Sequence[str]) -> tuple[str, str]:
-    """Separator of a text's columns, that with the most numbers in its rows, and their decimal mark."""
+    """Separator with which the rows hold the most numbers, and the decimal mark."""
     rows = lines[1:] or lines
     counts = {}
     for separator in ";\t, ":
@@ -72,11 +72,11 @@ def _format_of(lines: Sequence[str]) -> tuple[str, str]:
         points = [field for field in fields if _is_number(field)]
         comma = separator in ";\t" and commas and not any("." in field for field in points)
         counts[separator, "," if comma else "."] = len(points) + (commas if comma else 0)
-    return max(counts, key=lambda one: (counts[one], lines[0].count(one[0])))
+    return max(counts, key=lambda form: (counts[form], lines[0].count(form[0])))
 
 
 def _is_number(text: str) -> bool:
-    """Whether a field is a number, or says that it is none."""
+    """Whether a field is a number or NaN."""
     try:
         float(text)
     except ValueError:
@@ -85,9 +85,9 @@ def _is_number(text: str) -> bool:
 
 
 def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
-    """Names for the columns of joint states without names; none where a first line is no joint state.
+    """Column names for joint states without a header; empty if the first line is not a joint state.
 
-    Seconds, nanoseconds and the frame are followed by the joints' names and their values.
+    Seconds, nanoseconds and frame are followed by the joints' names and values.
     """
     numbers = [_is_number(field) for field in fields]
     if len(fields) < 5 or not (fields[0].isdigit() and fields[1].isdigit()) or numbers[2] or numbers[3]:
@@ -110,7 +110,7 @@ def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
 def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: Any) -> Table:
     """Rows of a text from line ``first`` on, under these names."""
     options: dict[str, Any] = {"header": None, "names": names, "index_col": False, **form}
-    # All columns are read: with a choice of them pandas does not notice a line with too many fields.
+    # with usecols, pandas would not notice lines with too many fields
     with warnings.catch_warnings(record=True) as messages:
         warnings.simplefilter("always")
         frame = pd.read_csv(
@@ -122,7 +122,7 @@ def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: A
             on_bad_lines="warn",
             **options,
         )
-    if decimal == ",":  # pandas leaves a column as text where one field is no number
+    if decimal == ",":  # pandas leaves a column as text if any field is not a number
         texts = frame.select_dtypes(exclude="number")
         frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
     matches = [match for message in messages for match in _SKIPPED.finditer(str(message.message))]

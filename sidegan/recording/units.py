@@ -1,4 +1,4 @@
-"""Units of what a file holds: those that are set, else those that its columns are headed with, else SI."""
+"""Units of a file's columns: as configured, else as in the column names, else SI."""
 
 import math
 import re
@@ -20,7 +20,7 @@ _TO_SI = {
     "torque": {"N·m": 1.0, "Nm": 1.0, "mNm": 1e-3},
     "current": {"A": 1.0, "mA": 1e-3},
 }
-_SPELT = {  # in small letters, where that is another one than SI's
+_SPELT = {  # lower-case spellings of units other than SI
     "time": {
         **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
         **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"), "us"),
@@ -37,30 +37,30 @@ SPELT_TIMES = frozenset(_SPELT["time"]) | {"s", "sec", "secs", "second", "second
 
 @dataclass(frozen=True)
 class Counts:
-    """Positions in counts of encoders: of every joint, or of each."""
+    """Positions in encoder counts: a value for all joints, or one per joint."""
 
-    per_turn: float | list[float]  # or per metre of a joint that slides; below zero where they run backwards
-    zero: float | list[float] = 0.0  # what is read where the joint's position is zero
+    per_turn: float | list[float]  # or per metre of a prismatic joint; negative if counted backwards
+    zero: float | list[float] = 0.0  # reading at joint position zero
 
     def in_si(self, counts: Array, slides: Sequence[bool]) -> Array:
-        """Positions [rad or m], (S, J), of counts (S, J)."""
-        each = []
+        """Positions [rad or m], (S, J), from counts (S, J)."""
+        found = []
         for name, values in vars(self).items():
             if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
                 raise RecordingError(
                     f"recording.units.position.{name} has {counted(len(np.atleast_1d(values)), 'value')}, "
                     f"the arm has {len(slides)}"
                 )
-            each.append(np.asarray(values, dtype=np.float64))
-        per_turn, zero = each
+            found.append(np.asarray(values, dtype=np.float64))
+        per_turn, zero = found
         return (counts - zero) / per_turn * np.where(slides, 1.0, _TURN)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of what a file holds; null is what its columns are headed with (``q1 [deg]``), or else SI.
+    """Units of a file's columns; null: as in the column names (``q1 [deg]``), or else SI.
 
-    Velocity and acceleration are in ``angle``, or ``length`` of a joint that slides, per second and second².
+    Velocity and acceleration are in ``angle``, or ``length`` for prismatic joints, per second and second².
     """
 
     time: Literal["s", "ms", "us", "ns"] | None = None
@@ -71,7 +71,7 @@ class Units:
     position: Counts | None = None  # null: positions are in ``angle`` and ``length``
 
     def factor(self, signal: str, slides: bool = False, heading: str = "") -> float:
-        """Factor that brings a joint's signal, or ``"time"``, to SI units."""
+        """Factor from a joint's signal, or ``"time"``, to SI units."""
         kind = _kind(signal, slides)
         return _TO_SI[kind].get(getattr(self, kind) or _headed(kind, heading), 1.0)
 
@@ -81,7 +81,7 @@ class Units:
         return _TO_SI["time"][unit]
 
     def read(self, signal: str, slides: bool, heading: str) -> str:
-        """The unit other than SI's that a column is headed with, where it is what counts; else nothing."""
+        """The non-SI unit in a column's name; empty if there is none or a unit is configured."""
         kind = _kind(signal, slides)
         return "" if getattr(self, kind) else _headed(kind, heading)
 
@@ -93,12 +93,12 @@ def _kind(signal: str, slides: bool) -> str:
 
 
 def _headed(kind: str, heading: str) -> str:
-    """The unit of a kind that stands last in a heading; nothing where there is none, or SI's."""
+    """The last unit of a kind in a heading; empty if there is none, or SI."""
     words = re.findall(r"[a-zµμ°]+", heading.lower())
     return next((_SPELT[kind][word] for word in reversed(words) if word in _SPELT[kind]), "")
 
 
 def without_unit(text: str) -> str:
-    """The end of a heading without its unit: ``" Pos"`` of ``" Pos (deg)"``, nothing of ``"_rad"``."""
+    """The end of a heading without its unit: ``" Pos"`` for ``" Pos (deg)"``, empty for ``"_rad"``."""
     name, _, last = text.rpartition("_")
     return name if last.lower() in _ENDS else re.sub(r"\s*[(\[][^\d)\]]+[)\]]\s*$", "", text)
