@@ -16,7 +16,7 @@ from sidegan.robot import Limits, Setup, load_robot
 from tests.recording.conftest import moved, of_file, part_of, recorded
 
 
-def test_a_good_recording_raises_no_suspicion(planar, recording):
+def test_a_good_recording_has_no_warnings(planar, recording):
     checked = check_recording(recording, planar, of_file())
     assert not checked.warnings
     assert (checked.agreement.sign > 0.9).all()
@@ -25,7 +25,7 @@ def test_a_good_recording_raises_no_suspicion(planar, recording):
     json.dumps(checked.as_json(), allow_nan=False)
 
 
-def test_torques_in_another_unit_can_be_insisted_on(planar, recording):
+def test_raised_effort_limits_accept_torques_in_a_suspicious_unit(planar, recording):
     """With the limits that the refusal names."""
     wrong = replace(recording, torque=1e3 * recording.torque)
     with pytest.raises(RecordingError, match=r"\(recording\.units\.torque=mNm\)") as error:
@@ -35,7 +35,7 @@ def test_torques_in_another_unit_can_be_insisted_on(planar, recording):
     assert check_recording(wrong, strong, of_file()).kept
 
 
-WRONG = {  # of a velocity, and what is said of it
+WRONG = {  # what is done to a velocity, and the remark on it
     "half": (lambda v: 0.5 * v, r"velocity is 0\.50 \(shoulder\), 0\.50 \(elbow\) times"),
     "reversed": (lambda v: v * [1, -1], r"velocity is -1\.00 \(elbow\) times"),
     "exchanged": (
@@ -47,40 +47,41 @@ WRONG = {  # of a velocity, and what is said of it
 
 
 @pytest.mark.parametrize("kind", WRONG)
-def test_a_velocity_that_is_wrong_is_not_used(planar, recording, kind):
+def test_an_inconsistent_velocity_signal_is_discarded(planar, recording, kind):
     change, words = WRONG[kind]
     checked = check_recording(replace(recording, velocity=change(recording.velocity)), planar, of_file())
     alone = check_recording(replace(recording, velocity=None), planar, of_file())
     assert re.search(words, checked.remarks["velocity"])
     assert checked.derived == alone.derived == ["velocity", "acceleration"]
-    for one, other in zip(checked.segments, alone.segments):
-        np.testing.assert_array_equal(one.velocity, other.velocity)
+    for with_velocity, without in zip(checked.segments, alone.segments):
+        np.testing.assert_array_equal(with_velocity.velocity, without.velocity)
     half = replace(recording, acceleration=np.gradient(recording.velocity, 0.02, axis=0))
     assert [*check_recording(half, planar, of_file()).remarks] == ["acceleration"]
 
 
-def test_a_velocity_is_kept_where_noise_is_all_that_is_wrong(planar, recording):
+def test_a_noisy_velocity_signal_is_kept(planar, recording):
     noise = np.random.default_rng(0).standard_normal((2, *recording.position.shape))
     noisy = replace(recording, position=recording.position + 0.02 * noise[0])
     loud = replace(recording, velocity=recording.velocity + 0.5 * noise[1])
-    assert [check_recording(one, planar, of_file()).remarks for one in (noisy, loud)] == [{}, {}]
+    for changed in (noisy, loud):
+        assert check_recording(changed, planar, of_file()).remarks == {}
 
 
-def test_a_torque_that_stays_the_same_while_its_joint_moves_is_reported(planar, recording):
+def test_a_frozen_torque_sensor_is_reported(planar, recording):
     stuck = recording.torque.copy()
     stuck[600:1900, 1] = stuck[600, 1]
     frozen = replace(recording, torque=stuck)
     still = replace(recording, position=np.where(stuck == stuck[600, 1], 0.3, recording.position))
     rows = [k for k in range(2000) if not 600 <= k < 1900]
-    said, *others = (
-        [w for w in check_recording(one, planar, of_file()).warnings if "is frozen" in w]
-        for one in (frozen, still, part_of(frozen, rows))
+    warnings, *others = (
+        [w for w in check_recording(changed, planar, of_file()).warnings if "is frozen" in w]
+        for changed in (frozen, still, part_of(frozen, rows))
     )
-    assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in said[0]
+    assert "the torque of elbow is frozen from 6.00 s to 18.99 s, although the joint moves" in warnings[0]
     assert others == [[], []]
 
 
-def test_a_part_of_a_recording_is_held_out(planar, clock):
+def test_the_end_of_a_recording_is_held_out_for_validation(planar, clock):
     clock[900:] += 3.0
     checked = check_recording(recorded(planar, clock), planar, of_file())
     first, last = split(checked, 0.3)
@@ -96,7 +97,7 @@ def test_a_part_of_a_recording_is_held_out(planar, clock):
 
 
 def late(arm, delay, noise=0.02, seconds=30):
-    """A recording at 200 Hz whose torque is that of some time before."""
+    """A recording at 200 Hz with delayed torques."""
     time = np.arange(seconds * 200) / 200
     first, second = (
         moved(arm, t, 2.0, 1.0, np.random.default_rng(3), noise=noise) for t in (time, time - delay)
@@ -104,17 +105,19 @@ def late(arm, delay, noise=0.02, seconds=30):
     return replace(first, torque=second.torque)
 
 
-@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.08, 0.5, 0.85])
-def test_a_delay_is_found_within_its_deviation(planar, delay):
+@pytest.mark.parametrize("delay", [-0.2, -0.015, 0.0, 0.003, 0.03, 0.85])
+def test_a_torque_delay_is_estimated_within_its_standard_deviation(planar, delay):
     wrong = replace(planar, inertial_parameters=1.7 * planar.inertial_parameters)
     checked = check_recording(late(planar, delay), wrong, of_file())
-    found, said = checked.delay, "; ".join(checked.warnings)
+    found, warnings = checked.delay, "; ".join(checked.warnings)
     assert found.seconds == pytest.approx(delay, abs=4 * found.deviation)
     assert found.deviation < 1e-3 and found.believed == (delay != 0)
-    assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: not" in said) == (abs(delay) > 0.02)
+    assert (f"ms {'later' if delay > 0 else 'earlier'} than the motion: not" in warnings) == (
+        abs(delay) > 0.02
+    )
 
 
-def test_friction_that_leads_the_velocity_is_no_delay(planar):
+def test_friction_that_leads_the_velocity_is_not_mistaken_for_a_delay(planar):
     """MuJoCo's dry friction turns round before the velocity does, by more in some motions than in others."""
     plant = Plant(planar, replace(IDEAL, coulomb=[3.0], viscous=[0.5], rotor_inertia=[0.02]))
     family, believed = Trajectory(joints=2, harmonics=4, period=8.0), []
@@ -129,22 +132,22 @@ def test_friction_that_leads_the_velocity_is_no_delay(planar):
     assert any(believed)
 
 
-def test_a_delay_that_is_not_found_is_stated(planar):
+def test_an_undetermined_delay_is_reported(planar):
     lost = check_recording(late(planar, 1.3, seconds=15), planar, of_file(delay=None))
     assert not lost.corrected and "more than 1 s later" in lost.late
     drowned = check_recording(late(planar, 0.0, noise=30.0, seconds=10), planar, of_file(delay=None))
     assert not drowned.delay.believed and "not corrected" in "; ".join(drowned.statements)
-    said, time = [], np.arange(15 * 200) / 200
+    statements, time = [], np.arange(15 * 200) / 200
     for seed in range(4):  # torques of another motion
-        one, other = (moved(planar, time, 2.0, 1.0, np.random.default_rng(k)) for k in (seed, 100 + seed))
-        checked = check_recording(replace(one, torque=other.torque), planar, of_file(delay=None))
+        motion, other = (moved(planar, time, 2.0, 1.0, np.random.default_rng(k)) for k in (seed, 100 + seed))
+        checked = check_recording(replace(motion, torque=other.torque), planar, of_file(delay=None))
         assert not checked.corrected and "not corrected" in checked.statements[-1]
-        said.append(checked.statements[-1])
+        statements.append(checked.statements[-1])
         json.dumps(checked.as_json(), allow_nan=False)
-    assert any("cannot be determined" in one for one in said)
+    assert any("cannot be determined" in statement for statement in statements)
 
 
-def test_a_measured_delay_is_taken_off(planar):
+def test_a_measured_delay_is_corrected(planar):
     recording = late(planar, 0.018)
     left = check_recording(recording, planar, of_file())
     better = check_recording(recording, planar, of_file(delay=None))
@@ -160,7 +163,7 @@ def test_a_measured_delay_is_taken_off(planar):
     assert off[0] > 0.015 and max(off[1:]) < 1e-3  # half of what is worth taking off
 
 
-def test_recordings_of_one_arm_have_one_delay():
+def test_delays_of_several_recordings_are_pooled():
     """The mean by how much each tells; none where they differ, or there is nothing to pool."""
     common = pooled([Delay(0.004, 1e-4), Delay(0.006, 2e-4)])
     assert common.seconds == pytest.approx(0.0044) and common.deviation == pytest.approx(1e-4 * 0.8**0.5)

@@ -1,4 +1,4 @@
-"""Trajectories that were sent, found in what MuJoCo's arm made of them."""
+"""Commanded trajectories are found in recordings of a simulated arm that executed them."""
 
 import shutil
 from dataclasses import replace
@@ -36,7 +36,7 @@ def sent(planar, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def true(planar):
-    """What the servos made of them, without sensors."""
+    """The motions that the servos made of them, without sensor noise."""
     settings = replace(IDEAL, rate=1000.0, viscous=[1.0], coulomb=[0.5], feed_forward=0.5)
     plant, times = Plant(planar, settings), FAMILY.times(settings.rate)
     return [plant.follow(FAMILY.roll_out(c[None], times)) for c in COEFFICIENTS]
@@ -72,7 +72,7 @@ def test_repetitions_are_found_and_averaged(planar, true, sent):
     assert 0.7 < error / (NOISE / 3**0.5) < 1.05  # interpolation takes some of it off, too
 
 
-def test_a_repetition_with_a_gap_does_not_count(planar, true, sent):
+def test_a_repetition_with_a_gap_is_not_counted(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0), gap=PAUSE + 4)
     parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names), 0.1)
     assert repeated.counts == {"1": 1, "2": 1} and repeated.noise is None
@@ -96,7 +96,7 @@ def test_delay_noise_and_bandwidth_are_reported(planar, true, sent, delay):
     assert len(checked.segments) == 3 and checked.as_json()["repetitions"] == {"1": 3, "2": 3, "3": 3}
 
 
-def test_the_newest_run_is_meant_where_only_their_folder_is_given(planar, sent, tmp_path):
+def test_the_newest_run_in_a_folder_is_used(planar, sent, tmp_path):
     for day in ("2026-01-02", "2026-01-01"):
         (tmp_path / day / "trajectories").mkdir(parents=True)
     shutil.copy(sent / "trajectories" / "2.csv", tmp_path / "2026-01-02" / "trajectories" / "1.csv")
@@ -104,7 +104,7 @@ def test_the_newest_run_is_meant_where_only_their_folder_is_given(planar, sent, 
     np.testing.assert_array_equal(found.position, load_commanded(sent, planar.joint_names)[1].position)
 
 
-def test_what_is_not_in_it_is_refused(planar, true, sent, tmp_path):
+def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
     recording, _ = logged(planar, true, (0, 1))
     trajectories = load_commanded(sent, planar.joint_names)
     slow = [replace(trajectory, time=2 * trajectory.time) for trajectory in trajectories]

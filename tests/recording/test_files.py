@@ -1,4 +1,4 @@
-"""Files as programs and people have them are read as what was written, row by row; what is odd is told."""
+"""Files as programs and people write them are read back row by row; oddities are reported."""
 
 import json
 import re
@@ -81,7 +81,7 @@ WRITTEN = [
 
 
 @pytest.mark.parametrize(("write", "changes"), WRITTEN)
-def test_what_was_written_is_read(made, tmp_path, write, changes):
+def test_every_format_reads_back_what_was_written(made, tmp_path, write, changes):
     path = write(made, tmp_path)
     bag = path.suffix in ("", ".mcap")
     found = load_recording(path, of_file(**changes), made.joint_names if bag else NUMBERS)
@@ -90,7 +90,7 @@ def test_what_was_written_is_read(made, tmp_path, write, changes):
 
 
 def at(made):
-    """Its stamps as dates, in whole nanoseconds."""
+    """Time stamps of a recording as dates, in whole nanoseconds."""
     return pd.to_datetime((made.time * 1e9).round().astype(np.int64) + EPOCH * 10**9)
 
 
@@ -188,7 +188,7 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_kinds(made, tmp_path, kind):
+def test_timestamps_units_and_encodings_are_recognised(made, tmp_path, kind):
     write, start, remark = KINDS[kind]
     write(made, tmp_path)
     (path,), lines = tmp_path.iterdir(), kind == "JSON lines"
@@ -212,14 +212,14 @@ action.{j}.pos finger_joint{n}_position actual_TCP_speed_{i}"""
 
 
 @pytest.mark.parametrize("names", NAMES)
-def test_columns_are_known_by_their_names(made, tmp_path, names):
-    foreign = {c: 1.0 for one in FOREIGN.split() for c in columns_of(one)}
+def test_columns_are_recognised_by_name(made, tmp_path, names):
+    foreign = {c: 1.0 for pattern in FOREIGN.split() for c in columns_of(pattern)}
     found = read(tmp_path, named(made, *names, **foreign))
     assert_same(found, made)
     assert found.velocity is None and found.current is None and not found.remarks
 
 
-def test_joints_are_in_the_order_that_the_file_names(made, tmp_path):
+def test_joints_follow_the_order_named_in_the_file(made, tmp_path):
     table = named(made, "Time", "position_{i}", "effort_{i}", name_0="elbow", name_1="shoulder")
     np.testing.assert_allclose(read(tmp_path, table).torque, made.torque[:, [1, 0]])
 
@@ -231,7 +231,7 @@ LEFT_OVER = [
 
 
 @pytest.mark.parametrize(("names", "more", "words"), LEFT_OVER)
-def test_a_column_that_is_left_over_is_remarked_on(made, tmp_path, names, more, words):
+def test_unused_columns_are_reported(made, tmp_path, names, more, words):
     found = read(tmp_path, named(made, "t", *names.split(), **dict.fromkeys(more.split(), 1.0)))
     assert_same(found, made)
     assert re.search(words, "".join(found.remarks))
@@ -262,7 +262,7 @@ def garbled(lines):
 GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
 
 
-def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
+def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
     path = files.write_csv(made, tmp_path)
     lines = path.read_text().splitlines()
     garbled(lines)
@@ -276,7 +276,7 @@ def test_corrupt_rows_are_left_out_and_named(made, tmp_path):
 
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read(made, tmp_path, separator):
-    """A line of text among them costs no more than itself."""
+    """A line of text among the numbers costs that line only."""
     lines = files.frame(made).to_csv(index=False, sep=separator, decimal=",").splitlines()
     lines[50] = "stopped"
     (tmp_path / "a.csv").write_text("\n".join(lines))
@@ -287,8 +287,8 @@ def test_decimal_commas_are_read(made, tmp_path, separator):
         np.testing.assert_allclose(getattr(found, name), getattr(kept, name))
 
 
-def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):
-    """A row that is left out takes its time."""
+def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path):
+    """A dropped row still takes its time."""
     table = files.frame(made).drop(columns="t")
     table.loc[3, "tau1"] = np.nan
     table.to_csv(tmp_path / "a.csv", index=False)
@@ -297,7 +297,7 @@ def test_a_file_without_a_clock_is_read_at_a_rate(made, tmp_path):
     assert [reason for _, reason in found.corrupt] == ["no number in tau1"]
 
 
-def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
+def test_a_bag_with_unrelated_messages_is_read(made, tmp_path):
     """A gripper on the same topic, joints in turn, big-endian bytes, and a message that lacks a joint."""
     a, b = made.joint_names
     messages = []
@@ -314,14 +314,14 @@ def test_a_bag_with_other_messages_between_is_read(made, tmp_path):
 
 @pytest.fixture
 def sliding(planar):
-    """The planar arm with a second joint that slides."""
+    """The planar arm with a prismatic second joint."""
     lower, upper = np.array([[-2.5, -1.6], [2.5, 1.6]])
     slides = np.array([False, True])
     return replace(planar, prismatic=slides, position_lower=lower, position_upper=upper)
 
 
 @pytest.mark.parametrize("headings", [("q1", "q2"), ("q1_deg", "q2_mm"), ("J1 Pos (deg)", "J2 Pos (mm)")])
-def test_degrees_are_of_joints_that_turn_and_millimetres_of_those_that_slide(made, tmp_path, headings):
+def test_degrees_apply_to_revolute_and_millimetres_to_prismatic_joints(made, tmp_path, headings):
     q = made.position * [DEGREES, 1e3]
     units = {"angle": "deg", "length": "mm"} if headings == ("q1", "q2") else {}
     renamed = table(made, **{"q1": None, "q2": None, **dict(zip(headings, q.T))})
@@ -330,7 +330,7 @@ def test_degrees_are_of_joints_that_turn_and_millimetres_of_those_that_slide(mad
 
 
 @pytest.mark.parametrize(("unit", "factor", "words"), [("m", 1e3, "millimetres"), ("mm", 1e-3, "metres")])
-def test_a_joint_that_slides_in_another_unit_is_refused(sliding, clock, unit, factor, words):
+def test_a_prismatic_joint_in_the_wrong_unit_is_refused(sliding, clock, unit, factor, words):
     made = recorded(sliding, clock, ("position", "torque"))
     wrong = replace(made, position=made.position * [1.0, factor])
     assert not any("unit" in warning for warning in check_recording(made, sliding, of_file()).warnings)
@@ -338,7 +338,7 @@ def test_a_joint_that_slides_in_another_unit_is_refused(sliding, clock, unit, fa
         check_recording(wrong, sliding, of_file(units={"length": unit}))
 
 
-def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recording, planar, tmp_path):
+def test_encoder_counts_are_refused_with_the_setting_that_converts_them(recording, planar, tmp_path):
     counts = (recording.position / (2 * np.pi) * 4096 + 2048).round()
     with pytest.raises(RecordingError, match="no unit explains: are these encoder counts") as error:
         check_recording(replace(recording, velocity=None, position=counts), planar, of_file())
@@ -352,8 +352,8 @@ def test_counts_of_encoders_are_refused_with_the_line_that_converts_them(recordi
         read(tmp_path, table(recording), units={"position": {"per_turn": 4096, "zero": [0, 0, 0]}})
 
 
-def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
-    """And nothing is put back of a joint that slides, or of degrees, which step by more than a turn, too."""
+def test_wrapped_revolute_positions_are_unwrapped(recording, tmp_path):
+    """Prismatic joints are not unwrapped, nor are degrees, which step by more than 2 pi."""
     far = recording.position * [4.0, 1.0] + np.array([3.0, 0.0])
     wrapped = (far + np.pi) % (2 * np.pi) - np.pi
     columns = dict(zip(("q1", "q2"), wrapped.T))
@@ -367,7 +367,7 @@ def test_turns_that_a_driver_takes_off_are_put_back(recording, tmp_path):
     assert not read(tmp_path, slow).remarks
 
 
-def test_nanoseconds_since_a_machine_was_started_are_no_milliseconds_since_1970(made, tmp_path):
+def test_nanoseconds_since_boot_are_not_taken_for_milliseconds_since_1970(made, tmp_path):
     found = read(tmp_path, table(made, t=(made.time * 1e9).round() + 1.5e12))
     assert not found.remarks and np.diff(found.time).mean() > 1e6
 
@@ -380,19 +380,19 @@ def at_rest(made, torque, seconds=4.0):
     return pd.concat([held, table(made)], ignore_index=True)
 
 
-def test_rows_at_rest_without_drives_are_left_out(recording, tmp_path):
+def test_rows_with_the_drives_off_are_dropped(recording, tmp_path):
     found = read(tmp_path, at_rest(recording, lambda _: {"tau1": 0.0, "tau2": 0.0}))
     np.testing.assert_allclose(found.torque, recording.torque)
     assert "no torque changes while the arm rests, as if drives were off: 400 rows" in found.remarks[0]
     led = table(recording)
-    led.loc[:999, ["tau1", "tau2"]] = 0.0  # somebody leads an arm without drives
+    led.loc[:999, ["tau1", "tau2"]] = 0.0  # somebody moves the arm by hand, drives off
     for other in ("tau1", "tau2"):
         held = read(tmp_path, at_rest(recording, lambda t, j=other: {"tau1": 0.0, "tau2": 0.0, j: np.sin(t)}))
         assert len(held) == 2400 and not held.remarks
     assert len(read(tmp_path, led)) == 2000
 
 
-def test_each_signal_is_taken_at_the_rows_that_have_it(recording, tmp_path):
+def test_signals_logged_on_separate_rows_are_interpolated(recording, tmp_path):
     positions, torques = table(recording, tau1=None, tau2=None), table(recording, q1=None, q2=None)
     later = torques[1::2].assign(t=torques.t[1::2] + 3e-3)
     found = read(tmp_path, pd.concat([positions, later]).sort_values("t"))
@@ -404,7 +404,7 @@ def test_each_signal_is_taken_at_the_rows_that_have_it(recording, tmp_path):
     assert "the torque of a.csv: interpolated at the time stamps of the position" in found.remarks[0]
 
 
-def test_joint_states_without_names_of_two_signals_are_refused_with_the_line_to_write(made, tmp_path):
+def test_an_ambiguous_headerless_joint_state_log_is_refused_with_a_header_line(made, tmp_path):
     echoed(made, tmp_path, ("position", "torque"))
     with pytest.raises(RecordingError, match=r"2 values each.* such as stamp\.sec,.*") as error:
         load_recording(tmp_path / "a.csv", of_file(), JOINTS)
@@ -413,7 +413,7 @@ def test_joint_states_without_names_of_two_signals_are_refused_with_the_line_to_
     np.testing.assert_allclose(load_recording(tmp_path / "a.csv", of_file(), JOINTS).torque, made.torque)
 
 
-def test_a_file_of_matlab_7_3_is_refused_with_what_to_save(tmp_path):
+def test_a_matlab_7_3_file_is_refused_with_the_format_to_save(tmp_path):
     (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(512))
     with pytest.raises(RecordingError, match=r"MATLAB 7\.3.*-v7"):
         load_recording(tmp_path / "a.mat", of_file(), JOINTS)
@@ -427,7 +427,7 @@ def several(folder, made, change=lambda same: same):
     return load_recording(files, of_file(), JOINTS)
 
 
-def test_a_file_for_each_signal_is_one_recording(recording, tmp_path):
+def test_one_file_per_signal_is_merged_into_one_recording(recording, tmp_path):
     assert_same(several(tmp_path, recording), recording)
     found = several(tmp_path, recording, lambda x: x.assign(t=x.t + 3e-4)[100:1900:2].drop(index=[600]))
     # at the stamps of the faster file, where there are torques
@@ -445,12 +445,12 @@ APART = [
 
 
 @pytest.mark.parametrize(("words", "change"), APART)
-def test_files_that_do_not_go_together_are_refused(made, tmp_path, words, change):
+def test_signal_files_that_do_not_match_are_refused(made, tmp_path, words, change):
     with pytest.raises(RecordingError, match=words):
         several(tmp_path, made, change)
 
 
-def test_a_joint_without_a_torque_is_locked_where_it_stands(recording, tmp_path, planar):
+def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, planar):
     named(recording).assign(q1=0.3).drop(columns="tau1").to_csv(tmp_path / "a.csv", index=False)
     path, settings = str(tmp_path / "a.csv"), of_file(without=["shoulder"])
     arm = load_robot("planar2", Setup(locked=stationary_positions(planar, [path], settings)))

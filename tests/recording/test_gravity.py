@@ -15,7 +15,7 @@ from tests.chains import random_states
 
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=20)
-def test_gravity_and_scales_come_back_whatever_units_torques_have(arm, seed):
+def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
     random = np.random.default_rng(seed)
     q, v, a = random_states(arm, 400, seed)
     direction = random.standard_normal(3)

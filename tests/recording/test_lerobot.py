@@ -70,7 +70,7 @@ def test_both_versions_are_read(made, tmp_path, version, named):
     assert steps[steps < 1].tolist() == pytest.approx([1 / FPS] * (len(made) - 3), abs=1e-5)
 
 
-def test_what_is_no_dataset_is_refused(made, tmp_path):
+def test_an_incomplete_dataset_is_refused(made, tmp_path):
     folder = written(made, tmp_path / "set")
     first, second = sorted(folder.glob("data/*/*.parquet"))
     second.unlink()

@@ -1,4 +1,4 @@
-"""The same samples are found in two recordings wherever they are; other motions are not taken for them."""
+"""Samples shared by two recordings are found wherever they are; other motions are not mistaken for them."""
 
 from dataclasses import replace
 
@@ -16,11 +16,12 @@ def made(planar, seed):
 
 
 @pytest.fixture(scope="module")
-def one(planar):
+def original(planar):
     return made(planar, 0)
 
 
-def refused(first, second):
+def refusal(first, second):
+    """The message that refuses two recordings with shared samples, or nothing."""
     try:
         refuse_shared([("a", digests_of(first)), ("b", digests_of(second))])
     except RecordingError as error:
@@ -28,33 +29,35 @@ def refused(first, second):
     return ""
 
 
-def test_a_stretch_with_another_clock_is_found_and_reported(one, planar):
-    assert refused(one, one).startswith("b holds samples of a, from 0")
-    middle = part_of(one, slice(1000, 1200))
+def test_shared_samples_are_found_despite_another_clock(original, planar):
+    assert refusal(original, original).startswith("b holds samples of a, from 0")
+    middle = part_of(original, slice(1000, 1200))
     other = part_of(made(planar, 1), slice(0, 1500))
     columns = {name: np.concatenate([x, middle.signals()[name]]) for name, x in other.signals().items()}
     both = replace(other, time=np.concatenate([other.time, 7 + middle.time]), **columns)
-    words = refused(one, both)
+    words = refusal(original, both)
     assert words.startswith("b holds samples of a, from 12 s to 12.995 s")
 
 
-def test_a_file_with_fewer_signals_or_in_single_precision_is_found(one):
-    single = {name: x.astype(np.float32).astype(float) for name, x in one.signals().items()}
-    assert refused(one, replace(one, **{**single, "velocity": None, "acceleration": None}))
+def test_shared_samples_are_found_with_fewer_signals_in_single_precision(original):
+    single = {name: x.astype(np.float32).astype(float) for name, x in original.signals().items()}
+    assert refusal(original, replace(original, **{**single, "velocity": None, "acceleration": None}))
 
 
-def test_torques_of_another_motion_are_found(one, planar):
+def test_shared_torques_are_found_under_another_motion(original, planar):
     other = made(planar, 1)
-    words = refused(one, replace(other, torque=np.concatenate([other.torque[:1000], one.torque[1000:]])))
+    words = refusal(
+        original, replace(other, torque=np.concatenate([other.torque[:1000], original.torque[1000:]]))
+    )
     assert words.startswith("b has the same torques as a, from 5") and "to 14.9" in words
-    coarse = [replace(x, torque=(x.torque / 2).round()) for x in (one, other)]
-    assert not refused(*coarse)
+    coarse = [replace(x, torque=(x.torque / 2).round()) for x in (original, other)]
+    assert not refusal(*coarse)
 
 
-def test_another_motion_other_noise_or_rest_in_one_place_is_not_the_same(one, planar):
-    noise = np.random.default_rng(3).standard_normal(one.torque.shape)
-    rest = {name: np.broadcast_to(x[:1], (500, x.shape[1])) for name, x in one.signals().items()}
-    resting = replace(one, time=np.arange(500.0), **rest)
-    for other in (made(planar, 1), replace(one, torque=one.torque + 1e-3 * noise), resting):
-        assert not refused(one, other)
-    assert not refused(resting, resting)
+def test_different_motion_noise_or_rest_is_not_reported_as_shared(original, planar):
+    noise = np.random.default_rng(3).standard_normal(original.torque.shape)
+    rest = {name: np.broadcast_to(x[:1], (500, x.shape[1])) for name, x in original.signals().items()}
+    resting = replace(original, time=np.arange(500.0), **rest)
+    for other in (made(planar, 1), replace(original, torque=original.torque + 1e-3 * noise), resting):
+        assert not refusal(original, other)
+    assert not refusal(resting, resting)

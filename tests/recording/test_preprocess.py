@@ -19,10 +19,10 @@ def test_missing_signals_are_derived(planar, clock, keep):
 
 
 def test_short_gaps_of_a_fast_log_are_bridged(planar):
-    """Four hiccups of 8 ms at 1 kHz; what is longer than a quarter of the cut-off's period is not crossed."""
+    """Four gaps of 8 ms at 1 kHz; a gap longer than a quarter of the cut-off's period is not bridged."""
     time = np.arange(12_000) * 1e-3
-    hiccups = np.concatenate([np.arange(k, k + 8) for k in (2000, 4500, 7000, 9500)])
-    recording = recorded(planar, np.delete(time, hiccups))
+    short_gaps = np.concatenate([np.arange(k, k + 8) for k in (2000, 4500, 7000, 9500)])
+    recording = recorded(planar, np.delete(time, short_gaps))
     (segment,) = preprocess(recording, of_file())
     (smooth,) = preprocess(recorded(planar, time), of_file())
     assert len(segment.time) == pytest.approx(len(smooth.time), abs=2)
@@ -36,7 +36,7 @@ def test_short_gaps_of_a_fast_log_are_bridged(planar):
     assert len(preprocess(recorded(planar, np.delete(time, np.arange(5000, 5080))), of_file())) == 2
 
 
-def test_rest_is_left_out(planar):
+def test_samples_at_rest_are_dropped(planar):
     time = np.arange(3000) * 0.01
     stopped = np.where(time < 10, time, np.where(time < 20, 10.0, time - 10))
     q, _, _ = states(stopped)
@@ -48,7 +48,7 @@ def test_rest_is_left_out(planar):
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.013, 0.5])
-def test_a_long_run_is_filtered_in_pieces_without_seams(planar, delay):
+def test_filtering_a_long_recording_in_blocks_leaves_no_seams(planar, delay):
     time = np.arange(110_000) * 1e-3
     made = Recording("long", planar.joint_names, time, states(time)[0], torque=states(time - delay)[0])
     (segment,) = preprocess(made, of_file(), delay=delay)
@@ -57,25 +57,27 @@ def test_a_long_run_is_filtered_in_pieces_without_seams(planar, delay):
         np.testing.assert_allclose(x[inner], expected[inner], atol=1e-6, rtol=0)
 
 
-@pytest.mark.parametrize("write", [write_csv, write_parquet])
-def test_a_long_recording_is_read_and_reduced_in_little_more_memory_than_its_numbers_take(
-    planar, tmp_path, write
-):
-    recording = recorded(planar, np.arange(400_000) * 1e-3)
-    numbers = 8 * len(recording) * 7
-    path = write(recording, tmp_path)
-    preprocess(recording, of_file())  # what it imports is no part of it
+def test_a_long_recording_needs_little_more_memory_than_its_numbers(planar, tmp_path):
+    """Read from CSV and Parquet, and reduced."""
+    recording = recorded(planar, np.arange(300_000) * 1e-3)
+    numbers = 8 * len(recording) * 7  # bytes
+    paths = [write(recording, tmp_path) for write in (write_csv, write_parquet)]
+    preprocess(recording, of_file())  # imports and compilation are not counted
     tracemalloc.start()
-    read = load_recording(path, of_file(), ("1", "2"))
-    loaded = tracemalloc.get_traced_memory()[1]
-    tracemalloc.reset_peak()
-    preprocess(read, of_file())
-    reduced = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert loaded < 2.2 * numbers and reduced < 2.5 * numbers
+    try:
+        for path in paths:
+            read = None
+            tracemalloc.reset_peak()
+            read = load_recording(path, of_file(), ("1", "2"))
+            assert tracemalloc.get_traced_memory()[1] < 2.2 * numbers
+        tracemalloc.reset_peak()
+        preprocess(read, of_file())
+        assert tracemalloc.get_traced_memory()[1] < 2.5 * numbers
+    finally:
+        tracemalloc.stop()
 
 
-def test_currents_become_torques(planar, clock):
+def test_currents_are_converted_to_torques(planar, clock):
     (by_torque,) = preprocess(recorded(planar, clock), of_file())
     currents = recorded(planar, clock, ("position", "velocity", "current"))
     (by_current,) = preprocess(currents, of_file(), (2.0, 2.0))
@@ -84,7 +86,7 @@ def test_currents_become_torques(planar, clock):
     np.testing.assert_allclose(turned.torque, by_torque.torque * [1.0, -1.0])
 
 
-def test_the_bandwidth_is_that_of_the_motion_whatever_comes_before_and_the_noise(planar):
+def test_the_bandwidth_ignores_rest_and_noise(planar):
     time = np.arange(40000) * 0.005
     since = np.clip(time - 150, 0, None)
     q, _, _ = states(since)

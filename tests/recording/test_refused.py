@@ -1,4 +1,4 @@
-"""What is refused or warned of, and the words that say why: settings, files and recordings."""
+"""Settings, files and recordings that are refused or warned about, with the message."""
 
 import math
 import os
@@ -27,7 +27,7 @@ SETTINGS = [
 
 
 @pytest.mark.parametrize(("words", "changes"), SETTINGS)
-def test_settings(words, changes):
+def test_invalid_settings_are_refused(words, changes):
     with pytest.raises(ConfigError, match=words):
         of_file(**changes)
 
@@ -88,21 +88,21 @@ FILES = [
 
 
 @pytest.mark.parametrize(("words", "write", "changes"), FILES, ids=[words for words, *_ in FILES])
-def test_files(made, tmp_path, words, write, changes):
+def test_unreadable_files_are_refused(made, tmp_path, words, write, changes):
     with pytest.raises(RecordingError, match=words):
         load_recording(write(made, tmp_path), of_file(**changes), ("1", "2"))
 
 
 @pytest.mark.parametrize("name", ["a.csv", "a.parquet", "a.npz", "a.mcap", "a.db3"])
 @pytest.mark.parametrize("content", [b"", b"\x93garbage\x00\xff" * 99])
-def test_files_of_nothing(tmp_path, name, content):
+def test_empty_and_garbage_files_are_refused(tmp_path, name, content):
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=name.replace(".", r"\.")):
         load_recording(tmp_path / name, of_file(), ("1", "2"))
 
 
 @pytest.mark.parametrize("write", [files.write_parquet, files.arrays(), files.write_mcap, files.write_bag])
-def test_files_cut_off(made, tmp_path, write):
+def test_truncated_files_are_refused(made, tmp_path, write):
     path = write(made, tmp_path)
     file = path if path.is_file() else max(path.iterdir(), key=lambda p: p.stat().st_size)
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 3])
@@ -123,7 +123,7 @@ def currents(factor=1.0):
     return lambda recording: replace(recording, torque=None, current=factor / 2 * recording.torque)
 
 
-def of_elbow(signal, change):
+def change_elbow(signal, change):
     return but(signal, lambda x: np.stack([x[:, 0], change(x[:, 1])], 1))
 
 
@@ -177,16 +177,16 @@ CHECKED = [
 
 
 @pytest.mark.parametrize(("words", "change", "options"), CHECKED)
-def test_recordings(recording, words, change, options):
+def test_implausible_recordings_are_refused(recording, words, change, options):
     with pytest.raises(RecordingError, match=words):
         check(change(recording), **options)
 
 
 WARNED = [
-    ("recording.reverse=[elbow]", of_elbow("torque", np.negative)),
-    ("swapped, scaled or reversed?", of_elbow("velocity", np.negative)),
+    ("recording.reverse=[elbow]", change_elbow("torque", np.negative)),
+    ("swapped, scaled or reversed?", change_elbow("velocity", np.negative)),
     ("the arm hardly moves", scaled("position", 0.1)),
-    ("elbow never moved", lambda r: replace(of_elbow("position", np.zeros_like)(r), velocity=None)),
+    ("elbow never moved", lambda r: replace(change_elbow("position", np.zeros_like)(r), velocity=None)),
     ("1 gap, the longest 2", but("time", interrupted)),
     ("1 sample with a repeated time stamp", but("time", interrupted)),
     ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
@@ -200,11 +200,11 @@ WARNED = [
 
 
 @pytest.mark.parametrize(("words", "change"), WARNED, ids=[words for words, _ in WARNED])
-def test_warnings(recording, words, change):
+def test_suspicious_recordings_are_warned_about(recording, words, change):
     before, after = (check(x).warnings for x in (recording, change(recording)))
     assert words in "\n".join(after) and words not in "\n".join(before)
 
 
-def test_limits_that_the_arms_own_links_exceed_are_none(recording):
+def test_torque_limits_too_low_to_hold_the_arm_only_warn(recording):
     warnings = check(recording, limited(1e-3)).warnings
     assert "the torque of shoulder, elbow exceeds the arm's limit" in "\n".join(warnings)
