@@ -151,9 +151,7 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
         raise InfeasibleError(f"no physically possible links explain the samples: {status}")
     found = np.asarray(x.value)
     if not (np.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].reshape(-1, 10), unit)) > 0).all():
-        raise InfeasibleError(
-            "the solver left a physically impossible link: a stronger pull to the description may help"
-        )
+        raise InfeasibleError("the solver left a physically impossible link: a stronger pull may help")
     return found
 
 

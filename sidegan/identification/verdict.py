@@ -136,9 +136,7 @@ class Quality:
 def _held_out(quality: Quality) -> Iterator[Finding]:
     train, validation, folds = quality.train, quality.held_out, quality.folds
     if validation is None:
-        yield Finding(
-            USABLE, "no recording was held out: how well the model predicts other motions is unknown"
-        )
+        yield Finding(USABLE, "no recording was held out: prediction of other motions is untested")
     elif quality.mean(validation) > max(_OVERFIT * quality.mean(train), _GOOD_NMSE / 2):
         ratio = (
             f"validation nMSE is {quality.mean(validation) / quality.mean(train):.1f} times that of training"
@@ -194,9 +192,7 @@ def _excitation(quality: Quality) -> Iterator[Finding]:
         yield Finding(USABLE, "the arm is poorly excited: some parameters have no effect in this motion")
     elif condition > _CONDITION:
         alike = f"condition number {condition:.0f} of the scaled regressor"
-        yield Finding(
-            USABLE, f"the arm is poorly excited: parameters are hard to tell apart in this motion ({alike})"
-        )
+        yield Finding(USABLE, f"the arm is poorly excited: parameters are hard to tell apart ({alike})")
     for j, share in enumerate(quality.torque_deviation.tolist()):
         if quality.drowned[j]:
             continue
@@ -218,10 +214,9 @@ def _negative(quality: Quality) -> Iterator[Finding]:
     clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
     for name, value, deviation in signed:
         if value < -clear * deviation:
-            what = (
-                "rotor inertia cannot be negative" if name.startswith("Ia") else "friction cannot be negative"
-            )
-            yield Finding(USABLE, f"{name} is {value:.2g} ± {deviation:.1g}, but {what}", joint_of(name))
+            what = "rotor inertia" if name.startswith("Ia") else "friction"
+            text = f"{name} is {value:.2g} ± {deviation:.1g}, but {what} cannot be negative"
+            yield Finding(USABLE, text, joint_of(name))
 
 
 def _advice(quality: Quality, j: int) -> str:

@@ -54,9 +54,7 @@ class Seeds:
                 verb = "needs" if name in needed else "does not have"
                 raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
         if self.method == "published" and self.folder is None:
-            raise ConfigError(
-                f"folder is not set: git clone {REPOSITORY}, then seeds.folder=SIDE-GAN-Pytorch"
-            )
+            raise ConfigError(f"folder is not set: git clone {REPOSITORY}; seeds.folder=SIDE-GAN-Pytorch")
 
     def stamped(self) -> dict[str, Any]:
         """Plain values by which artifacts are known; of a folder its contents, not its name."""

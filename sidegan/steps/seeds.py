@@ -44,9 +44,7 @@ def seeds(
     chosen = settings_of(Seeds, settings)
     chosen = chosen if count is None else replace(chosen, count=count)
     if chosen.method == "published":
-        raise ConfigError(
-            "method published reads existing seeds: use sidegan.seeding.published.PublishedSeeds"
-        )
+        raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
     with ExitStack() as stack:
         work = Path(stack.enter_context(TemporaryDirectory()) if folder is None else folder)
         made = optimised(cell, chosen, seed, work, workers)

@@ -92,9 +92,7 @@ def _gains(run: RunContext, tracker: Tracker) -> None:
     write_json(folder / GAINS, {**joints, "gain": gains, "deviation": deviation})
     shown = {"gain [N·m/A]": [f"{x:.4g}" for x in gains], "σ": [f"{x:.2g}" for x in deviation]}
     table = pd.DataFrame(shown, pd.Index(arm.joint_names, name="joint"))
-    publish(
-        table, folder / "gains", f"Drive gains of {arm.name}, from a load of {cfg.load.mass:g} kg", tracker
-    )
+    publish(table, folder / "gains", f"Drive gains of {arm.name} (load: {cfg.load.mass:g} kg)", tracker)
     for doubt in (doubts := found.doubts(arm)):
         log.warning("robot.gains cannot be set: %s", doubt)
     if not doubts:
