@@ -33,7 +33,7 @@ _LOST = 1e-6  # of what forms leave of one another: they are separate above that
 KINDS = {
     "friction near rest": (0,),
     "friction that grows with the load": (1,),
-    "friction that bends with the speed": (2,),
+    "nonlinear viscous friction": (2,),
     "friction that differs between directions": (3,),
     "friction that depends on the position": (12, 13),
     "torque that depends on the position": (4, 5, 6, 7),
