@@ -55,7 +55,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         _view(run, slowed, steps, tracker),
     ]
     table = slowed.demands(cfg.controllers.rate)
-    publish(table, folder / SET, "; ".join(filter(None, caption)), tracker)
+    publish(table, folder / SET, "\n".join(filter(None, caption)), tracker)
     for doubt in chosen.warnings:
         log.warning("%s", doubt)
     if cfg.controllers.rehearse:
