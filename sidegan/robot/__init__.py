@@ -1,4 +1,4 @@
-"""Arms: placements, axes, inertias, limits and capsules as arrays, read from a description."""
+"""Arms read from a description: placements, axes, inertias, limits and collision geometry as arrays."""
 
 from sidegan.robot.arm import DERIVATIVE_ORDER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import (

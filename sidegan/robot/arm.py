@@ -11,47 +11,44 @@ from sidegan.base.arrays import Array
 from sidegan.robot.drives import Drives
 from sidegan.robot.setup import PLAIN, Mount, Setup
 
-DERIVATIVE_ORDER = {
-    "acceleration": 2,
-    "jerk": 3,
-}  # what else may be limited: derivatives of the position, by order
-LOCKED = "locked "  # how a note on joints that stand still begins
+DERIVATIVE_ORDER = {"acceleration": 2, "jerk": 3}  # of the position, which may be limited
+LOCKED = "locked "  # start of a note on locked joints
 
 FilePlane = tuple[float, float, float, float]  # unit normal, and the height along it [m]
-_FINEST = 2.0**40  # steps per unit: 1e-12, above rounding errors and below any figure that matters
+_FINEST = 2.0**40  # steps per unit: 1e-12 is above rounding errors and below significant figures
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """Bodies inside C capsules, each the convex hull of some corners with a ball around each point.
+    """Bodies inside C capsules: convex hulls, each inflated by a radius.
 
-    Where that is the capsule itself, its corners are the ends, and its ball has the capsule's radius.
+    If the body is the capsule itself, its corners are the segment's ends and its radius is the capsule's.
     """
 
     corners: Array  # of all pieces, in the frames of their links [m], (V, 3)
-    start: Array  # where those of each piece begin, and their number, (C + 1,)
-    radius: Array  # of the balls [m], (C,)
+    start: Array  # index of each piece's first corner, and the number of corners, (C + 1,)
+    radius: Array  # by which the hulls are inflated [m], (C,)
     exact: Array  # whether a piece is the capsule itself, (C,) bool
     fitted: Array  # whether capsule and piece were fitted to meshes, (C,) bool
-    core: Array  # radius of the capsule on the same axis that has the piece's volume [m], (C,)
+    core: Array  # radius of a capsule on the same axis with the piece's volume [m], (C,)
 
 
 @dataclass(frozen=True, eq=False)
 class Capsules:
-    """Shapes that enclose the links: all points within a radius [m] of a segment."""
+    """Capsules that enclose the links: all points within a radius [m] of a segment."""
 
-    link: Array  # joint in whose frame the end points are given, (C,), 0..J-1; -1 is the base (world frame)
+    link: Array  # joint in whose frame the capsule is given, (C,), 0..J-1; -1 is the base (world frame)
     a: Array  # one end of the segment [m], (C, 3)
     b: Array  # the other end [m], (C, 3); equal to `a` for a sphere
     radius: Array  # radius [m], (C,)
-    names: tuple[str, ...]  # what to call each capsule in a message; those of one shape share theirs
-    owners: tuple[str, ...]  # the description's link that each is part of
-    pieces: Pieces | None = None  # what is inside of them; None where they are the shapes themselves
-    points: bool = False  # whether they are points of an arm without shapes, which keep out of regions alone
+    names: tuple[str, ...]  # for messages; capsules of the same shape share a name
+    owners: tuple[str, ...]  # the description's link that each belongs to
+    pieces: Pieces | None = None  # bodies inside them; None if the capsules are the exact shapes
+    points: bool = False  # whether they are points of an arm without shapes, used for regions only
 
     @property
     def core(self) -> Array:
-        """Radii [m], (C,), that optimisers keep apart: about those of what is inside of the capsules."""
+        """Radii [m], (C,), with which optimisers avoid collisions: about those of the bodies inside."""
         return self.radius if self.pieces is None else self.pieces.core
 
 
@@ -59,10 +56,10 @@ class Capsules:
 class Arm:
     """A serial chain of J revolute and prismatic joints; float64, SI units."""
 
-    name: str  # the name that the description gives it
-    digest: str  # sha256 of all the numbers below; neither names nor the path matter
+    name: str  # in the description
+    digest: str  # sha256 of all the numbers below, without names and paths
     joint_names: tuple[str, ...]  # from the base outwards
-    prismatic: Array  # whether a joint slides, (J,) bool
+    prismatic: Array  # whether each joint is prismatic, (J,) bool
     # orientation of joint i's frame in joint i-1's (joint 0: in the world) at q = 0, (J, 3, 3)
     rotation: Array
     translation: Array  # origin of the same frame [m], (J, 3)
@@ -72,23 +69,25 @@ class Arm:
     position_lower: Array  # [rad or m], (J,)
     position_upper: Array  # [rad or m], (J,)
     velocity_limit: Array  # [rad/s or m/s], (J,)
-    torque_limit: Array  # [N·m or N], (J,); infinite where the description states none
+    torque_limit: Array  # [N·m or N], (J,); infinite where there is none
     gravity: Array  # [m/s²], (3,), in the world
-    capsules: Capsules  # shapes that enclose the links
-    urdf: Path  # the file all this was read from
+    capsules: Capsules
+    urdf: Path  # the description's file, of any format
     tip: Array  # the end effector [m], (3,), in the last joint's frame
-    link_names: tuple[str, ...]  # of the link that each joint moves
-    setup: Setup = PLAIN  # which part of the description this is
+    link_names: tuple[str, ...]  # link that each joint moves
+    setup: Setup = PLAIN  # the user's choices
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
-    acceleration_limit: Array | None = None  # [rad/s² or m/s²], (J,); None where nothing states any
+    acceleration_limit: Array | None = None  # [rad/s² or m/s²], (J,); None if there is none
     jerk_limit: Array | None = None  # [rad/s³ or m/s³], (J,)
-    notes: tuple[str, ...] = ()  # what was locked, lumped and assumed, for people
-    # links and the nearest ones with a shape towards the base; None: all that one joint lies between
+    notes: tuple[str, ...] = ()  # for people, on what was locked, lumped and assumed
+    # links, each with its nearest ancestor that has a shape; None: all links with one joint between them
     parents: frozenset[tuple[str, str]] | None = None
-    may_touch: tuple[tuple[str, str, str], ...] = ()  # links that are not kept apart, and who says so
-    planes: tuple[FilePlane, ...] = ()  # of the description, such as its floor, in the world
-    home: tuple[float, ...] | None = None  # where the description says that it rests [rad or m], (J,)
-    drives: Drives | None = None  # friction and rotors that it states, which torque limits are to hold
+    may_touch: tuple[
+        tuple[str, str, str], ...
+    ] = ()  # pairs of links not checked for collision, and the source
+    planes: tuple[FilePlane, ...] = ()  # of the description, such as a floor, in the world
+    home: tuple[float, ...] | None = None  # the description's home position [rad or m], (J,)
+    drives: Drives | None = None  # the description's friction and rotors, which count in torques
 
     @property
     def joints(self) -> int:
@@ -97,29 +96,29 @@ class Arm:
 
     @property
     def known_drives(self) -> Drives:
-        """Friction and rotors that are known; none where the description states none."""
+        """Friction and rotors, zero unless the description states them."""
         return self.drives or Drives.none(self.joints)
 
     @property
     def higher_limits(self) -> dict[str, Array]:
-        """Limits of acceleration and jerk, (J,), where there are any; infinite for joints without one."""
+        """Limits on acceleration and jerk, (J,), if there are any; infinite for joints without one."""
         limits = {"acceleration": self.acceleration_limit, "jerk": self.jerk_limit}
         return {name: x for name, x in limits.items() if x is not None and np.isfinite(x).any()}
 
     @property
     def locked(self) -> str:
-        """Note on the joints that stand still, and where; empty where there are none."""
+        """Note on locked joints and their positions; empty if there are none."""
         return next((note for note in self.notes if note.startswith(LOCKED)), "")
 
     def named(self, which: Array) -> str:
-        """Names of the joints that are marked, (J,), for a message."""
+        """Names of the marked joints, (J,), for a message."""
         return ", ".join(name for name, marked in zip(self.joint_names, which.tolist()) if marked)
 
 
 def with_effort(arm: Arm, effort: float) -> Arm:
-    """Arm of whose velocity and torque limits only the share ``effort``, above 0 and up to 1, may be used.
+    """The arm with its velocity and torque limits scaled by ``effort``, above 0 and up to 1.
 
-    Limits of acceleration and jerk stay: they are what a controller accepts, whatever the effort.
+    Limits on acceleration and jerk are not scaled: they are what a controller accepts, whatever the effort.
     """
     if effort == 1:
         return arm
@@ -129,12 +128,12 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
 
 
-def digest_of(numbers: dict[str, Array], capsules: Capsules, more: Sequence[str] = ()) -> str:
-    """Sha256 (hex) of an arm's numbers; the same on every machine, as rounding errors do not change it.
+def digest_of(numbers: dict[str, Array], capsules: Capsules, extra: Sequence[str] = ()) -> str:
+    """Sha256 (hex) of an arm's numbers, rounded so that it is the same on every machine.
 
-    The rounding is to a binary fraction: a decimal figure never lies half-way between two of those, where
-    an error in its last bit would decide. Capsules that were fitted to meshes do not count, but the digests
-    of the meshes, in ``more``: those are the same wherever they are fitted.
+    Rounding is to binary fractions, since no decimal figure lies half-way between two of these, where its
+    last bit would decide. Capsules fitted to meshes do not count, as they vary between machines; ``extra``
+    has the digests of the meshes instead.
     """
     given = slice(None) if capsules.pieces is None else ~capsules.pieces.fitted
     shapes = {name: getattr(capsules, name)[given] for name in ("a", "b", "link", "radius")}
@@ -143,6 +142,6 @@ def digest_of(numbers: dict[str, Array], capsules: Capsules, more: Sequence[str]
         rounded = np.round(values.astype(float) * _FINEST) / _FINEST + 0.0  # no negative zero
         state.update(f"{name}{values.shape}".encode())
         state.update(rounded.astype("<f8").tobytes())
-    for words in more:
+    for words in extra:
         state.update(words.encode())
     return state.hexdigest()

@@ -1,4 +1,4 @@
-"""Which joints of a description are the arm's, and where the others stand."""
+"""Choice of a description's joints that form the arm; the others are fixed."""
 
 import re
 
@@ -8,12 +8,12 @@ from sidegan.robot.setup import Setup, override, setting
 from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
-_MOST_TIPS = 6  # that are offered
-_ARM, _HAND = 6, 8  # joints at least before a hand, and below these of its longest finger
+_MOST_TIPS = 6  # suggested in a message
+_ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
 def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
-    """The arm that is meant: its joints, from the base outwards, and where the others stand [rad or m]."""
+    """The arm's joints, from the base outwards, and the positions of all others [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
         check_locked(tree, name, value)
@@ -34,7 +34,7 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
 
 
 def _path(tree: Tree, setup: Setup) -> list[Joint]:
-    """The joints from the root to the tip, of whatever kind."""
+    """All joints, of any kind, from the root to the tip."""
     if setup.tip:
         tree.require_link(setup.tip, "robot.tip=")
         return tree.path(setup.tip)
@@ -53,7 +53,7 @@ def _moves(joint: Joint) -> bool:
 
 
 def _without_grippers(tree: Tree, paths: dict[str, list[Joint]]) -> dict[str, list[Joint]]:
-    """Paths to joints of the arm; all of them where nothing but grippers would be left out."""
+    """Paths to joints of the arm, without grippers unless nothing else would be left."""
     grips = {name for name in paths if _GRIPPER.search(name)} | _mimicked_beside(tree)
     arm = {name for name in paths if name not in grips}
     carrying = {joint.name for name in arm for joint in paths[name]}
@@ -62,18 +62,18 @@ def _without_grippers(tree: Tree, paths: dict[str, list[Joint]]) -> dict[str, li
 
 
 def _mimicked_beside(tree: Tree) -> set[str]:
-    """Joints that another one follows which does not hang on them: fingers that open together."""
+    """Joints mimicked by a joint that is not one of their descendants, as of fingers that open together."""
     found = set()
     for joint in tree.joints.values():
         if joint.mimic is not None:
             master = joint.mimic.get("joint", "")
-            if master not in {one.name for one in tree.path(joint.parent)}:
+            if master not in {ancestor.name for ancestor in tree.path(joint.parent)}:
                 found.add(master)
     return found
 
 
 def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
-    """The path to the last joint, which all others must lie on."""
+    """The path to the last joint; raises unless all others lie on it."""
     inner = {joint.name for path in paths.values() for joint in path[:-1]}
     ends = [name for name in paths if name not in inner]
     if len(ends) == 1:
@@ -92,10 +92,7 @@ def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
 
 
 def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
-    """The joints before a hand that a finger is part of; all of them where there is no hand.
-
-    A hand is what hangs on one joint in several short branches, behind an arm.
-    """
+    """The joints of a chain before its hand, several short branches behind an arm; all if there is none."""
     for k in range(_ARM, len(chain)):
         fingers = [other[k:] for other in chains if other[:k] == chain[:k]]
         if len({finger[0].name for finger in fingers}) > 1 and max(map(len, fingers)) <= _HAND:
@@ -104,7 +101,7 @@ def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
 
 
 def _offered(chain: list[Joint]) -> str:
-    """An end of the arm to choose, for a message: the setting, and the joints up to there."""
+    """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
     first, last = chain[0].name, chain[-1].name
     joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
     return f"{setting('tip', chain[-1].child)} ({joints})"

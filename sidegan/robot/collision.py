@@ -1,7 +1,4 @@
-"""Collision shapes of an arm: none of another order than it, cut further where hulls conflict.
-
-Hulls of hollow links often touch another link's where no meshes do: these are made of more parts.
-"""
+"""Collision geometry of an arm, refined where hulls of hollow links collide although their meshes do not."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -17,25 +14,25 @@ from sidegan.errors import RobotError
 from sidegan.robot.description import Description
 from sidegan.robot.fitting import hull_of
 from sidegan.robot.meshes import cache_folder
-from sidegan.robot.model import pinocchio_speaks
+from sidegan.robot.model import pinocchio_errors
 from sidegan.robot.shapes import Shape, is_mesh, shapes_of
 
-_LARGE, _LARGE_BASE, _AT_LEAST = 5.0, 50.0, 3.0  # arm's lengths, and [m], from which on shapes are too large
-_SMALL = 0.002  # of an arm's length, below which a mesh is too small
-_MOST, _FEWEST, _QUESTIONS = 1_000, 200, 1_000_000  # configurations, and pairs of hulls in all of them
-_SHARE = 0.01  # of the configurations that two links' hulls may refuse though they are free
-_OUT = 1.5  # corners are moved outwards by so many radii of what hulls are rounded with
+_LARGE, _LARGE_BASE, _AT_LEAST = 5.0, 50.0, 3.0  # arm lengths, and [m], above which shapes are too large
+_SMALL = 0.002  # arm lengths below which a mesh is too small
+_MOST, _FEWEST, _QUESTIONS = 1_000, 200, 1_000_000  # configurations, and pairs of hulls over all of them
+_SHARE = 0.01  # of the configurations in which hulls of two links may collide falsely
+_OUT = 1.5  # rounding radii by which corners are moved outwards
 
 
 def collision_shapes(
     model: pin.Model, description: Description, length: float
 ) -> tuple[list[Shape], dict[tuple[str, str], float]]:
-    """Capsules around the collision shapes that a description gives the links, and what is inside of them.
+    """Collision shapes of the links as capsules with bodies inside, and pairs of links with false collisions.
 
-    Beside them pairs of links that they stand badly for: the share of free configurations that these refuse.
-    Shapes of another order than an arm of this length [m] are refused.
+    For each such pair, the share of free configurations that it rules out. Shapes far too large or small for
+    an arm of this length [m] are refused.
     """
-    with pinocchio_speaks(description):
+    with pinocchio_errors(description):
         geometry = pin.buildGeomFromUrdfString(model, description.xml, pin.GeometryType.COLLISION)
     _refuse_other_orders(model, geometry, description, length)
     shapes = shapes_of(geometry, model)
@@ -44,7 +41,7 @@ def collision_shapes(
     from joblib import Memory
 
     scene = {"model": model, "geometry": geometry, "description": description}
-    limits = {name: (one.lower, one.upper) for name, one in description.limits.items()}
+    limits = {name: (limit.lower, limit.upper) for name, limit in description.limits.items()}
     known = description.xml, limits, description.may_touch, [shape.digest for shape in shapes]
     refused = Memory(cache_folder(), verbose=0).cache(_refused_pairs, ignore=[*scene, "shapes"])
     hollow: dict[str, int] = {}
@@ -60,7 +57,7 @@ def collision_shapes(
 def _refuse_other_orders(
     model: pin.Model, geometry: pin.GeometryModel, description: Description, length: float
 ) -> None:
-    """Refuse shapes that are a thousand times too large or too small for an arm of this length [m]."""
+    """Refuse shapes far too large or small for an arm of this length [m]."""
     wrong: dict[str, str] = {}
     for geometry_object in geometry.geometryObjects:
         geometry_object.geometry.computeLocalAABB()
@@ -76,9 +73,9 @@ def _refuse_other_orders(
 
 
 def length_of(arm: Mapping[str, Array]) -> float:
-    """How far an arm reaches at most from its first joint, about [m], by its numbers as in `Arm`.
+    """Approximate reach of an arm from its first joint [m]; ``arm`` has arrays named as in `Arm`.
 
-    Centres of mass count where nothing else does: one that is far out is a mistake of another kind.
+    The median centre of mass stands for the last link if its tip is nearer.
     """
     mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
     centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
@@ -88,9 +85,9 @@ def length_of(arm: Mapping[str, Array]) -> float:
 
 
 def of_another_order(size: float, length: float, moves: bool, mesh: bool) -> str:
-    """Why a shape of this size [m] is none of an arm's of this length [m]; empty where it may be one.
+    """Why a shape of this size [m] cannot belong to an arm of this length [m]; empty if it can.
 
-    What stands still may be a hall, and what has stated sizes a floor or a mark.
+    Fixed meshes may be as large as a room; fixed primitives may be anything, such as a floor or a marker.
     """
     if not (moves or mesh):
         return ""
@@ -139,7 +136,7 @@ def _refused_pairs(
 
 
 def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
-    """The hulls of fitted shapes, but for flat ones, and the links that they belong to."""
+    """Hulls of all shapes that are not flat, and the links that they belong to."""
     hulls, owners = pin.GeometryModel(), list[str]()
     for shape in shapes:
         corners = shape.part.corners
@@ -148,7 +145,7 @@ def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
         out = corners - corners.mean(0)
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
         points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
-        points.extend(list(corners + _OUT * shape.part.rounding * out))  # coal rounds no hulls
+        points.extend(list(corners + _OUT * shape.part.rounding * out))  # coal cannot inflate hulls
         triangles.extend([coal.Triangle(*face) for face in hull.simplices.tolist()])
         name, body = str(len(owners)), coal.Convex(points, triangles)
         hulls.addGeometryObject(pin.GeometryObject(name, shape.link + 1, pin.SE3.Identity(), body))
@@ -157,11 +154,11 @@ def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
 
 
 def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Description) -> None:
-    """Have hulls of links that are kept apart collide."""
+    """Register collision pairs of all links that must not touch."""
     spared = {frozenset(pair) for *pair, _ in description.may_touch}
     parents = {frozenset(pair) for pair in description.parents}
-    for (i, one), (k, other) in combinations(enumerate(hulls.geometryObjects), 2):
-        links, between = frozenset((owners[i], owners[k])), abs(one.parentJoint - other.parentJoint)
+    for (i, a), (k, b) in combinations(enumerate(hulls.geometryObjects), 2):
+        links, between = frozenset((owners[i], owners[k])), abs(a.parentJoint - b.parentJoint)
         if between > (links in parents) and links not in spared:
             hulls.addCollisionPair(pin.CollisionPair(i, k))
 

@@ -1,4 +1,4 @@
-"""Which links could exist: mass, centre of mass and inertia that some distribution of mass has."""
+"""Physical consistency of links: whether mass, centre of mass and inertia belong to a real body."""
 
 import numpy as np
 
@@ -7,23 +7,23 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot.arm import Arm
 
-_ROUNDING = 1e-9  # of the largest principal moment: a flat plate may meet the triangle inequality exactly
-# Shares of the mean distance between joints: no link's centre of mass is farther from its joint; radii of
-# gyration along an axis of a plain link, of the nearest to one that is too thin, and of what is too thin.
+_ROUNDING = 1e-9  # of the largest principal moment: flat plates meet the triangle inequality with equality
+# Shares of the mean distance between joints: farthest centre of mass from its joint; radius of gyration
+# along each axis of a default link, of a corrected thin link, and of a link that is too thin.
 _FARTHEST, _PLAIN, _THIN, _TOO_THIN = 10.0, 1 / 6, 1 / 30, 1 / 300
-_DENSITY = 50.0  # [kg/m³] of a plain link in the cube of that distance: water, a quarter as thick as long
-_CENTRED = 1e-3  # share of that distance between a joint and a mass in it
-_ALIKE = 1e-6  # share by which numbers differ that are equal
-_FEWEST = 3  # links that are alike by no chance
-_NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass
+_DENSITY = 50.0  # [kg/m³] of a default link over the cube of that distance: water, a quarter as thick as long
+_CENTRED = 1e-3  # largest share of that distance between a joint and a mass centred in it
+_ALIKE = 1e-6  # relative tolerance of equal numbers
+_FEWEST = 3  # equal links that are no coincidence
+_NEXT_TO_NOTHING = 1e-5  # of the heaviest link's mass, below which a mass is implausible
 
 
 def pseudo_inertia(parameters: Array) -> Array:
     """Pseudo-inertias [kg, kg·m, kg·m²], (…, 4, 4), of link parameters (…, 10) in Pinocchio's order.
 
     [[½ tr(I) 1 − I, h], [hᵀ, m]] with inertia I about the joint's frame and first moment h. It is positive
-    definite exactly when mass and inertia about the centre of mass are, and the principal moments meet the
-    triangle inequality: for a real link.
+    definite exactly for physically consistent links: mass and inertia about the centre of mass are positive
+    definite, and the principal moments meet the triangle inequality.
 
     Source: Wensing, Kim, Slotine 2018, Linear matrix inequalities for physically consistent inertial
     parameter identification, eq. 13.
@@ -54,30 +54,27 @@ def about_the_centre(parameters: Array) -> tuple[Array, Array]:
 
 
 def doubtful_links(arm: Arm) -> dict[str, str]:
-    """Links that cannot be as they are described, each with the reason.
-
-    They are not physically consistent, weigh next to nothing, or have their mass far from any link.
-    """
+    """Links that are physically inconsistent, weigh next to nothing or have their mass far off, and why."""
     mass, place, located = _masses(arm)
-    each = zip(arm.link_names, mass.tolist(), place.tolist(), located)
-    found = {name: f"{m:.3g} kg at {x:.3g} m from its joint" for name, m, x, known in each if not known}
+    links = zip(arm.link_names, mass.tolist(), place.tolist(), located)
+    found = {name: f"{m:.3g} kg at {x:.3g} m from its joint" for name, m, x, known in links if not known}
     return found | dict(inconsistent_links(arm))
 
 
 def describe_doubtful_links(arm: Arm) -> str:
-    """Which links of an arm cannot be as they are described, and why; empty where all can."""
+    """A sentence on the doubtful links of an arm; empty if there are none."""
     reasons: dict[str, list[str]] = {}
     for name, reason in doubtful_links(arm).items():
         reasons.setdefault(reason, []).append(name)
-    said = "; ".join(f"{listed(names)} ({reason})" for reason, names in reasons.items())
-    return f"links of {arm.name} that are physically impossible as described: {said}" if said else ""
+    links = "; ".join(f"{listed(names)} ({reason})" for reason, names in reasons.items())
+    return f"links of {arm.name} that are physically impossible as described: {links}" if links else ""
 
 
 def possible_links(arm: Arm) -> Array:
-    """Link parameters that can be, (J, 10), nearest to the description's: its own where those can be.
+    """Physically consistent link parameters, (J, 10), nearest to the description's.
 
-    Second moments of a link become the nearest possible about its centre of mass. A link whose mass is not
-    known, or not where, becomes a plain one half-way to the next joint, as heavy as the others usually are.
+    Too small second moments about the centre of mass are raised. A link whose mass or its place is unknown
+    becomes a default link half-way to the next joint, with the median mass of the others.
     """
     links, length = arm.inertial_parameters.copy(), _length(arm)
     known = _masses(arm)[2] & ~_placeholders(arm)
@@ -89,27 +86,27 @@ def possible_links(arm: Arm) -> Array:
 
 
 def _length(arm: Arm) -> float:
-    """Mean distance between joints [m]; 1 where there is none."""
+    """Mean distance between joints [m]; 1 if it is zero."""
     return float(np.linalg.norm(np.concatenate([arm.translation[1:], arm.tip[None]]), axis=1).mean()) or 1.0
 
 
 def _masses(arm: Arm) -> tuple[Array, Array, Array]:
-    """Masses of the links [kg], how far out they are [m], and whether they can be there, (J,) each."""
+    """Masses of the links [kg], their distances from the joints [m], and whether both are plausible, (J,)."""
     links = arm.inertial_parameters
     mass = links[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a link may weigh nothing
+    with np.errstate(divide="ignore", invalid="ignore"):  # masses may be zero
         place = np.linalg.norm(links[:, 1:4], axis=1) / mass
     heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
     return mass, place, heavy & (place < _FARTHEST * _length(arm)) & np.isfinite(links).all(1)
 
 
 def placeholder_links(arm: Arm) -> list[str]:
-    """Links of one mass and one inertia, centred in their joints, if these are most: nobody measured that."""
+    """Links with equal masses and inertias centred in their joints, if these are most: made-up values."""
     return [name for name, marked in zip(arm.link_names, _placeholders(arm).tolist()) if marked]
 
 
 def describe_placeholder_links(arm: Arm) -> str:
-    """Which links of an arm are placeholders; empty where none are."""
+    """A phrase on the placeholder links of an arm; empty if there are none."""
     alike = "equal masses and inertias, centres of mass at the joints"
     links = placeholder_links(arm)
     return f"masses of {listed(links)} are placeholders ({alike})" if links else ""
@@ -128,7 +125,7 @@ def _placeholders(arm: Arm) -> Array:
 
 
 def _thickened(link: Array, length: float) -> Array:
-    """A link (10,); with the nearest second moments about its centre where it is too thin."""
+    """A link (10,), with its second moments about the centre of mass raised if it is too thin."""
     centre, inertia = about_the_centre(link)
     spread = (inertia.trace() / 2 * np.eye(3) - inertia) / link[0]
     values, axes = np.linalg.eigh(spread)
@@ -138,7 +135,7 @@ def _thickened(link: Array, length: float) -> Array:
 
 
 def _unit_link(centre: Array, spread: Array) -> Array:
-    """Parameters of 1 kg, (10,), about a centre [m], (3,), with second moments (3, 3) there [m²]."""
+    """Parameters of a link of 1 kg, (10,), with a centre [m], (3,), and second moments there [m²], (3, 3)."""
     place = np.append(centre, 1.0)
     whole = np.outer(place, place)
     whole[:3, :3] += spread
@@ -146,10 +143,10 @@ def _unit_link(centre: Array, spread: Array) -> Array:
 
 
 def inconsistent_links(arm: Arm, parameters: Array | None = None) -> list[tuple[str, str]]:
-    """Links that cannot exist, each with the reason; an empty list when all are physically consistent.
+    """Physically inconsistent links, each with the reason.
 
-    A link is what one joint moves, with everything that is fixed to it. Parameters to judge instead of the
-    arm's own are about the joints' frames in Pinocchio's order, (J, 10).
+    A link includes everything fixed to it. ``parameters``, the arm's by default, are about the joints'
+    frames in Pinocchio's order, (J, 10).
 
     Raises:
         ShapeError: when the parameters do not fit the arm.

@@ -1,6 +1,6 @@
-"""Meshes of a link cut by planes into parts that leave out empty space; a capsule and a hull around each.
+"""Meshes of a link, cut by planes into parts with little empty space, each within a capsule and a hull.
 
-What was made is kept in a cache of the user's, under the digest of the meshes.
+Results are cached on disk under the digest of the meshes.
 """
 
 import logging
@@ -24,36 +24,36 @@ from sidegan.robot.fitting import (
 )
 from sidegan.robot.meshes import cache_folder
 
-_PIECES = 4  # parts of one mesh at most
-_SAMPLE = 600  # triangles that cuts are chosen by
+_PIECES = 4  # most parts of a mesh
+_SAMPLE = 600  # triangles with which cuts are evaluated
 _CUTS = np.linspace(0.14, 0.86, 7)  # where an axis is cut, as a share of the extent along it
-_WORTH = 0.01  # share of all volumes that each part must save
-_CAPSULES = 0.3  # weight of the capsules' volumes beside the hulls'
-_HOLLOW, _LITTLE = 16, 0.0025  # parts of a hollow mesh at most, and what each must save
-_FINE = 3e-4  # [m] by which hulls may be larger than they need be, for fewer corners
-_FINER = 3e-5  # the same of hollow ones: some links pass within a fraction of a millimetre
+_WORTH = 0.01  # least share of the total volume that each additional part must save
+_CAPSULES = 0.3  # weight of capsule volumes relative to hull volumes
+_HOLLOW, _LITTLE = 16, 0.0025  # the same limits for hollow meshes: most parts, least saving
+_FINE = 3e-4  # [m] by which hulls are enlarged at most to save corners
+_FINER = 3e-5  # the same for hollow meshes: some links pass within a fraction of a millimetre
 _log = logging.getLogger(__name__)
 
 Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
 
 
 class Part(NamedTuple):
-    """Body that holds some of a link's triangles, in the frame of the first mesh."""
+    """Body that contains some of a link's triangles, in the frame of the first mesh."""
 
     capsule: Segment
     corners: Points  # of a convex hull [m], (V, 3)
-    rounding: float  # radius [m] of the ball around each of the hull's points
+    rounding: float  # radius [m] by which the hull is inflated
 
 
 class _Cut(NamedTuple):
-    """How a part is cut best: volume [m³] that each added part saves, and the planes."""
+    """The best cut of a part: volume [m³] saved per additional part, and the planes."""
 
     saved: float
     planes: tuple[Plane, ...]
 
 
 def cover_of(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[Part]:
-    """Parts of the meshes with this digest, which are read where the cache does not have them."""
+    """Parts of the meshes with this digest, from the cache or else from ``meshes``."""
     from joblib import Memory
 
     return Memory(cache_folder(), verbose=0).cache(_made, ignore=["meshes"])(digest, hollow, meshes)
@@ -64,15 +64,15 @@ def _made(digest: str, hollow: int, meshes: Callable[[], list[Points]]) -> list[
 
 
 def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
-    """Parts of a link's meshes with capsules and hulls that each point of a triangle is within one of.
+    """Parts of a link's meshes, with capsules and hulls that together contain all triangles.
 
-    Several meshes are parts of their own, where there are at most so many: who drew them cut where it bends.
+    Up to ``most`` meshes are separate parts, since they are usually divided sensibly.
 
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
-        most: parts of one mesh, or of so many that they are taken together; each other mesh adds one.
-        hollow: 1 where these are cut further, if that leaves out what only hulls hold, 2 where closed ones
-            are divided among the parts of a convex decomposition.
+        most: most parts of a single mesh, or of many meshes taken together; each further mesh adds one.
+        hollow: 1: cut hollow meshes further, where that reduces the volume of hulls; 2: divide closed ones
+            by a convex decomposition.
     """
     _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
     groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
@@ -83,25 +83,23 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
         from sidegan.robot.decomposition import decomposed
 
         _log.info("decomposing them into convex parts: this may take minutes, but only once")
-        each = ((group, decomposed(group)) for group in groups)
-        parts = [part for group, made in each for part in made or cut([group], _HOLLOW, _LITTLE, 0.0)]
+        parts = [x for group in groups for x in decomposed(group) or cut([group], _HOLLOW, _LITTLE, 0.0)]
     outer = [corners(part.reshape(-1, 3)) for part in parts]
-    return [Part(fit(one), *thinned(one, _FINER if hollow else _FINE)) for one in outer]
+    return [Part(fit(points), *thinned(points, _FINER if hollow else _FINE)) for points in outer]
 
 
 def cut(parts: Sequence[Points], most: int, worth: float, weight: float) -> list[Points]:
-    """Parts, triangles (N, 3, 3) each, cut by planes into more that leave out most empty space.
+    """Parts, triangles (N, 3, 3) each, cut by planes into at most ``most`` with little empty space.
 
-    Triangles that a plane passes through are divided there, so that no part reaches beyond its planes.
-
-    Each more must save the share ``worth`` of all volumes; those of capsules have a weight beside the hulls'.
+    Triangles are divided where a plane crosses them, so that no part reaches beyond its planes. Each
+    additional part must save the share ``worth`` of the total volume, with this ``weight`` of capsules.
     """
     found = [part for part in parts if len(part)]
     cuts = [_best(part, weight) for part in found]
     enough = worth * sum(_size(extremes(part.reshape(-1, 3)), weight) for part in found)
     while True:
-        fitting = [k for k, one in enumerate(cuts) if len(found) + 2 ** len(one.planes) - 1 <= most]
-        k = max(fitting, key=lambda one: cuts[one].saved, default=-1)
+        fitting = [k for k, cut in enumerate(cuts) if len(found) + 2 ** len(cut.planes) - 1 <= most]
+        k = max(fitting, key=lambda i: cuts[i].saved, default=-1)
         if k < 0 or not cuts[k].saved > enough:
             return found
         sides = _sides(found[k], cuts[k].planes)
@@ -109,7 +107,7 @@ def cut(parts: Sequence[Points], most: int, worth: float, weight: float) -> list
 
 
 def _best(part: Points, weight: float) -> _Cut:
-    """The best cut of a part: by one plane, or into quarters, which opens a ring where halves do not."""
+    """The best cut of a part: in halves, or in quarters, which open a ring where halves do not."""
     points = part.reshape(-1, 3)
     chosen = np.linspace(0, len(part) - 1, min(len(part), _SAMPLE)).astype(int)
     outermost = np.unique(np.argmax(points @ axes(extremes(points)).T, axis=0) // 3)
@@ -124,20 +122,20 @@ def _best(part: Points, weight: float) -> _Cut:
     middles = [(axis, float(a + s / 2)) for axis, a, s in zip(ways, low, size)]
     quarters = [(middles[i], middles[k]) for i, k in ((0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5))]
     found = []
-    for one in (*planes, *quarters):
-        sides = _sides(sample, one)
+    for cut in (*planes, *quarters):
+        sides = _sides(sample, cut)
         left = sum(_size(extremes(side.reshape(-1, 3)), weight) for side in sides)
-        found.append(_Cut((whole - left) / max(1, len(sides) - 1), one))
-    return max(found, key=lambda one: one.saved)
+        found.append(_Cut((whole - left) / max(1, len(sides) - 1), cut))
+    return max(found, key=lambda cut: cut.saved)
 
 
 def _size(points: Points, weight: float) -> float:
-    """Volumes [m³] of the hull and of a capsule around points, as they count."""
+    """Volume [m³] of the hull of points, plus the weighted volume of a capsule around them."""
     return hull_volume(points) + (weight and weight * volume(guess(points)))
 
 
 def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
-    """Parts on the sides of planes, where there are any."""
+    """Nonempty parts on all sides of the planes."""
     sides = [part]
     for normal, height in planes:
         sides = [half for side in sides for half in split(side, normal, height)]

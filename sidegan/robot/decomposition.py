@@ -1,21 +1,21 @@
-"""Meshes of hollow links divided among convex parts that CoACD finds."""
+"""Convex decomposition of hollow links' meshes by CoACD."""
 
 import numpy as np
 
 from sidegan.robot.fitting import Points, hull_of, split
 
-_CONCAVE = 0.02  # of half the size of a mesh: dents that parts may have
-_PARTS = 48  # of a mesh at most
-_ROUNDING = 1e-7  # [m] by which a triangle in the surface of a part counts as inside
+_CONCAVE = 0.02  # largest concavity of parts, relative to half the size of the mesh
+_PARTS = 48  # most parts of a mesh
+_ROUNDING = 1e-7  # [m] within which a triangle on the surface of a part counts as inside
 
 Planes = Points  # outward unit normals, and heights along them [m], (K, 4)
 
 
 def decomposed(triangles: Points) -> list[Points]:
-    """Triangles (N, 3, 3) [m] divided among nearly convex parts, each of which has some.
+    """Triangles (N, 3, 3) [m] divided into nearly convex, nonempty parts; empty for open meshes.
 
-    Parts are a guide alone: what lies in none of them goes to the nearest, so that none is lost. An open mesh
-    has none: CoACD makes it anew before it divides it, which may take hours.
+    Triangles outside all of CoACD's parts go to the nearest, so that none is lost. CoACD would have to remesh
+    open meshes, which may take hours.
     """
     import coacd
     import trimesh
@@ -36,7 +36,7 @@ def decomposed(triangles: Points) -> list[Points]:
 
 
 def shared_out(triangles: Points, bodies: list[Planes]) -> list[Points]:
-    """Triangles (N, 3, 3) [m] divided by the convex bodies that they lie in, or are nearest to."""
+    """Triangles (N, 3, 3) [m] grouped by the convex body that contains them or is nearest."""
     parts, rest = [], triangles
     for planes in bodies:
         inside, outside = rest, []

@@ -1,4 +1,4 @@
-"""A description read, checked and reduced to what the physics needs, before Pinocchio sees it."""
+"""Reading and checking of a description, reduced to what the physics needs, before Pinocchio parses it."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -21,34 +21,34 @@ from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 
 Posture = Mapping[str, float]  # positions of joints by name [rad or m]
-_HOMES = "home", "ready"  # names of the posture that is meant, the first before the second
-_FOLDERS = ".", "../srdf", "../config"  # where an SRDF lies, from the folder of its URDF
+_HOMES = "home", "ready"  # names of home postures, in order of preference
+_FOLDERS = ".", "../srdf", "../config"  # of SRDF files, relative to the URDF's folder
 
 
 @dataclass(frozen=True)
 class Description:
-    """Description of an arm before Pinocchio reads it."""
+    """Description of an arm, before Pinocchio parses it."""
 
     name: str  # the robot's name
-    path: Path  # the file
-    xml: str  # a URDF of the arm without what is only for show, with absolute mesh paths
-    limits: dict[str, JointLimits]  # of each joint that moves
-    moved: dict[str, str]  # the link that each of these joints leads to
-    missing: dict[str, list[str]]  # mesh files that are not there, by the link that lacks them
-    notes: list[str]  # what was decided for the user
-    parents: frozenset[tuple[str, str]]  # links, and the nearest ones with a shape towards the base
-    may_touch: tuple[tuple[str, str, str], ...]  # links that are not kept apart, and who says so
+    path: Path
+    xml: str  # a URDF of the arm without visual shapes, with absolute mesh paths
+    limits: dict[str, JointLimits]  # by moving joint
+    moved: dict[str, str]  # child link by moving joint
+    missing: dict[str, list[str]]  # missing mesh files by link
+    notes: list[str]  # for people, on what was decided for them
+    parents: frozenset[tuple[str, str]]  # links, each with its nearest ancestor that has a shape
+    may_touch: tuple[tuple[str, str, str], ...]  # pairs of links not checked for collision, and the source
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
     planes: tuple[FilePlane, ...]  # in that world
-    gravity: float  # [m/s²], which acts down
-    home: tuple[float, ...] | None  # where the joints that move rest by it [rad or m]
-    drives: Drives | None  # friction and rotors that are stated, unless these are not to count
+    gravity: float  # [m/s²], downwards
+    home: tuple[float, ...] | None  # of the moving joints [rad or m]
+    drives: Drives | None  # stated friction and rotors, unless the setup ignores them
 
 
 def read_description(
     path: Path, setup: Setup = PLAIN, home: Sequence[float] | None = None, planning: bool = True
 ) -> Description:
-    """A checked description of an arm; arguments as of `load_robot`."""
+    """A checked description of an arm; see `load_robot` for arguments."""
     source = read_source(path, setup.args)
     root, where = source.root, str(path)
     robot = root.get("name") or path.stem
@@ -67,7 +67,7 @@ def read_description(
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
     middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
-    limits, more = limits_of(tree, moving, setup.limits, middle, planning)
+    limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
             tree.require_link(link)
@@ -89,7 +89,7 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        notes=[*source.notes, *notes, *more, *(f"no inertia: {why}" for _, why in read.values() if why)],
+        notes=[*source.notes, *notes, *assumed, *(f"no inertia: {why}" for _, why in read.values() if why)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
@@ -101,16 +101,16 @@ def read_description(
 
 
 def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
-    """Pairs of links that a description itself lets touch: `<disable_collisions>` as in an SRDF, and why."""
+    """Pairs of links in `<disable_collisions>` elements, as in an SRDF, and the reasons."""
     found = []
     for pair in root.findall("disable_collisions"):
-        one, other = (xml.attribute(pair, key, where) for key in ("link1", "link2"))
-        found.append((one, other, pair.get("reason") or "the description"))
+        first, second = (xml.attribute(pair, key, where) for key in ("link1", "link2"))
+        found.append((first, second, pair.get("reason") or "the description"))
     return tuple(found)
 
 
 def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple[float, ...] | None:
-    """Positions of the joints, (J,), in the posture that is named home, or in the only one; or None."""
+    """Joint positions [rad or m], (J,), of the home posture, or of the only one; otherwise None."""
     whole = {name.lower(): x for name, x in postures.items() if set(joints) <= set(x)}
     named = [whole[name] for name in _HOMES if name in whole]
     found = named or ([*whole.values()] if len(whole) == 1 else [])
@@ -118,12 +118,12 @@ def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple
 
 
 def _group_states(urdf: Path, robot: str) -> dict[str, Posture]:
-    """Postures of a robot by name, of all groups, by the SRDF files of that robot beside its URDF."""
+    """Postures of a robot by name, from all groups in its SRDF files near the URDF."""
     found: dict[str, dict[str, float]] = {}
     for state in _states(urdf, robot):
         posture = found.setdefault(state.get("name", ""), {})
         for joint in state.findall("joint"):
-            with suppress(ValueError):  # what has several values is no joint of an arm
+            with suppress(ValueError):  # of joints with several degrees of freedom
                 posture[joint.get("name", "")] = float(joint.get("value", ""))
     return dict(found)
 

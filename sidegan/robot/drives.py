@@ -1,4 +1,4 @@
-"""Friction and rotor of a joint, beside the links that it moves."""
+"""Friction and rotor inertia of the joints."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from sidegan.robot import xml
 if TYPE_CHECKING:
     from sidegan.robot.tree import Joint
 
-_STATED = "damping", "friction", "armature"  # attributes of <dynamics>; the last stands for an MJCF's
+_STATED = "damping", "friction", "armature"  # attributes of <dynamics>; the last only from an MJCF
 
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """Friction and rotors of the joints; float64."""
+    """Friction and rotor inertia of the joints; float64."""
 
     viscous: Array  # [N·m·s/rad or N·s/m], (J,)
     coulomb: Array  # [N·m or N], (J,)
-    rotor_inertia: Array  # behind the gears [kg·m² or kg], (J,)
+    rotor_inertia: Array  # reflected to the joint [kg·m² or kg], (J,)
 
     def __post_init__(self) -> None:
         shapes = {x.shape for x in vars(self).values()}
@@ -30,11 +30,11 @@ class Drives:
             raise ShapeError(f"friction and rotors are {sorted(shapes)}, expected one number per joint each")
 
     def smooth(self, dq: Array, ddq: Array) -> Array:
-        """What rotors and viscous friction take [N·m or N], at velocities and accelerations, (…, J) each."""
+        """Torque of rotors and viscous friction [N·m or N] at velocities and accelerations, (…, J) each."""
         return self.viscous * dq + self.rotor_inertia * ddq
 
     def torque(self, dq: Array, ddq: Array) -> Array:
-        """What rotors and all friction take [N·m or N], at velocities and accelerations, (…, J) each."""
+        """Torque of rotors and all friction [N·m or N] at velocities and accelerations, (…, J) each."""
         return self.smooth(dq, ddq) + self.coulomb * np.sign(dq)
 
     @classmethod
@@ -44,7 +44,7 @@ class Drives:
 
 
 def described_drives(moving: Sequence["Joint"], where: str) -> Drives | None:
-    """Friction and rotors that a description states of the joints that move; None where it states none."""
+    """Friction and rotor inertia of moving joints in a description; None if it states none."""
     rows = []
     for joint in moving:
         at = f"{where}: joint {joint.name!r}"

@@ -1,20 +1,20 @@
-"""Capsules and convex hulls around points: small ones, and never such that something sticks out of them."""
+"""Small capsules and convex hulls that contain points without exception."""
 
 import numpy as np
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 from numpy.typing import NDArray
 
 Points = NDArray[np.float64]
 Segment = tuple[Points, float]  # end points [m], (2, 3), and the radius [m] around the segment between them
 
-_GROWN = 1 + 1e-12  # of a radius, so that rounding leaves no point outside
+_GROWN = 1 + 1e-12  # factor on radii, so that rounding leaves no point outside
 _RADII = 12  # tried between the thinnest capsule along an axis and a sphere
-_WIDER = 0.6  # how far towards the sphere these go
-_MANY = 100  # points, above which the extreme ones stand for all in a guess
-_ROUNDS = ((0.1, 250), (0.03, 250))  # of refinement: first step, as a share of the size, and evaluations
+_WIDER = 0.6  # share of the way to the sphere that these cover
+_MANY = 100  # points above which only extreme ones are used in a guess
+_ROUNDS = ((0.1, 250), (0.03, 250))  # of refinement: initial step as a share of the size, and evaluations
 _ADDED = 40  # rounds of adding corners to a hull
-_AT_ONCE = 200_000  # pairs of points and triangles
-_SPARED = 1e-10  # [m] what qhull may leave out of a hull as rounding
+_AT_ONCE = 200_000  # pairs of points and triangles processed together
+_SPARED = 1e-10  # [m] by which qhull may leave points out of a hull
 
 
 def _directions(count: int) -> Points:
@@ -42,19 +42,19 @@ def volume(segment: Segment) -> float:
 
 
 def around(ends: Points, points: Points) -> Segment:
-    """The capsule with these ends, (2, 3), that just holds the points (N, 3)."""
+    """Smallest capsule with these ends, (2, 3), that contains points (N, 3)."""
     return ends, float(from_segment(ends, points).max()) * _GROWN + 1e-12
 
 
 def extremes(points: Points) -> Points:
-    """The outermost points in many directions; all of them where there are few."""
+    """The outermost points in many directions; all points if there are few."""
     if len(points) <= _MANY:
         return points
     return points[np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))]
 
 
 def hull_of(points: Points) -> "scipy.spatial.ConvexHull | None":
-    """The points' convex hull; None where they lie in a plane."""
+    """Convex hull of points; None if they lie in a plane."""
     try:
         return scipy.spatial.ConvexHull(points)
     except (scipy.spatial.QhullError, ValueError):
@@ -62,31 +62,31 @@ def hull_of(points: Points) -> "scipy.spatial.ConvexHull | None":
 
 
 def corners(points: Points) -> Points:
-    """The corners of the points' convex hull; all of them, each once, where they lie in a plane."""
+    """Corners of the convex hull of points; all distinct points if they lie in a plane."""
     hull = hull_of(points)
     return np.unique(points, axis=0) if hull is None else points[hull.vertices]
 
 
 def hull_volume(points: Points) -> float:
-    """Volume [m³] of the points' convex hull; 0 where they lie in a plane."""
+    """Volume [m³] of the convex hull of points; 0 if they lie in a plane."""
     hull = hull_of(points)
     return 0.0 if hull is None else float(hull.volume)
 
 
 def axes(points: Points) -> Points:
-    """The coordinate axes and the points' principal directions, (6, 3)."""
+    """Coordinate axes and principal directions of points, (6, 3)."""
     return np.concatenate([np.eye(3), np.linalg.svd(points - points.mean(0), full_matrices=False)[2]])
 
 
 def guess(points: Points) -> Segment:
-    """A small capsule around points (N, 3), or the outermost of many, along one of their axes."""
-    some = extremes(points)
-    return min((around(ends_along(some, axis), some) for axis in axes(some)), key=volume)
+    """A small capsule along one of their axes around points (N, 3), or around the outermost of many."""
+    outer = extremes(points)
+    return min((around(ends_along(outer, axis), outer) for axis in axes(outer)), key=volume)
 
 
 def fit(points: Points) -> Segment:
-    """A capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
-    from scipy.optimize import minimize  # takes half a second to import
+    """Capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
+    from scipy.optimize import minimize  # slow to import
 
     outer = corners(points)
     size = float(np.ptp(outer, axis=0).max()) + 1e-9
@@ -114,7 +114,7 @@ def ends_along(points: Points, axis: Points) -> Points:
     middle = (height.max() + height.min()) / 2
     thin, wide = beside.max(), np.hypot(beside, height - middle).max()
     radius = thin + (wide - thin) * _WIDER * np.arange(_RADII) / _RADII
-    cap = np.sqrt(np.maximum(radius[:, None] ** 2 - beside**2, 0.0))  # how far round ends reach over a point
+    cap = np.sqrt(np.maximum(radius[:, None] ** 2 - beside**2, 0.0))  # of round ends beyond a point
     low, high = (height + cap).min(1), (height - cap).max(1)
     length = np.maximum(high - low, 0.0)
     volumes = [*(radius**2 * (4 / 3 * radius + length)), 4 / 3 * wide**3]
@@ -129,14 +129,13 @@ def ends_along(points: Points, axis: Points) -> Points:
 
 
 def thinned(points: Points, tolerance: float) -> tuple[Points, float]:
-    """Some corners of the points' hull, (V, 3), and how far at most other points are from their hull [m].
+    """Some corners of the hull of points, (V, 3), and the largest distance of the others from their hull [m].
 
-    Whatever lies in the points' hull is within that distance of the corners' hull. Points in a plane are
-    all kept.
+    The hull of the points is within that distance of the corners' hull. Points in a plane are all kept.
 
     Args:
         points: of a convex body [m], (N, 3).
-        tolerance: distance [m] above which one more corner is taken.
+        tolerance: distance [m] above which corners are added.
     """
     try:
         kept = np.unique(np.argmax(points @ DIRECTIONS.T, axis=0))
@@ -155,7 +154,7 @@ def thinned(points: Points, tolerance: float) -> tuple[Points, float]:
 
 
 def _farthest(points: Points, vertices: Points, faces: NDArray[np.int32]) -> float:
-    """Largest distance [m] of points (N, 3) from a surface; 0 of none."""
+    """Largest distance [m] of points (N, 3) from a surface; 0 without points."""
     import trimesh
     from trimesh.proximity import closest_point_naive
 
@@ -166,13 +165,13 @@ def _farthest(points: Points, vertices: Points, faces: NDArray[np.int32]) -> flo
 
 
 def split(triangles: Points, normal: Points, height: float) -> tuple[Points, Points]:
-    """Triangles (N, 3, 3) below and above a plane; those that it passes through are divided."""
+    """Triangles (N, 3, 3) below and above a plane, divided where it crosses them."""
     over = triangles @ normal - height
     below, above = (over <= 0).all(1), (over >= 0).all(1)
     crossed = ~below & ~above
     t, s = triangles[crossed], over[crossed]
     up = s > 0
-    alone = np.where(up.sum(1) == 1, up.argmax(1), (~up).argmax(1))  # the corner that is on a side of its own
+    alone = np.where(up.sum(1) == 1, up.argmax(1), (~up).argmax(1))  # the corner that is alone on its side
     order = (alone[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(t, order[..., None], 1).transpose(1, 0, 2)
     sa, sb, sc = np.take_along_axis(s, order, 1).T[..., None]

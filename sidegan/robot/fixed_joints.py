@@ -1,4 +1,4 @@
-"""Where the joints stand that do not move, and where the links behind them go."""
+"""Positions of joints that do not move, and notes on the links behind them."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -12,10 +12,10 @@ from sidegan.robot.tree import MOVABLE, Joint, Tree, meant
 
 
 def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
-    """Positions of all joints that do not move [rad or m]: as given, as what they mimic, or mid-range."""
+    """Positions of all joints that do not move [rad or m]: as given, as mimicked, or mid-range."""
     free = {joint.name for joint in moving}
     locked: dict[str, float] = {}
-    wrong: dict[str, str] = {}  # joints that follow what they cannot, and why
+    wrong: dict[str, str] = {}  # joints with an invalid mimic, and why
 
     def stand(joint: Joint, followers: tuple[str, ...] = ()) -> float:
         if joint.name not in locked:
@@ -43,16 +43,16 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
     if wrong:
         remedy = override("locked", dict.fromkeys(wrong, 0.0), given)
         first, *rest = wrong.values()
-        said = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
-        raise RobotError(f"{said}: expected another joint that does not move; lock it by {remedy}")
+        reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
+        raise RobotError(f"{reasons}: expected another joint that does not move; lock it by {remedy}")
     return locked
 
 
 def check_locked(tree: Tree, name: str, value: float) -> None:
-    """Raise unless a joint is there, can move, and can stand where it is to stand."""
+    """Raise unless a joint exists, can move, and has this position [rad or m] in its range."""
     joint = tree.joints.get(name)
     if joint is None:
-        movable = [one.name for one in tree.joints.values() if one.kind != "fixed"]
+        movable = [other.name for other in tree.joints.values() if other.kind != "fixed"]
         raise RobotError(f"{tree.where} has no joint {name!r} to lock (robot.locked){meant(name, movable)}")
     if joint.kind == "fixed":
         raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
@@ -66,7 +66,7 @@ def check_locked(tree: Tree, name: str, value: float) -> None:
 
 
 def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
-    """A joint's range, where it has one that can be [rad or m]."""
+    """A joint's range [rad or m]; None if it has no valid one."""
     span = tree.span(joint)
     return span if span and span[0] < span[1] else None
 
@@ -74,7 +74,7 @@ def _range(tree: Tree, joint: Joint) -> tuple[float, float] | None:
 def describe_fixed(
     tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
-    """Notes on what was locked where [rad or m], and whose mass [kg] was lumped into which link."""
+    """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
     if not locked:
         return []
     notes = [LOCKED + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
@@ -95,7 +95,7 @@ def describe_fixed(
 
 
 def _stands(joint: Joint, value: float) -> str:
-    """Where a joint stands, for people."""
+    """A joint with its position [rad or m], for people."""
     if joint.kind not in MOVABLE:
         return f"{joint.name} at its origin"
     return f"{joint.name} at {value:.4g} {'m' if joint.kind == 'prismatic' else 'rad'}"

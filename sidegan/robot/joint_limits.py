@@ -1,4 +1,4 @@
-"""Limits in a joint_limits.yaml, as MoveIt and the descriptions of ROS have them."""
+"""Joint limits from a joint_limits.yaml, as in MoveIt and ROS descriptions."""
 
 import math
 from collections.abc import Mapping
@@ -15,17 +15,17 @@ _KINDS = ("velocity", "acceleration", "jerk", "effort")
 
 
 def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
-    """Limits of which those of a file are part, before which others go, and notes on what it says.
+    """Given limits, completed by those of their file, and notes on the file.
 
-    Joints that the description does not have are left out; a file that limits none of the others is refused.
+    Joints that the description does not have are ignored; a file without any others is refused.
     """
     if given.file is None:
         return given, []
-    said = _read(Path(given.file).expanduser())
-    others = [name for name in said if name not in tree.joints]
+    limits = _read(Path(given.file).expanduser())
+    others = [name for name in limits if name not in tree.joints]
     found: dict[str, dict[str, Any]] = {}
-    for name in filter(tree.joints.__contains__, said):
-        for kind, value in _stated(said[name]).items():
+    for name in filter(tree.joints.__contains__, limits):
+        for kind, value in _stated(limits[name]).items():
             found.setdefault(kind, {})[name] = value
     if not found:
         raise RobotError(
@@ -36,20 +36,20 @@ def with_file(tree: Tree, given: Limits) -> tuple[Limits, list[str]]:
         read = build(Limits, found)
     except ConfigError as error:
         raise RobotError(f"robot.limits={given.file}: {error}") from error
-    more = f"; joints that the arm does not have are ignored: {listed(others)}" if others else ""
-    note = f"{' and '.join(sorted(found))} limits come from {given.file}{more}"
-    every: dict[str, Any] = {
+    ignored = f"; joints that the arm does not have are ignored: {listed(others)}" if others else ""
+    note = f"{' and '.join(sorted(found))} limits come from {given.file}{ignored}"
+    both: dict[str, Any] = {
         kind: (getattr(read, kind) or {}) | (getattr(given, kind) or {}) for kind in ("position", *_KINDS)
     }
-    return Limits(**every), [note]
+    return Limits(**both), [note]
 
 
 def _read(file: Path) -> dict[str, Mapping[str, Any]]:
-    """What a file says of the limits of each joint, by its name."""
+    """A file's entries by joint name."""
     import yaml
 
-    class Loader(yaml.SafeLoader):  # type: ignore[misc]  # which has no types
-        """Knows angles as ROS writes them."""
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]  # PyYAML is untyped
+        """A YAML loader that knows ROS's angle tags."""
 
     Loader.add_constructor("!degrees", lambda _, node: math.radians(float(node.value)))
     Loader.add_constructor("!radians", lambda _, node: float(node.value))
@@ -58,15 +58,15 @@ def _read(file: Path) -> dict[str, Mapping[str, Any]]:
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise RobotError(f"robot.limits={file} cannot be read: {' '.join(str(error).split())}") from error
     while isinstance(inner, Mapping) and "joint_limits" not in inner and len(inner) == 1:
-        inner = next(iter(inner.values()))  # of a node's parameters
+        inner = next(iter(inner.values()))  # nested in a node's parameters
     limits = inner.get("joint_limits") if isinstance(inner, Mapping) else None
     if not isinstance(limits, Mapping):
         raise RobotError(f"robot.limits={file} has no joint_limits, expected MoveIt's joint_limits.yaml")
-    return {str(name): one for name, one in limits.items() if isinstance(one, Mapping)}
+    return {str(name): entry for name, entry in limits.items() if isinstance(entry, Mapping)}
 
 
 def _stated(limits: Mapping[str, Any]) -> dict[str, Any]:
-    """Limits of a joint that count, by kind."""
+    """A joint's limits that are declared to apply, by kind."""
     found = {kind: limits.get(f"max_{kind}") for kind in _KINDS if limits.get(f"has_{kind}_limits")}
     if limits.get("has_position_limits") and {"min_position", "max_position"} <= {*limits}:
         found["position"] = limits["min_position"], limits["max_position"]

@@ -1,4 +1,4 @@
-"""Limits of the joints that move: the description's, or what the user states before these."""
+"""Limits of the moving joints: the user's, or else the description's."""
 
 import logging
 import math
@@ -14,12 +14,12 @@ from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
 from sidegan.robot.tree import Joint, Tree, meant
 
-_EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # ranges to put where there is none
-_EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s of others
-# Attributes of a joint's <limit>, with whatever prefix.
+_EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ranges [rad or m]
+_EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s for the others
+# Attributes of a joint's <limit>, with any prefix.
 _DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
-_ROUNDED = 1e-3  # share of a limit by which another one may be wider without a word
-_TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] that joints reach, and that none does which reaches that
+_ROUNDED = 1e-3  # relative tolerance of limits wider than the description's
+_TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] usual limit, and one that then must be in degrees
 _Value = TypeVar("_Value")
 _Span = tuple[float, float]  # lower and upper limit [rad or m]
 _log = logging.getLogger(__name__)
@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass
 class JointLimits:
-    """Limits of one joint that moves [rad or m, and per s, N·m or N]; infinite where there are none."""
+    """Limits of a moving joint [rad or m, and per s, N·m or N]; infinite if there are none."""
 
     lower: float
     upper: float
@@ -40,25 +40,25 @@ class JointLimits:
 def limits_of(
     tree: Tree, moving: tuple[Joint, ...], given: Limits, home: dict[str, float], planning: bool = True
 ) -> tuple[dict[str, JointLimits], list[str]]:
-    """Limits of the joints that move, by name, and notes on what was assumed.
+    """Limits of the moving joints, by name, and notes on what was assumed.
 
-    They are also put into the tree's XML, as Pinocchio insists on. Joints that turn without end may do so by
-    half a turn from home [rad]. Where nothing is planned, plain limits stand for those that are missing;
-    else all that are missing or impossible are refused at once, with the settings that state them.
+    They are also written into the tree's XML, since Pinocchio requires them. Continuous joints may turn by
+    half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
+    state them; without planning, defaults replace them.
     """
     given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
     described, found, wider = _Described(tree, home), dict[str, JointLimits](), list[str]()
     for joint in moving:
-        said = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
-        lower, upper = said.get("position") or described.position(joint)
+        own = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
+        lower, upper = own.get("position") or described.position(joint)
         found[joint.name] = JointLimits(
             lower,
             upper,
-            velocity=said.get("velocity") or described.velocity(joint),
-            effort=said.get("effort") or described.effort(joint),
-            acceleration=said.get("acceleration") or described.derivative(joint, "acceleration"),
-            jerk=said.get("jerk") or described.derivative(joint, "jerk"),
+            velocity=own.get("velocity") or described.velocity(joint),
+            effort=own.get("effort") or described.effort(joint),
+            acceleration=own.get("acceleration") or described.derivative(joint, "acceleration"),
+            jerk=own.get("jerk") or described.derivative(joint, "jerk"),
         )
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
@@ -66,7 +66,7 @@ def limits_of(
     notes = [*read, *described.of_soft_limits()]
     if described.missing:
         lines = " ".join(
-            override(f"limits.{kind}", one, stated[kind]) for kind, one in described.examples.items()
+            override(f"limits.{kind}", values, stated[kind]) for kind, values in described.examples.items()
         )
         if planning:
             first, *others = described.missing
@@ -74,11 +74,11 @@ def limits_of(
             raise RobotError(f"{missing}; state the arm's limits, for example {lines}")
         notes.append(f"limits missing from the description are assumed to be {lines}")
     for kind in DERIVATIVE_ORDER:
-        finite = [name for name, one in found.items() if math.isfinite(getattr(one, kind))]
-        if own := [name for name in finite if name not in stated[kind]]:
-            other = f"'robot.limits.{kind}={{{own[0]}: …}}' overrides them"
-            notes.append(f"{kind} limits of {listed(own)} come from the description; {other}")
-    if planning and not any(math.isfinite(one.effort) for one in found.values()):
+        finite = [name for name, limits in found.items() if math.isfinite(getattr(limits, kind))]
+        if names := [name for name in finite if name not in stated[kind]]:
+            remedy = f"'robot.limits.{kind}={{{names[0]}: …}}' overrides them"
+            notes.append(f"{kind} limits of {listed(names)} come from the description; {remedy}")
+    if planning and not any(math.isfinite(limits.effort) for limits in found.values()):
         _log.warning(
             "%s has no torque limits, so torques are unchecked; set them by 'robot.limits.effort={%s: …}'",
             tree.where,
@@ -90,7 +90,7 @@ def limits_of(
 
 
 def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
-    """Limits that the user states, by kind and joint."""
+    """The user's limits, by kind and joint."""
     stated = {kind: values or {} for kind, values in vars(given).items() if kind != "file"}
     for kind, values in stated.items():
         for name in values:
@@ -106,18 +106,18 @@ def _stated(tree: Tree, given: Limits) -> dict[str, dict[str, Any]]:
 
 
 class _Described:
-    """Limits of a description; of those that it lacks or that cannot be, why, and examples in their place."""
+    """Limits of a description; for missing or impossible ones, the reasons and examples instead."""
 
     def __init__(self, tree: Tree, home: dict[str, float]) -> None:
         self.tree = tree
         self.home = home
         self.missing: list[str] = []
         self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
-        self.narrowed: dict[str, tuple[_Span, str]] = {}  # whole ranges, and soft limits in words
+        self.narrowed: dict[str, tuple[_Span, str]] = {}  # full ranges, and soft limits in words
         self.useless: list[str] = []  # joints whose soft limits leave no range
 
     def position(self, joint: Joint) -> _Span:
-        """Lower and upper limit [rad or m]; half a turn to each side of home of a joint without end."""
+        """Lower and upper limit [rad or m]; half a turn to each side of home for continuous joints."""
         if joint.kind == "continuous":
             middle = self.home.get(joint.name, 0.0)
             return middle - math.pi, middle + math.pi
@@ -133,7 +133,7 @@ class _Described:
         return self._example("position", joint, example, why)
 
     def velocity(self, joint: Joint) -> float:
-        """Limit on velocity [rad/s or m/s]."""
+        """Velocity limit [rad/s or m/s]."""
         velocity = self._number(joint, "velocity")
         if velocity > 0:
             return velocity
@@ -141,7 +141,7 @@ class _Described:
         return self._example("velocity", joint, _EXAMPLE_SPEED.get(joint.kind, 1.0), has)
 
     def effort(self, joint: Joint) -> float:
-        """Limit on torque or force [N·m or N]; infinite where none is stated."""
+        """Torque or force limit [N·m or N]; infinite if none is stated."""
         effort = self._number(joint, "effort")
         if effort >= 0:
             return effort or math.inf
@@ -149,7 +149,7 @@ class _Described:
         return self._example("effort", joint, -effort, why)
 
     def derivative(self, joint: Joint, kind: str) -> float:
-        """Limit on acceleration or jerk [rad or m, per s² or s³]; infinite where none above 0 is stated."""
+        """Acceleration or jerk limit [rad or m, per s² or s³]; infinite if no positive one is stated."""
         keys = [key for key in joint.part("limit").attrib if key.rpartition("}")[2] in _DERIVATIVES[kind]]
         values = [self._number(joint, key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
@@ -169,7 +169,7 @@ class _Described:
         return notes
 
     def _softened(self, joint: Joint, span: _Span) -> _Span:
-        """A range within a joint's soft limits, where it has any; an end that is left out is 0."""
+        """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
         safety, at = joint.part("safety_controller"), self.tree.at(joint)
         soft = [xml.number(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
         lower, upper = max(span[0], soft[0]), min(span[1], soft[1])
@@ -183,7 +183,7 @@ class _Described:
         return lower, upper
 
     def _number(self, joint: Joint, key: str) -> float:
-        """A number of a joint's <limit>; 0 where there is none."""
+        """A number of a joint's <limit>; 0 if it is missing."""
         return xml.number(joint.part("limit"), key, self.tree.at(joint), "0")
 
     def _example(self, kind: str, joint: Joint, value: _Value, has: str) -> _Value:
@@ -193,7 +193,7 @@ class _Described:
 
 
 def _refuse_degrees(tree: Tree, joint: Joint, stated: dict[str, _Span]) -> None:
-    """Refuse a range in degrees of a joint whose own is in radians and within a turn."""
+    """Refuse a range that looks like degrees, of a joint whose described range is within a turn."""
     span = stated.get(joint.name)
     if joint.kind == "revolute" and span:
         own = max(abs(_plain(joint.part("limit").get(key, ""))) for key in ("lower", "upper"))
@@ -206,7 +206,7 @@ def _refuse_degrees(tree: Tree, joint: Joint, stated: dict[str, _Span]) -> None:
 
 
 def _wider(joint: Joint, limits: JointLimits) -> list[str]:
-    """Which limits go beyond the description's own, with both numbers."""
+    """Limits wider than the description's, in words with both numbers."""
     length, force = ("m", "N") if joint.kind == "prismatic" else ("rad", "N·m")
     units = {"velocity": f"{length}/s", "effort": force}
     if joint.kind != "continuous":
@@ -220,7 +220,7 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
 
 
 def _plain(text: str) -> float:
-    """A limit as a description has it; zero where there is none that can be read."""
+    """A limit in a description; zero if it is missing or unreadable."""
     try:
         return float(text) if math.isfinite(float(text)) else 0.0
     except ValueError:
@@ -228,15 +228,15 @@ def _plain(text: str) -> float:
 
 
 def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: dict[str, _Span]) -> list[str]:
-    """Notes on assumed ranges, and on torques that are not limited."""
+    """Notes on assumed ranges and unlimited torques."""
     notes = []
     endless = [joint.name for joint in moving if joint.kind == "continuous" and joint.name not in stated]
     if endless:
         spans = {name: (found[name].lower, found[name].upper) for name in endless}
         wider = {name: [low - math.pi, up + math.pi] for name, (low, up) in spans.items()}
-        more = override("limits.position", wider)
+        remedy = override("limits.position", wider)
         ranges = listed([f"{name} {low:.4g} to {up:.4g}" for name, (low, up) in spans.items()])
-        notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {more})")
+        notes.append(f"continuous joints may turn half a turn from home: {ranges} rad (for more: {remedy})")
     free = [joint.name for joint in moving if not math.isfinite(found[joint.name].effort)]
     if free and len(free) < len(moving):
         notes.append(f"no torque limit for {listed(free)}")
@@ -244,7 +244,7 @@ def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: d
 
 
 def _write(joint: Joint, limits: JointLimits) -> None:
-    """Put limits where Pinocchio's parser insists on them, and a range where there was none."""
+    """Write limits into a joint's XML, where Pinocchio's parser requires them."""
     element = joint.element
     limit = element.find("limit")
     if limit is None:

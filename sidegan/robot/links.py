@@ -1,4 +1,4 @@
-"""Inertia and collision shapes of a URDF's links: checked, and put into words that Pinocchio reads."""
+"""Inertia and collision shapes of a URDF's links, checked and rewritten for Pinocchio."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -7,7 +7,7 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
 
-_SIZES = {  # of each shape: how many numbers each of its sizes has
+_SIZES = {  # attributes of each shape's sizes, and how many numbers each has
     "sphere": {"radius": 1},
     "cylinder": {"radius": 1, "length": 1},
     "capsule": {"radius": 1, "length": 1},
@@ -17,7 +17,7 @@ _SIZES = {  # of each shape: how many numbers each of its sizes has
 
 
 def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
-    """Mass of a link [kg], 0 without inertia; why one that makes no sense was taken out of the XML, if so."""
+    """Mass of a link [kg], 0 without inertia, and why an invalid inertia was removed from the XML, if so."""
     inertial = link.find("inertial")
     if inertial is None:
         return 0.0, ""
@@ -37,10 +37,10 @@ def read_mass(link: ET.Element, where: str) -> tuple[float, str]:
 
 
 def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
-    """Mesh files of a link's collision shapes that are not there or have no surface, taken out of the XML.
+    """Missing or empty mesh files of a link's collision shapes, which are removed from the XML.
 
-    Scales of the others are in metres per unit of the file, whatever unit it states. Without ``meshes``, all
-    of them are taken out, and none is missing.
+    Scales of the others are converted to metres per unit of the file. Without ``meshes``, all meshes are
+    removed, and none counts as missing.
     """
     for visual in link.findall("visual"):
         link.remove(visual)
@@ -50,7 +50,7 @@ def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> li
             link.remove(collision)
             continue
         shape = _checked_shape(collision, where)
-        if shape.tag == "capsule":  # some tools write it: for Pinocchio, a cylinder that is marked as rounded
+        if shape.tag == "capsule":  # Pinocchio wants a cylinder that is marked as a capsule
             shape.tag, name = "cylinder", f"capsule_{index}"
             collision.set("name", name)
             ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
@@ -67,7 +67,7 @@ def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> li
 
 
 def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
-    """The shape of a collision element, of a known kind and with sizes above zero."""
+    """The shape of a collision element, of a known kind and with positive sizes."""
     for key in ("xyz", "rpy"):
         xml.vector(collision.find("origin"), key, where, "0 0 0")
     geometry = xml.child(collision, "geometry", where)

@@ -1,4 +1,4 @@
-"""From a name or a path to an arm."""
+"""Loading of an arm from a name or a path."""
 
 import logging
 import re
@@ -38,7 +38,7 @@ def built_in_robots() -> list[str]:
 
 
 def is_built_in(arm: Arm) -> bool:
-    """Whether an arm is one of those that need no file, upright as it is there."""
+    """Whether an arm is a built-in one, mounted upright."""
     return arm.urdf.parent == _MODELS and not any(arm.mount)
 
 
@@ -47,22 +47,21 @@ def load_robot(
 ) -> Arm:
     """An arm (J joints, float64, SI units) from a built-in name or a description.
 
-    Links behind fixed joints, and behind joints that the setup locks, become part of the link that carries
-    them. The tip is the frame of the link that the setup names, or of the link furthest from the last joint
-    among those it carries. Collision shapes become capsules that enclose them; a link whose mesh files are
-    absent is left without that shape, and a warning says so.
+    Links behind fixed or locked joints become part of the link that carries them. The tip is the frame of
+    the link that the setup names, or of the link farthest from the last joint among those it carries.
+    Collision shapes become capsules that enclose them. Missing mesh files are left out, with a warning.
 
     Args:
-        name_or_path: a built-in name ("kuka_lwr4", "planar2"), a name that robot_descriptions knows where
-            that is installed, or the path of a URDF, xacro or MJCF file.
-        setup: which part of the description is the arm, and what overrides its limits.
-        home: home position [rad or m], (J,): joints that turn without end may go half a turn to each side.
-        planning: whether motions are to be planned. Without, meshes are left out, and plain limits of
-            position and velocity stand where none are stated.
+        name_or_path: a built-in name ("kuka_lwr4", "planar2"), a name from robot_descriptions if that is
+            installed, or the path of a URDF, xacro or MJCF file.
+        setup: which part of the description is the arm, and limits that override the description's.
+        home: home position [rad or m], (J,); continuous joints may go half a turn to each side.
+        planning: whether motions are to be planned. Otherwise meshes are left out, and missing limits on
+            position and velocity get defaults.
 
     Raises:
-        RobotError: when there is no such robot, the file is no description, or the arm that is meant is not a
-            serial chain of revolute and prismatic joints with limits on position and velocity.
+        RobotError: when there is no such robot, the file is not a description, or the arm is not a serial
+            chain of revolute and prismatic joints with limits on position and velocity.
     """
     path, args = _find(name_or_path)
     if args:
@@ -77,7 +76,7 @@ def load_robot(
     shapes, refused = collision_shapes(model, description, length_of(numbers))
     capsules = capsules_of(shapes)
     stamped = sorted({shape.digest for shape in shapes if shape.digest})
-    if setup.may_touch:  # other trajectories are valid then
+    if setup.may_touch:  # which changes what trajectories are valid
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
     _warn_of_missing(description)
@@ -102,17 +101,17 @@ def load_robot(
 
 
 def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array]:
-    """Limits of all joints, (J,), named as in `Arm`; those of acceleration and jerk where there are any."""
+    """Limits of all joints, (J,), named as in `Arm`; on acceleration and jerk only if there are any."""
     limits = {}
     for kind, name in _LIMITS.items():
-        column = np.array([getattr(description.limits[one], kind) for one in names], dtype=float)
+        column = np.array([getattr(description.limits[joint], kind) for joint in names], dtype=float)
         if kind not in ("acceleration", "jerk") or np.isfinite(column).any():
             limits[name] = column
     return limits
 
 
 def _warn_of_missing(description: Description) -> None:
-    """Name links that lack a shape, and the files that are not there or empty."""
+    """Warn about links that lack a shape, with the missing or empty files."""
     if not description.missing:
         return
     bare = ", ".join(description.missing)
@@ -127,7 +126,7 @@ def _warn_of_missing(description: Description) -> None:
 
 
 def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
-    """Name links that shapes keep from being as near each other as they are by design."""
+    """Warn about pairs of links whose shapes are too coarse."""
     if refused:
         pairs = listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4)
         _log.warning(
@@ -140,7 +139,7 @@ def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str],
 
 
 def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
-    """The file that is meant, and arguments that it needs if it is a xacro file."""
+    """The description's file, and arguments if it is a xacro file."""
     if str(name_or_path) in built_in_robots():
         return _MODELS / f"{name_or_path}.urdf", {}
     try:
@@ -163,10 +162,10 @@ def _find(name_or_path: str | Path) -> tuple[Path, dict[str, str]]:
 
 
 def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:
-    """File of a description that robot_descriptions knows, and its arguments if it is a xacro file.
+    """A description's file in robot_descriptions, and arguments if it is a xacro file.
 
-    The name is one such as "panda" or "panda_description"; "panda_mj_description" is the MJCF. Its first use
-    fetches it from the network. None where robot_descriptions is not installed, or knows no such name.
+    Names are like "panda" or "panda_description", or "panda_mj_description" for MJCF. The first use downloads
+    the description. None if robot_descriptions is not installed or does not have the name.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or find_spec("robot_descriptions") is None:
         return None

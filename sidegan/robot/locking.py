@@ -1,4 +1,4 @@
-"""Joints that do not move become fixed ones, where they stand."""
+"""Locking of joints at a position, and placements in URDF."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -11,7 +11,7 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.tree import TURNING, Joint
 
-_AXIS = (1e-6, 1e6)  # length of an axis that can be made one
+_AXIS = (1e-6, 1e6)  # lengths of an axis that can be normalised
 Matrix = NDArray[np.float64]
 
 
@@ -26,7 +26,7 @@ def unit_axis(joint: Joint, at: str) -> Matrix:
 
 
 def lock(joint: Joint, value: float, at: str) -> None:
-    """Make a joint fixed at a position [rad or m]; one with other freedoms stands at its origin."""
+    """Make a joint fixed at a position [rad or m], or at its origin if it is planar or floating."""
     element = joint.element
     if value and joint.kind in (*TURNING, "prismatic"):
         axis = unit_axis(joint, at)
@@ -47,18 +47,18 @@ def lock(joint: Joint, value: float, at: str) -> None:
 
 
 def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
-    """Write a rotation (3, 3) and a place [m], (3,), as URDF has them."""
+    """Write a rotation (3, 3) and a translation [m], (3,), into a URDF's origin."""
     origin.set("xyz", xml.words(place))
     origin.set("rpy", xml.words(to_rpy(turn)))
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Matrix:
-    """Rotation (3, 3) of roll, pitch and yaw [rad]."""
+    """Rotation (3, 3) from roll, pitch and yaw [rad]."""
     return pin.rpy.rpyToMatrix(*rpy)
 
 
 def to_rpy(turn: Matrix) -> tuple[float, float, float]:
-    """Roll, pitch and yaw [rad] of a rotation (3, 3), exact also where yaw and roll turn about one axis."""
+    """Roll, pitch and yaw [rad] of a rotation (3, 3), exact even in gimbal lock."""
     yaw = math.atan2(turn[1, 0], turn[0, 0])
     c, s = math.cos(yaw), math.sin(yaw)
     pitch = math.atan2(-turn[2, 0], c * turn[0, 0] + s * turn[1, 0])

@@ -1,4 +1,4 @@
-"""Mesh files: where those are that a description names, what is in them, and a cache of made ones."""
+"""Mesh files: finding those of a description, reading them, and a cache of generated ones."""
 
 import hashlib
 import os
@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 from sidegan.base.storage import write_bytes
 from sidegan.errors import ConfigError, RobotError
 
-VARIABLE = "SIDEGAN_CACHE"  # environment variable that names the folder of the cache
+VARIABLE = "SIDEGAN_CACHE"  # environment variable with the cache's folder
 
 _FEWEST = 4  # faces of a body
-_DEEPEST = 3  # folders below an entry of ROS_PACKAGE_PATH that a package is looked for in
-_POINTER = b"version https://git-lfs"  # how a file begins that stands for one which was not downloaded
-_SMALL = 100_000  # bytes; a larger file has triangles
-_TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # in Collada
+_DEEPEST = 3  # levels below an entry of ROS_PACKAGE_PATH that are searched for packages
+_POINTER = b"version https://git-lfs"  # start of a Git LFS pointer, whose file was not downloaded
+_SMALL = 100_000  # bytes; larger files surely have triangles
+_TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # of Collada
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
-    """The file that is meant by a path or by package://package/path; None where it is not there.
+    """The file of a mesh given as a path or as package://package/path; None if it does not exist.
 
-    Relative paths are looked for beside the description and in the folders above it. A package is a folder of
-    that name above the description or in one of those folders, on ROS_PACKAGE_PATH, or in the share folder of
-    an entry of AMENT_PREFIX_PATH; failing that, the path within the package is looked for as a relative one,
-    for descriptions that were copied without their package.
+    Relative paths are searched in the description's folder and those above it. A package is a folder of that
+    name above the description or in one of those folders, on ROS_PACKAGE_PATH, or in the share folder of an
+    entry of AMENT_PREFIX_PATH. Otherwise the path within the package is searched like a relative one, for
+    descriptions that were copied without their package.
     """
     scheme, _, rest = name.rpartition("://")
     candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)
@@ -37,13 +37,13 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
         try:
             if is_there(file):
                 return file.resolve()
-        except (OSError, ValueError):  # a name that is none, a forbidden folder
+        except (OSError, ValueError):  # an invalid name, a forbidden folder
             continue
     return None
 
 
 def is_there(file: Path) -> bool:
-    """Whether a file is there, and none that stands for one which was not downloaded."""
+    """Whether a file exists and is not a Git LFS pointer."""
     if not file.is_file():
         return False
     with file.open("rb") as opened:
@@ -51,7 +51,7 @@ def is_there(file: Path) -> bool:
 
 
 def metres_per_unit(file: Path) -> float:
-    """Metres per unit of a mesh file: as Collada states it, and 1 of other formats."""
+    """Metres per unit of a mesh file: as stated in Collada, 1 for other formats."""
     if file.suffix.lower() != ".dae":
         return 1.0
     stated = "1"
@@ -66,14 +66,14 @@ def metres_per_unit(file: Path) -> float:
         if not 0 < (size := float(stated)) < float("inf"):
             raise ValueError
     except (ET.ParseError, OSError):
-        return 1.0  # readers of its shape say what is wrong with it
+        return 1.0  # reading its shape will report the error
     except ValueError:
         raise RobotError(f"mesh file {file} has the unit {stated!r}, expected a number of metres") from None
     return size
 
 
 def has_surface(file: Path) -> bool:
-    """Whether a mesh file has triangles: false of one that is sound and has none."""
+    """Whether a mesh file has triangles, or is invalid."""
     import trimesh
 
     if not 0 < file.stat().st_size < _SMALL:
@@ -82,7 +82,7 @@ def has_surface(file: Path) -> bool:
         return any(name in file.read_bytes() for name in _TRIANGLES)
     try:
         return len(trimesh.load_scene(file).to_mesh().faces) > 0
-    except Exception:  # whatever is wrong with it, whoever needs its shape says so
+    except Exception:  # reading its shape will report the error
         return True
 
 
@@ -99,12 +99,12 @@ def read_mesh(file: Path) -> NDArray[np.float64]:
         if len(mesh.faces) < _FEWEST:
             raise ValueError("it has no closed surface")
         return np.asarray(mesh.vertices, float)
-    except Exception as error:  # readers of meshes raise whatever they like
+    except Exception as error:  # mesh readers raise all kinds of errors
         raise ConfigError(f"mesh file {file} cannot be read: {error}") from error
 
 
 def cache_folder() -> Path:
-    """Folder of ``SIDEGAN_CACHE``, or sidegan in the user's cache; a temporary one where it is read-only."""
+    """Folder of ``SIDEGAN_CACHE``, or sidegan in the user's cache; a temporary one if that is read-only."""
     usual = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sidegan"
     folder = Path(os.environ.get(VARIABLE) or usual)
     try:
@@ -115,7 +115,7 @@ def cache_folder() -> Path:
 
 
 def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Path:
-    """A file of vertices [m], (V, 3), and triangles (F, 3) in the cache, under its digest."""
+    """Cached mesh file of vertices [m], (V, 3), and triangles (F, 3), named by its digest."""
     import trimesh
     from trimesh.exchange.stl import export_stl
 
@@ -133,7 +133,8 @@ def _relative(path: str, urdf: Path) -> Iterator[Path]:
 def _in_package(path: str, urdf: Path) -> Iterator[Path]:
     package, _, inside = path.partition("/")
     roots = _folders("ROS_PACKAGE_PATH")
-    for folder in [*urdf.parents, *roots, *(one / "share" for one in _folders("AMENT_PREFIX_PATH"))]:
+    shares = (prefix / "share" for prefix in _folders("AMENT_PREFIX_PATH"))
+    for folder in [*urdf.parents, *roots, *shares]:
         yield folder / package / inside
         if folder.name == package:
             yield folder / inside

@@ -1,4 +1,4 @@
-"""An MJCF as URDF: MuJoCo compiles it; bodies, joints and shapes of the result are written out."""
+"""Conversion of MJCF to URDF: MuJoCo compiles it, and bodies, joints and shapes are written out."""
 
 import logging
 import xml.etree.ElementTree as ET
@@ -19,7 +19,7 @@ from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import Source, words
 
 Vector = NDArray[np.float64]
-Lost = dict[str, list[str]]  # mesh files that are not there, by the body that they show
+Lost = dict[str, list[str]]  # missing mesh files by body
 _KINDS = {
     int(mujoco.mjtJoint.mjJNT_FREE): "floating",
     int(mujoco.mjtJoint.mjJNT_BALL): "floating",
@@ -27,18 +27,17 @@ _KINDS = {
     int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
 }
 _ON_JOINTS = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
-_MOTORS = {  # gain, bias and dynamics of actuators whose force is bounded as their control is
+_MOTORS = {  # gain, bias and dynamics of actuators whose control range bounds their force
     (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE), int(dynamics))
     for dynamics in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
 }
 
 
 def read_mjcf(path: Path) -> Source:
-    """A description from an MJCF file.
+    """A description from an MJCF file, with links named like bodies.
 
-    Links are named as bodies. MJCF knows no limits on velocity; limits on torque are those of joints, or else
-    of actuators. Equality constraints between joints become mimic joints. Shapes are kept, but for height
-    fields; planes that stand still are told apart.
+    MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Equality constraints
+    between joints become mimic joints. Height fields are dropped; fixed planes are listed separately.
     """
     model, missing, hidden = _compiled(path)
     writer = _Writer(model, path)
@@ -58,7 +57,7 @@ def read_mjcf(path: Path) -> Source:
 
 
 def _compiled(path: Path) -> tuple[mujoco.MjModel, Lost, Lost]:
-    """The model of a file, and meshes that are not there by their bodies: those that collide, and others."""
+    """The model of a file, and missing meshes by body: those that collide, and those only shown."""
     try:
         with mujoco_logged(path, logging.WARNING):
             try:
@@ -72,9 +71,9 @@ def _compiled(path: Path) -> tuple[mujoco.MjModel, Lost, Lost]:
 
 
 def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
-    """A model without the geoms whose mesh files are not there: those that collide, and those for show.
+    """Like ``_compiled``, without geoms whose mesh files are missing.
 
-    None where no file is lost, or a lost mesh has a mass that counts.
+    None if no file is missing, or if a body's mass depends on a missing one.
     """
     spec = mujoco.MjSpec.from_file(str(path))
 
@@ -84,7 +83,7 @@ def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
     meshes = {
         mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if lost(spec.meshdir, mesh.file)
     }
-    textures = {one.name: one for one in spec.textures if lost(spec.texturedir, one.file, *one.cubefiles)}
+    textures = {x.name: x for x in spec.textures if lost(spec.texturedir, x.file, *x.cubefiles)}
     if not (meshes or textures):
         return None
     colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
@@ -96,13 +95,13 @@ def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
         spec.delete(geom)
     for material in spec.materials:
         material.textures = ["" if name in textures else name for name in material.textures]
-    for one in (*meshes.values(), *textures.values()):
-        spec.delete(one)
+    for asset in (*meshes.values(), *textures.values()):
+        spec.delete(asset)
     return spec.compile(), dict(colliding), dict(shown)
 
 
 def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
-    """Whether the mass of a body comes from a geom of it."""
+    """Whether a geom contributes to the mass of its body."""
     body, (first, last) = geom.parent, spec.compiler.inertiagrouprange
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     own = body.explicitinertial and not always
@@ -133,11 +132,11 @@ class _Writer:
                 self._joints(body)
         self._mimics()
         for pair in model.exclude_signature.tolist():  # two bodies in one number
-            one, other = (self.name("body", body) for body in divmod(pair, 1 << 16))
-            ET.SubElement(self.root, "disable_collisions", link1=one, link2=other, reason="contact exclude")
+            a, b = (self.name("body", body) for body in divmod(pair, 1 << 16))
+            ET.SubElement(self.root, "disable_collisions", link1=a, link2=b, reason="contact exclude")
 
     def name(self, kind: str, index: int) -> str:
-        """Name of something; its number where it has none."""
+        """Name of an object; its kind and number if it has none."""
         code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
         return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
 
@@ -154,7 +153,7 @@ class _Writer:
         return notes
 
     def postures(self) -> dict[str, dict[str, float]]:
-        """Positions of joints that turn or slide [rad or m] in each keyframe, by name."""
+        """Positions of revolute and prismatic joints [rad or m] by keyframe and name."""
         model = self.model
         movable = [j for j in range(model.njnt) if _KINDS[int(model.jnt_type[j])] != "floating"]
         return {
@@ -176,7 +175,7 @@ class _Writer:
         ET.SubElement(inertial, "inertia", ixx=xx, iyy=yy, izz=zz, ixy="0", ixz="0", iyz="0")
 
     def _joints(self, body: int) -> None:
-        """The joints between a body and its parent, each with a link of its own but the last."""
+        """Write the joints between a body and its parent; all but the last lead to auxiliary links."""
         model = self.model
         parent, child = self.name("body", model.body_parentid[body]), self.name("body", body)
         turn, place = turn_of(model.body_quat[body]), model.body_pos[body].copy()
@@ -214,7 +213,7 @@ class _Writer:
         return joint
 
     def _limits(self, element: ET.Element, joint: int) -> None:
-        """Axis and limits of a joint."""
+        """Write the axis, dynamics and limits of a joint."""
         model = self.model
         if element.get("type") == "floating":
             return
@@ -235,19 +234,19 @@ class _Writer:
             element.set("type", "continuous")
 
     def _mimics(self) -> None:
-        """Joints that an equality constraint couples to another one."""
+        """Write joints that an equality constraint couples to another as mimic joints."""
         model, joints = self.model, {j.get("name"): j for j in self.root.findall("joint")}
         for i in range(model.neq):
             if int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0:
-                one, other = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
+                follower, leader = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
                 offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
-                ET.SubElement(joints[one], "mimic", joint=other, multiplier=factor, offset=offset)
+                ET.SubElement(joints[follower], "mimic", joint=leader, multiplier=factor, offset=offset)
 
 
 def _forces(model: mujoco.MjModel, actuator: int) -> Vector:
-    """Least and largest force of an actuator before its gear, (2,): by its own range, or by its control's.
+    """Smallest and largest force of an actuator before its gear, (2,), from its force or control range.
 
-    The latter is known of motors alone, which give a fixed multiple of what they are told.
+    The control range bounds the force only of motors, whose force is a fixed multiple of the control.
     """
     found = np.array([-np.inf, np.inf])
     kinds = model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype
@@ -259,9 +258,9 @@ def _forces(model: mujoco.MjModel, actuator: int) -> Vector:
 
 
 def _efforts(model: mujoco.MjModel) -> dict[int, float]:
-    """Largest torque or force [N·m or N] that each joint gets in both directions, where that is limited.
+    """Largest torque or force [N·m or N] available to each joint in both directions, if it is limited.
 
-    Actuators of one joint add up, and the joint's own range cuts what they give together.
+    Forces of a joint's actuators add up, and the joint's own range clips the sum.
     """
     ranges: dict[int, Vector] = {}
     for i in range(model.nu):

@@ -1,4 +1,4 @@
-"""Geoms of a compiled MJCF as a URDF's shapes, and its planes."""
+"""Conversion of a compiled MJCF's geoms to URDF shapes, and its planes."""
 
 import xml.etree.ElementTree as ET
 
@@ -20,14 +20,11 @@ _SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
 Plane = tuple[float, float, float, float]
-_HIDDEN = 3  # the first group of geoms that MuJoCo's viewers do not show
+_HIDDEN = 3  # first group of geoms that MuJoCo's viewers hide by default
 
 
 def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
-    """Write a geom as a collision shape where it collides, as a visual one where it is for show.
-
-    False where a URDF has no such shape.
-    """
+    """Write a geom as a collision or visual shape, or both; False if URDF has no such shape."""
     kind = _SHAPES.get(int(model.geom_type[geom]))
     if kind is None:
         return False
@@ -39,7 +36,7 @@ def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
 
 
 def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane | None:
-    """Unit normal of a plane that stands still, and its offset along that [m]; None of other geoms."""
+    """Unit normal of a fixed plane and its offset along the normal [m]; None for other geoms."""
     plane = int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
     if not plane or model.body_weldid[model.geom_bodyid[geom]]:
         return None
@@ -48,7 +45,7 @@ def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane | N
 
 
 def _write(element: ET.Element, kind: str, model: mujoco.MjModel, geom: int) -> None:
-    """Write the origin and the geometry of a shape of a kind that URDF has."""
+    """Write the origin and geometry of a shape."""
     x, y, z = (float(size) for size in model.geom_size[geom])
     if kind == "mesh":  # as MuJoCo compiled it: scaled, and in its principal axes of inertia
         mesh = model.mesh(int(model.geom_dataid[geom]))
@@ -66,5 +63,5 @@ def _write(element: ET.Element, kind: str, model: mujoco.MjModel, geom: int) -> 
 
 
 def turn_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Rotation (3, 3) of a quaternion, scalar first."""
+    """Rotation (3, 3) from a quaternion, scalar first."""
     return pin.Quaternion(*quaternion).normalized().matrix()

@@ -1,4 +1,4 @@
-"""From a checked description, through Pinocchio, to an arm's kinematics and inertias."""
+"""An arm's kinematics and inertias, parsed by Pinocchio from a checked description."""
 
 import logging
 import os
@@ -20,14 +20,14 @@ _log = logging.getLogger(__name__)
 
 def build(description: Description) -> pin.Model:
     """Pinocchio's model of a serial chain."""
-    with pinocchio_speaks(description):
+    with pinocchio_errors(description):
         model = pin.buildModelFromXML(description.xml)
     model.gravity.linear = np.array([0.0, 0.0, -description.gravity])
     return model
 
 
 def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Array]:
-    """Kind, placement, axis and inertia of the joints, the tip, and gravity; named as in `Arm`."""
+    """Types, placements, axes and inertias of the joints, the tip and gravity, named as in `Arm`."""
     joints = range(1, model.njoints)
     subspaces = np.array([_motion_subspace(model, i) for i in joints])
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
@@ -43,7 +43,7 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
 
 
 def _motion_subspace(model: pin.Model, joint: int) -> Points:
-    """Linear and angular velocity, (6,), in a joint's frame, at unit speed of the joint."""
+    """Linear and angular velocity in a joint's frame at unit joint velocity, (6,)."""
     data = model.joints[joint].createData()
     model.joints[joint].calc(data, pin.neutral(model))
     return np.asarray(data.S, dtype=np.float64).reshape(6)
@@ -60,20 +60,20 @@ def _tip(model: pin.Model, link: str | None) -> Points:
 
 
 @contextmanager
-def pinocchio_speaks(description: Description) -> Iterator[None]:
-    """Turn Pinocchio's errors into ours, with what its parser writes to the terminal as the reason."""
-    with tempfile.TemporaryFile() as said:
+def pinocchio_errors(description: Description) -> Iterator[None]:
+    """Turn Pinocchio's errors into ours, with its parser's output to stderr as the reason."""
+    with tempfile.TemporaryFile() as output:
         terminal = os.dup(2)
-        os.dup2(said.fileno(), 2)
+        os.dup2(output.fileno(), 2)
         try:
             yield
         except (ValueError, RuntimeError, IndexError) as error:
-            reason = " ".join(f"{error} {_read(said)}".split())
+            reason = " ".join(f"{error} {_read(output)}".split())
             raise RobotError(f"{description.path}: Pinocchio refuses it: {reason}") from error
         finally:
             os.dup2(terminal, 2)
             os.close(terminal)
-        if complaint := _read(said):
+        if complaint := _read(output):
             _log.warning("%s: %s", description.path, complaint)
 
 

@@ -1,4 +1,4 @@
-"""How an arm stands in the world, whose z points up: the direction of gravity in its base's frame."""
+"""Mounting of an arm in the world, whose z points up."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -14,13 +14,13 @@ from sidegan.robot.xml import words
 
 GRAVITY = 9.81  # [m/s²]
 _WORLD = "sidegan_world"
-_STANDING = 0.7  # cosine of the angle by which a base leans that something stands under it
-_STRAIGHT = 0.05  # [rad] off an axis of the base, which is then meant
+_STANDING = 0.7  # cosine of the largest tilt of a base that counts as standing
+_STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
 
 
 def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mount:
-    """Roll, pitch and yaw [rad] of a base: as given, or such that gravity in its frame, (3,), points down."""
+    """Roll, pitch and yaw [rad] of a base: as given, or such that gravity (3,), in its frame, points down."""
     if given is not None or gravity is None:
         return given or (0.0, 0.0, 0.0)
     x, y, z = gravity
@@ -32,7 +32,7 @@ def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mou
 
 
 def hang(root: ET.Element, base: str, mount: Mount) -> None:
-    """Fix a description's first link to a world in which it has this roll, pitch and yaw [rad]."""
+    """Fix a description's first link to the world with this roll, pitch and yaw [rad]."""
     ET.SubElement(root, "link", name=_WORLD)
     joint = ET.SubElement(root, "joint", name=f"{_WORLD}_joint", type="fixed")
     ET.SubElement(joint, "parent", link=_WORLD)
@@ -41,23 +41,23 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
 
 
 def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
-    """Planes in the frame of a base as they are in a world in which it has this roll, pitch and yaw [rad]."""
+    """Planes transformed from the base's frame to the world, for a mount [rad]."""
     turn = from_rpy(mount)
     return tuple((*(turn @ np.array(normal)).tolist(), offset) for *normal, offset in planes)
 
 
 def stands(arm: Arm) -> bool:
-    """Whether an arm's base stands, and neither hangs nor is fixed to a wall."""
+    """Whether an arm's base is upright, not hanging or on a wall."""
     return float(from_rpy(arm.mount)[2, 2]) >= _STANDING
 
 
 def in_base(arm: Arm, vector: Array) -> Array:
-    """A vector in an arm's world, (3,), in the frame of its base."""
+    """A world vector (3,), in the frame of an arm's base."""
     return from_rpy(arm.mount).T @ vector
 
 
 def straightened(vector: Array) -> Array:
-    """A vector, (3,), along an axis of its frame where it is nearly that."""
+    """A vector (3,), aligned with an axis of its frame if it nearly is."""
     k = int(np.abs(vector).argmax())
     along = np.zeros_like(vector)
     along[k] = np.sign(vector[k]) * np.linalg.norm(vector)
@@ -65,7 +65,7 @@ def straightened(vector: Array) -> Array:
 
 
 def direction(vector: Array) -> str:
-    """Direction of a vector, (3,), for people: an axis, or a unit vector."""
+    """Direction of a vector (3,), for people: an axis, or a unit vector."""
     if int((vector != 0).sum()) == 1:
         k = int(np.abs(vector).argmax())
         return f"{'+' if vector[k] > 0 else '−'}{'xyz'[k]}"

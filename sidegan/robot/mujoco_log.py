@@ -1,4 +1,4 @@
-"""MuJoCo's warnings in the log: on its own it writes them to MUJOCO_LOG.TXT in the working folder."""
+"""Redirection of MuJoCo's warnings to the log, instead of MUJOCO_LOG.TXT in the working folder."""
 
 import logging
 from collections.abc import Iterator
@@ -9,9 +9,9 @@ _log = logging.getLogger(__name__)
 
 @contextmanager
 def mujoco_logged(what: object, level: int = logging.DEBUG) -> Iterator[None]:
-    """Within the block, MuJoCo's warnings about something go to the log, with its name before them.
+    """Log MuJoCo's warnings within the block, prefixed by what they are about.
 
-    Simulations that leave all bounds are told by those who look at the motion: their warnings are details.
+    Diverging simulations are detected from the motion itself, so their warnings are only for debugging.
     """
     import mujoco
 

@@ -1,4 +1,4 @@
-"""Collision shapes of the links: capsules that hold them, and convex pieces that hold them more tightly."""
+"""Collision shapes of the links: capsules that enclose them, and convex pieces that enclose them tightly."""
 
 import hashlib
 from collections import Counter
@@ -9,35 +9,35 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 
 from sidegan.robot.arm import Capsules, Pieces
 from sidegan.robot.covering import Part, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
-VERSION = 6  # raise it when the shapes of the same description become others
+VERSION = 6  # raise it when a change yields other shapes for the same description
 
-_SIDES = 64  # of the prism around a cylinder, whose faces touch it
+_SIDES = 64  # of the prism circumscribed about a cylinder
 _FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
 class Shape(NamedTuple):
-    """A capsule with what is inside of it, in the frame of the joint that moves both."""
+    """A capsule and the body inside, in the frame of the joint that moves them."""
 
     link: int  # that joint; -1 for the base
-    owner: str  # the link of the description
+    owner: str  # the description's link
     name: str
     part: Part
-    exact: bool = False  # whether the capsule is the shape
-    digest: str = ""  # of the meshes it was fitted to, and where they are
+    exact: bool = False  # whether the capsule is the shape itself
+    digest: str = ""  # of the meshes it was fitted to, and their placement
 
 
 def shapes_of(
     geometry: pin.GeometryModel, model: pin.Model, hollow: Mapping[str, int] | None = None
 ) -> list[Shape]:
-    """The collision shapes of a description, those made of meshes link by link.
+    """Collision shapes of a description, with all meshes of a link taken together.
 
-    Links that are hollow are made of more parts, the more the higher their number: 1 or 2.
+    ``hollow`` has links that are divided into more parts, at level 1 or 2.
     """
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for geometry_object in geometry.geometryObjects:
@@ -59,7 +59,7 @@ def shapes_of(
 
 
 def capsules_of(shapes: Sequence[Shape]) -> Capsules:
-    """All shapes side by side, as arrays."""
+    """All shapes as arrays."""
     ends = np.array([shape.part.capsule[0] for shape in shapes], dtype=np.float64).reshape(-1, 2, 3)
     return Capsules(
         link=np.array([shape.link for shape in shapes], dtype=int),
@@ -85,7 +85,7 @@ def _pieces(shapes: Sequence[Shape]) -> Pieces:
 
 
 def _core(shape: Shape) -> float:
-    """Radius [m] of a capsule on the same axis, of the same volume as the piece."""
+    """Radius [m] of a capsule on the same axis with the piece's volume."""
     (ends, radius), corners, rounding = shape.part
     if shape.exact:
         return radius
@@ -94,18 +94,18 @@ def _core(shape: Shape) -> float:
     return max(min(float(roots.real.max()), radius), rounding)
 
 
-def _placed(part: Part, one: pin.GeometryObject) -> Part:
-    """A part of a shape in the frame of the joint that moves it."""
+def _placed(part: Part, shape: pin.GeometryObject) -> Part:
+    """A part of a shape, in the frame of the joint that moves it."""
     (ends, radius), corners, rounding = part
-    turn, place = one.placement.rotation.T, one.placement.translation
+    turn, place = shape.placement.rotation.T, shape.placement.translation
     return Part((ends @ turn + place, radius), corners @ turn + place, rounding)
 
 
 def _primitive(shape: coal.CollisionGeometry) -> Part:
-    """A shape that the description gives by its sizes, in its own frame.
+    """A primitive shape of the description, in its own frame.
 
-    The hull is the shape itself but for a cylinder's facets; of a capsule or a ball it is the axis. Capsules
-    around cylinders and boxes have an axis that no rounding chooses: digests are the same on every machine.
+    The inflated hull is the shape itself, apart from a cylinder's facets. Axes of capsules around cylinders
+    and boxes do not depend on rounding, so that digests are the same on every machine.
     """
     match shape:
         case coal.Sphere():
@@ -124,24 +124,24 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
     return Part(around(ends_along(corners, np.eye(3)[axis]), corners), corners, 0.0)
 
 
-def is_mesh(one: pin.GeometryObject) -> bool:
-    """Whether a shape is one of triangles."""
-    return bool(one.meshPath) and isinstance(one.geometry, coal.BVHModelBase | coal.ConvexBase)
+def is_mesh(shape: pin.GeometryObject) -> bool:
+    """Whether a shape is a mesh."""
+    return bool(shape.meshPath) and isinstance(shape.geometry, coal.BVHModelBase | coal.ConvexBase)
 
 
 def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], str]:
-    """Capsules and hulls around the meshes of a link, in the frame of the first, and the meshes' digest."""
+    """Capsules and hulls around the meshes of a link, in the first mesh's frame, and the meshes' digest."""
     first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
-    for one in group:
-        relative = first.actInv(one.placement)
-        state.update(hashlib.sha256(Path(one.meshPath).read_bytes()).digest())
-        state.update(_rounded(np.r_[one.meshScale, relative.rotation.ravel(), relative.translation]))
+    for mesh in group:
+        relative = first.actInv(mesh.placement)
+        state.update(hashlib.sha256(Path(mesh.meshPath).read_bytes()).digest())
+        state.update(_rounded(np.r_[mesh.meshScale, relative.rotation.ravel(), relative.translation]))
 
     def triangles() -> list[Points]:
         parts = []
-        for one in group:
-            relative = first.actInv(one.placement)
-            parts.append(_triangles(one.geometry) @ relative.rotation.T + relative.translation)
+        for mesh in group:
+            relative = first.actInv(mesh.placement)
+            parts.append(_triangles(mesh.geometry) @ relative.rotation.T + relative.translation)
         return [part for part in parts if len(part)]
 
     parts = cover_of(state.hexdigest(), hollow, triangles)
@@ -159,5 +159,5 @@ def _triangles(shape: coal.CollisionGeometry) -> Points:
 
 
 def _rounded(numbers: Points) -> bytes:
-    """Numbers as bytes that rounding errors do not change."""
+    """Numbers as bytes, rounded so that they are the same on every machine."""
     return (np.round(numbers * _FINEST) / _FINEST + 0.0).astype("<f8").tobytes()

@@ -1,4 +1,4 @@
-"""A robot's description as URDF, whatever it was written as."""
+"""Reading of descriptions in all formats as URDF."""
 
 import re
 from collections.abc import Mapping
@@ -10,11 +10,11 @@ from sidegan.robot.xml import Source
 
 _UNSET = re.compile(r"Undefined substitution argument (\w+)")
 _LOST = re.compile(r"Package not found: (\S+)")
-_SHALLOW = 4  # parts of a path whose folders are too many to be searched for packages
+_SHALLOW = 4  # parts of a path below which a folder is too large to search for packages
 
 
 def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
-    """A description from a URDF or MJCF file, or from a .xacro file, which is expanded with its arguments."""
+    """A description from a URDF, MJCF or .xacro file, which is expanded with ``args``."""
     try:
         text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
     except OSError as error:
@@ -28,13 +28,10 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
-    """The URDF of a xacro file; packages are looked for above it, beside its own one, and on the ROS paths.
-
-    Names of included files are relative to the file that includes them.
-    """
+    """The URDF of a xacro file; packages are searched above it, beside its package, and on the ROS paths."""
     try:
         import xacro
-        from xacrodoc import packages  # has xacro look for packages where there is no ROS
+        from xacrodoc import packages  # lets xacro find packages without ROS
     except ImportError:
         raise RobotError(
             f"{path} needs xacrodoc: pip install 'sidegan[xacro]', or in ROS: xacro {path.name} > arm.urdf"
@@ -46,7 +43,7 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
         packages.look_in([str(around[0])], priority=1)
     try:
         return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")
-    except Exception as error:  # xacro evaluates expressions: anything can go wrong in there
+    except Exception as error:  # xacro evaluates expressions, which may raise anything
         words = " ".join(str(error).split()) or type(error).__name__
         if unset := _UNSET.search(words):
             given = "".join(f"{name}: {value}, " for name, value in args.items())

@@ -1,4 +1,4 @@
-"""Links and joints of a description as a tree."""
+"""Kinematic tree of a description."""
 
 import difflib
 import xml.etree.ElementTree as ET
@@ -12,7 +12,7 @@ from sidegan.robot import xml
 
 TURNING = ("revolute", "continuous")
 MOVABLE = (*TURNING, "prismatic")
-REFUSED = {  # kinds of joints that no arm has, and why
+REFUSED = {  # joint types that an arm cannot have, and why
     "floating": "the arm's base must be fixed",
     "planar": "a joint must have one degree of freedom",
 }
@@ -23,33 +23,33 @@ class Joint:
     """A joint of a description."""
 
     name: str
-    kind: str  # its type
-    parent: str  # the link that it hangs on
-    child: str  # the link that it leads to
+    kind: str  # joint type
+    parent: str  # link
+    child: str  # link
     element: ET.Element
 
     @property
     def mimic(self) -> ET.Element | None:
-        """Joint that it follows, if it follows another one."""
+        """The joint's mimic element, if it has one."""
         return self.element.find("mimic")
 
     def part(self, tag: str) -> ET.Element:
-        """An element of the joint, such as its limit; an empty one where it has none."""
+        """A child element, such as the limit; an empty element if there is none."""
         found = self.element.find(tag)
         return ET.Element(tag) if found is None else found
 
 
 @dataclass(frozen=True)
 class Tree:
-    """The joints of a description whose links form one tree."""
+    """The joints of a description whose links form a single tree."""
 
     where: str  # the description, for messages
-    root: str  # the link that all others hang on
+    root: str  # the base link
     joints: dict[str, Joint]
 
     @cached_property
     def above(self) -> dict[str, Joint]:
-        """The joint that leads to each link but the root."""
+        """The parent joint of each link but the root."""
         return {joint.child: joint for joint in self.joints.values()}
 
     @property
@@ -60,13 +60,13 @@ class Tree:
     def path(self, link: str) -> list[Joint]:
         """The joints from the root to a link."""
         found: list[Joint] = []
-        while link in self.above and len(found) <= len(self.joints):  # else they form a ring
+        while link in self.above and len(found) <= len(self.joints):  # stops in a loop
             found.append(self.above[link])
             link = found[-1].parent
         return found[::-1]
 
     def parents(self, shaped: Container[str]) -> frozenset[tuple[str, str]]:
-        """Links with a shape, each with the nearest one that has a shape on the way to the root."""
+        """Links with a shape, each with its nearest ancestor that has a shape."""
         found = set()
         for link in filter(shaped.__contains__, self.links):
             before = [joint.parent for joint in self.path(link) if joint.parent in shaped]
@@ -74,11 +74,11 @@ class Tree:
         return frozenset(found)
 
     def at(self, joint: Joint) -> str:
-        """The joint, for messages."""
+        """Location of a joint, for messages."""
         return f"{self.where}: joint {joint.name!r}"
 
     def span(self, joint: Joint) -> tuple[float, float] | None:
-        """A joint's own range [rad or m], an end that is left out being 0; None where it states none."""
+        """A joint's stated range [rad or m], with 0 for a missing end; None if it has none."""
         limit = joint.part("limit")
         if joint.kind == "continuous" or not {"lower", "upper"} & set(limit.attrib):
             return None
@@ -86,20 +86,20 @@ class Tree:
         return lower, upper
 
     def require_link(self, name: str, setting: str = "") -> None:
-        """Raise unless there is a link of this name."""
+        """Raise unless there is a link with this name."""
         if name not in self.links:
             raise RobotError(f"{self.where} has no link {name!r}{meant(name, self.links, setting)}")
 
 
 def meant(name: str, known: Iterable[str], setting: str = "") -> str:
-    """Names that a user may have meant by an unknown one, for a message."""
+    """Known names similar to an unknown one, for a message."""
     names = list(known)
     close = difflib.get_close_matches(name, names, 3, 0.5) or names[-3:]
-    return ", expected for example " + " or ".join(f"{setting}{one}" for one in close)
+    return ", expected for example " + " or ".join(f"{setting}{match}" for match in close)
 
 
 def read_tree(root: ET.Element, where: str) -> Tree:
-    """The tree of a description, whose names are unique and whose links form one tree."""
+    """The tree of a description; raises unless names are unique and links form a single tree."""
     joints = {joint.name: joint for joint in _joints(root, where)}
     links = [link.get("name", "") for link in root.findall("link")]
     children = {joint.child for joint in joints.values()}
@@ -113,9 +113,9 @@ def read_tree(root: ET.Element, where: str) -> Tree:
 
 
 def _joints(root: ET.Element, where: str) -> list[Joint]:
-    """The joints of a description, with names of their own and links that are there."""
+    """The joints of a description; raises unless names are unique and their links exist."""
     names = {
-        kind: [xml.attribute(one, "name", where) for one in root.findall(kind)] for kind in ("link", "joint")
+        kind: [xml.attribute(x, "name", where) for x in root.findall(kind)] for kind in ("link", "joint")
     }
     for kind, given in names.items():
         name, count = Counter(given).most_common(1)[0] if given else ("", 0)

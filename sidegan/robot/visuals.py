@@ -1,4 +1,4 @@
-"""Looks of an arm: the visual shapes of its links as triangles."""
+"""Visual shapes of an arm's links as triangle meshes."""
 
 import logging
 import xml.etree.ElementTree as ET
@@ -25,8 +25,8 @@ if TYPE_CHECKING:  # slow to import
     import trimesh
 
 _log = logging.getLogger(__name__)
-_CAPSULE = 8, 16  # rings of a capsule's half spheres, and points around it
-_FLAT = 1e-3  # [m] from z = 0 that a foot's points lie
+_CAPSULE = 8, 16  # rings of a capsule's hemispheres, and points around it
+_FLAT = 1e-3  # [m] from z = 0 within which points belong to a foot
 
 
 class Part(NamedTuple):
@@ -38,16 +38,16 @@ class Part(NamedTuple):
 
 
 def visual_parts(arm: Arm) -> list[Part]:
-    """The visual shapes of an arm; the collision shapes of links that have no visual ones.
+    """Visual shapes of an arm's links, or else collision shapes.
 
-    What cannot be read is left out: pictures are no reason to fail. None where the file is no longer there.
+    Unreadable shapes are left out, since pictures are no reason to fail; all if the description is missing.
     """
     parts, unread = [], dict[str, str]()
     for link, frame in _links(arm):
         for shape in link.findall("visual") or link.findall("collision"):
             try:
                 parts.append(_part(arm, shape, frame))
-            except Exception as error:  # readers of meshes raise whatever they like
+            except Exception as error:  # mesh readers raise all kinds of errors
                 unread[frame.name] = str(error)
     if unread:
         why = next(iter(unread.values()))
@@ -56,32 +56,32 @@ def visual_parts(arm: Arm) -> list[Part]:
 
 
 def foot(arm: Arm) -> tuple[float, bool]:
-    """Lowest point of what stands still [m], and whether it is known.
+    """Lowest point of the fixed links [m], and whether it is known.
 
-    A link is as low as its visual shapes or its collision meshes, whichever end higher. Sizes that stand in
-    for a link are no evidence of how low it is, and z = 0 is likelier where they reach below that. Nor do
-    plugs and cables carry an arm, which hang beside a foot that lies about the origin.
+    A link ends at its visual shapes or its collision meshes, whichever end higher. Collision primitives only
+    approximate a link, so z = 0 is assumed if they extend below it. Plugs and cables that hang beside a foot
+    around the origin are ignored.
     """
     lowest = [_foot_of(arm, link, frame) for link, frame in _links(arm) if not frame.parentJoint]
     return min((found for found in lowest if found is not None), default=(0.0, False))
 
 
 def _foot_of(arm: Arm, link: ET.Element, frame: pin.Frame) -> tuple[float, bool] | None:
-    """Lowest point of a link that stands still [m], and whether it is known; None where it has no shape."""
+    """Lowest point of a fixed link [m], and whether it is known; None if it has no shape."""
     solid = link.findall("collision")
-    meshes = [one for one in solid if one.find("geometry/mesh") is not None]
+    meshes = [shape for shape in solid if shape.find("geometry/mesh") is not None]
     spans = [span for shapes in (link.findall("visual"), meshes) if (span := _span(arm, shapes, frame))]
     if spans:
         return max(low for low, _ in spans), True
-    if span := _span(arm, [one for one in solid if one not in meshes], frame):
+    if span := _span(arm, [shape for shape in solid if shape not in meshes], frame):
         return (0.0 if span[0] < 0 < span[1] else span[0]), False
     return (0.0, False) if solid or link.findall("visual") else None
 
 
 def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, float] | None:
-    """Lowest and highest point [m] of some shapes; None where there are none, or one cannot be read.
+    """Lowest and highest point [m] of shapes; None if there are none or one is unreadable.
 
-    Lowest is z = 0 where points there enclose the origin and those below lie all on one side of it.
+    The lowest is z = 0 if points there enclose the origin and all points below are on one side of it.
     """
     try:
         points = np.concatenate([_part(arm, shape, frame).vertices for shape in shapes])
@@ -89,18 +89,18 @@ def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, 
         low, high = float(heights.min()), float(heights.max())
         at, below = points[np.abs(heights) <= _FLAT, :2], points[heights < -_FLAT, :2]
         return (0.0 if low < -_FLAT and _encloses(at) and not _encloses(below) else low), high
-    except Exception:  # readers of meshes raise whatever they like
+    except Exception:  # mesh readers raise all kinds of errors
         return None
 
 
 def _encloses(points: NDArray[np.float64]) -> bool:
-    """Whether points (N, 2) lie around the origin: no gap between their directions is half a turn."""
+    """Whether points (N, 2) surround the origin: no gap between their directions is half a turn."""
     angles = np.sort(np.arctan2(points[:, 1], points[:, 0]))
     return len(angles) > 2 and bool(np.diff(angles, append=angles[0] + 2 * np.pi).max() < np.pi)
 
 
 def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
-    """Links as the description has them, and their frames; none where the file is no longer there."""
+    """The description's links and their frames; none if the file is missing."""
     try:
         description = read_description(arm.urdf, arm.setup, planning=False)
         model, root = build(description), read_source(arm.urdf, arm.setup.args).root
@@ -114,7 +114,7 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
 
 
 def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
-    """The surface of one shape in its joint's frame; one of another order than the arm is refused."""
+    """Surface of a shape in its joint's frame; shapes far too large or small for the arm are refused."""
     origin = visual.find("origin")
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))
@@ -128,7 +128,7 @@ def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
 
 
 def _mesh(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
-    """Surfaces in a mesh file, in metres, as one."""
+    """All surfaces of a mesh file as one mesh [m]."""
     import trimesh
 
     file = find_mesh(xml.attribute(shape, "filename", "a shape"), urdf)
@@ -140,7 +140,7 @@ def _mesh(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
 
 
 def _solid(shape: ET.Element) -> "trimesh.Trimesh":
-    """A solid [m] in its own frame."""
+    """Surface of a primitive [m], in its own frame."""
     from trimesh import creation
 
     if shape.tag == "box":

@@ -1,4 +1,4 @@
-"""A URDF with other inertias and friction, and nothing else changed."""
+"""Writing of a URDF with other inertias and friction."""
 
 import io
 import xml.etree.ElementTree as ET
@@ -21,25 +21,23 @@ from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words
 
-_TOLERANCE = 1e-12  # of the largest parameter: what writing and reading may cost
+_TOLERANCE = 1e-12  # of the largest parameter, for errors of writing and reading
 
 
 def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = None) -> None:
-    """Write the arm's URDF with these inertial parameters in place of its own, and nothing else changed.
+    """Write the arm's URDF with these inertial parameters and otherwise unchanged.
 
-    Limits that readers of a URDF ask for, and the source does not have, are the arm's; capsules of an MJCF,
-    which URDF does not know, become cylinders with a ball at each end.
+    Limits that URDF requires but the source lacks are the arm's. Capsules of an MJCF, which URDF does not
+    have, become cylinders with a ball at each end.
 
-    Each joint's parameters go to the link that it moves; links that are fixed to that one lose their
-    inertia, which is part of it already. The file appears whole, and only after it was read back to the
-    same parameters.
+    Each joint's parameters go to the link that it moves; links fixed to that one lose their inertia, which
+    is included. The file is written atomically, after a check that it reads back to the same parameters.
 
     Args:
         arm: the arm, read from a URDF.
         parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz about the joints' frames, (J, 10).
-        path: where to write; beside the source, if mesh files are named relative to it.
-        drives: friction for the joints' `<dynamics>`, which stays as it is when None; a URDF has no place
-            for the inertia of rotors.
+        path: where to write; in the source's folder, if mesh paths are relative.
+        drives: friction for the joints' `<dynamics>`, unchanged if None; URDF has no rotor inertia.
 
     Raises:
         RobotError: when a link would not be physically consistent, or the source is no longer the arm's.
@@ -75,7 +73,7 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
 
 
 def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:
-    """Which moved link each link is part of; None for those on the base. The joints must be the arm's."""
+    """The moving link that each link is part of; None for the base. Raises if joints are not the arm's."""
     tree = read_tree(root, str(arm.urdf))
     moved = {joint.child: name for name, joint in tree.joints.items() if name in arm.joint_names}
     if moved != dict(zip(arm.link_names, arm.joint_names)):
@@ -85,7 +83,7 @@ def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:
 
 
 def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
-    """Put an element, or none, in the place of the one with this tag; first, where there is none yet."""
+    """Replace the child with this tag by an element, or by nothing; insert it first if there is none."""
     before = owner.find(tag)
     index, tail = (0, "\n    ") if before is None else ([*owner].index(before), before.tail)
     if before is not None:
@@ -97,7 +95,7 @@ def _put(owner: ET.Element, tag: str, element: ET.Element | None) -> None:
 
 
 def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
-    """Give a joint, the arm's k-th, the limits that it lacks."""
+    """Add missing limits to the arm's k-th joint."""
     limit = joint.find("limit")
     if limit is None:
         limit = ET.SubElement(joint, "limit", effort="0")
@@ -110,9 +108,9 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
 
 
 def _round(root: ET.Element) -> None:
-    """Make capsules cylinders with a ball at each end, which URDF has."""
+    """Replace capsules, which URDF does not have, by cylinders with a ball at each end."""
     for link in root.findall("link"):
-        for shape in [one for one in link if one.find("geometry/capsule") is not None]:
+        for shape in [child for child in link if child.find("geometry/capsule") is not None]:
             capsule = xml.child(xml.child(shape, "geometry", ""), "capsule", "")
             radius, origin = capsule.get("radius", ""), xml.child(shape, "origin", "")
             place = np.array(xml.vector(origin, "xyz", ""))
@@ -126,7 +124,7 @@ def _round(root: ET.Element) -> None:
 
 
 def _inertial(parameters: Array) -> ET.Element:
-    """An `<inertial>` element of parameters (10,), about the centre of mass."""
+    """An `<inertial>` element, about the centre of mass, from parameters (10,)."""
     centre, inertia = about_the_centre(parameters)
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
     moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}

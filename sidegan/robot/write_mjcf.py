@@ -1,4 +1,4 @@
-"""An arm as MJCF: its chain of links with explicit inertias, its joints with friction and rotors."""
+"""Writing of an arm as MJCF, with explicit inertias, friction and rotor inertia."""
 
 import logging
 import xml.etree.ElementTree as ET
@@ -18,15 +18,15 @@ from sidegan.robot.fitting import corners, hull_of
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import child, words
 
-_STEP = 1e-3  # [s] of a written model
-_STIFFEST = 2.0  # steps: the shortest time constant with which MuJoCo solves friction
+_STEP = 1e-3  # [s] time step of a written model
+_STIFFEST = 2.0  # steps; shortest time constant with which MuJoCo can solve friction
 
 
 def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     """Write an arm with these inertial parameters, friction and rotors as MJCF, for MuJoCo and Pinocchio.
 
-    Shapes are the convex pieces that stand for the links, which collide, but for pairs that may touch;
-    contacts are off as a whole. What a description has fixed to a link is a body in that one's.
+    Shapes are the links' convex pieces, with exclusions of pairs that may touch; contacts are disabled as a
+    whole. Links that the description fixes to another become bodies in it.
 
     Args:
         arm: the arm: its chain, limits and gravity.
@@ -56,9 +56,10 @@ def chain(
     step: float,
     names: tuple[Sequence[str], Sequence[str]],
 ) -> ET.Element:
-    """The `<mujoco>` element of an arm without shapes and limits; ``names`` are of the links and the joints.
+    """The `<mujoco>` element of an arm without shapes and limits.
 
-    The links' parameters, (J, 10), are physically consistent; ``step`` is of the integration [s].
+    ``parameters``, (J, 10), must be physically consistent; ``step`` is the time step [s]; ``names`` are those
+    of the links and of the joints.
     """
     root = ET.Element("mujoco", model=arm.name)
     ET.SubElement(root, "compiler", angle="radian", autolimits="true")
@@ -88,8 +89,8 @@ def _inertials(parameters: Array) -> Iterable[dict[str, str]]:
     for row in parameters:
         centre, inertia = about_the_centre(row)
         moments, axes = np.linalg.eigh(inertia)
-        moments[2] = min(moments[2], moments[:2].sum())  # but for rounding, which MuJoCo refuses
-        axes = axes * np.sign(np.linalg.det(axes))  # right-handed: minus one is no rotation
+        moments[2] = min(moments[2], moments[:2].sum())  # MuJoCo refuses violations by rounding
+        axes = axes * np.sign(np.linalg.det(axes))  # make them right-handed
         yield {
             "mass": words(row[:1]),
             "pos": words(centre),
@@ -99,42 +100,42 @@ def _inertials(parameters: Array) -> Iterable[dict[str, str]]:
 
 
 def _limits(arm: Arm) -> Iterable[dict[str, str]]:
-    """Attributes of each joint's range and torque."""
+    """Attributes of each joint's range and torque limit."""
     for lower, upper, effort in zip(arm.position_lower, arm.position_upper, arm.torque_limit):
         limits = {"range": words([lower, upper])}
         yield limits | ({"actuatorfrcrange": words([-effort, effort])} if np.isfinite(effort) else {})
 
 
 def _draw(arm: Arm, root: ET.Element) -> None:
-    """Give the bodies of the links and of what is fixed to them their shapes."""
+    """Add shapes to the bodies of links and of what is fixed to them."""
     world, assets, moving = child(root, "worldbody", ""), ET.Element("asset"), [*root.iter("body")]
-    bodies = {"world": world} | {one.get("name", ""): one for one in moving}
+    bodies = {"world": world} | {body.get("name", ""): body for body in moving}
     for k, (link, owner) in enumerate(zip(arm.capsules.link.tolist(), arm.capsules.owners)):
         if owner not in bodies:
             bodies[owner] = ET.SubElement(world if link < 0 else moving[link], "body", name=owner)
         ET.SubElement(bodies[owner], "geom", {"group": "1"} | _shape(arm, k, assets))
     before = dict(arm.parents or ()).get(arm.link_names[0])
-    if before is not None:  # neighbours are bodies one of which is in the other
+    if before is not None:  # nested bodies count as neighbours
         world.remove(moving[0])
         bodies[before].append(moving[0])
     if len(assets):
         root.insert(1, assets)
     contact = ET.Element("contact")
-    for one, other, _ in arm.may_touch:
-        if {one, other} <= {*bodies}:
-            ET.SubElement(contact, "exclude", body1=one, body2=other)
+    for a, b, _ in arm.may_touch:
+        if {a, b} <= {*bodies}:
+            ET.SubElement(contact, "exclude", body1=a, body2=b)
     if len(contact):
         root.append(contact)
 
 
 def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
-    """Attributes of the geom of a capsule, or of the hull inside of it, which is written among the assets."""
+    """Attributes of the geom of a capsule, or of the hull inside, which is added to the assets."""
     capsules, pieces = arm.capsules, arm.capsules.pieces
     a, b, radius = capsules.a[k], capsules.b[k], capsules.radius[k]
     if pieces is not None and not pieces.exact[k]:
         hull, r = pieces.corners[pieces.start[k] : pieces.start[k + 1]], float(pieces.radius[k])
         cube = np.array(np.meshgrid([-r, r], [-r, r], [-r, r])).reshape(3, 8).T
-        points = (hull[:, None] + cube).reshape(-1, 3)  # what is rounded is within
+        points = (hull[:, None] + cube).reshape(-1, 3)  # encloses the inflated hull
         if hull_of(points) is not None:
             ET.SubElement(assets, "mesh", name=f"piece {k}", vertex=words(corners(points).ravel()))
             return {"type": "mesh", "mesh": f"piece {k}"}

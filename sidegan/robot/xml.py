@@ -1,4 +1,4 @@
-"""XML of descriptions: elements and attributes that have to be there, and numbers that are finite."""
+"""XML of descriptions: required elements and attributes, and finite numbers."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -12,7 +12,7 @@ from sidegan.errors import RobotError
 _TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
 _PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
 _DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
-_LARGEST = 1e18  # of any number in SI units: products of a few of them are still numbers
+_LARGEST = 1e18  # of any number in SI units, so that products of a few are finite
 
 
 @dataclass(frozen=True)
@@ -22,15 +22,15 @@ class Source:
     text: bytes  # of the URDF
     root: ET.Element
     notes: tuple[str, ...] = ()  # what could not be carried over
-    missing: Mapping[str, list[str]] = field(default_factory=dict)  # lost meshes, by link
-    # Both in the first link's frame.
+    missing: Mapping[str, list[str]] = field(default_factory=dict)  # missing mesh files by link
+    # planes and gravity are in the first link's frame
     planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
-    gravity: tuple[float, ...] | None = None  # [m/s²], (3,), where it is stated
+    gravity: tuple[float, ...] | None = None  # [m/s²], (3,), if stated
     postures: Mapping[str, Mapping[str, float]] | None = None  # positions of joints [rad or m], by name
 
 
 def parse(text: bytes, path: Path) -> ET.Element:
-    """The root element of a description's text, which is a URDF's or an MJCF's."""
+    """The root element of a URDF or MJCF."""
     try:
         root = ET.fromstring(bound(text))
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
@@ -44,7 +44,7 @@ def parse(text: bytes, path: Path) -> ET.Element:
 
 
 def bound(text: bytes) -> bytes:
-    """A description whose prefixes all have a namespace: readers of URDF ask for none, those of XML do."""
+    """A description with all its prefixes declared as namespaces: XML requires that, URDF readers do not."""
     declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
     loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
     names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
@@ -52,7 +52,7 @@ def bound(text: bytes) -> bytes:
 
 
 def attribute(element: ET.Element, key: str, where: str) -> str:
-    """An attribute that has to be there and not empty."""
+    """A required, nonempty attribute."""
     value = element.get(key, "")
     if not value:
         raise RobotError(f"{where}: <{element.tag}> has no {key!r}")
@@ -60,7 +60,7 @@ def attribute(element: ET.Element, key: str, where: str) -> str:
 
 
 def child(element: ET.Element, tag: str, where: str) -> ET.Element:
-    """A child that has to be there."""
+    """A required child element."""
     inner = element.find(tag)
     if inner is None:
         raise RobotError(f"{where}: <{element.tag}> has no <{tag}>")
@@ -68,12 +68,12 @@ def child(element: ET.Element, tag: str, where: str) -> ET.Element:
 
 
 def number(element: ET.Element, key: str, where: str, default: str | None = None) -> float:
-    """A finite number from an attribute; without a default, the attribute has to be there."""
+    """A finite number from an attribute, which is required unless there is a default."""
     return vector(element, key, where, default, size=1)[0]
 
 
 def positive(element: ET.Element, key: str, where: str, size: int = 1) -> tuple[float, ...]:
-    """Numbers above zero from an attribute, such as the sizes of a box."""
+    """Positive numbers from an attribute, such as the sizes of a box."""
     values = vector(element, key, where, size=size)
     if min(values) <= 0:
         raise RobotError(f"{where}: <{element.tag} {key}={element.get(key)!r}>, expected more than 0")
@@ -83,7 +83,7 @@ def positive(element: ET.Element, key: str, where: str, size: int = 1) -> tuple[
 def vector(
     element: ET.Element | None, key: str, where: str, default: str | None = None, size: int = 3
 ) -> tuple[float, ...]:
-    """Finite numbers from an attribute; with a default, element and attribute may be absent."""
+    """Finite numbers from an attribute; element and attribute are required unless there is a default."""
     text = element.get(key, default) if element is not None else default
     tag = element.tag if element is not None else ""
     if text is None:
@@ -99,5 +99,5 @@ def vector(
 
 
 def words(values: Iterable[SupportsFloat]) -> str:
-    """Numbers as an attribute, exactly."""
+    """Numbers as an attribute's text, exactly."""
     return " ".join(repr(float(x)) for x in values)
