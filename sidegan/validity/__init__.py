@@ -1,4 +1,4 @@
-"""Signed margins of every constraint over a whole trajectory, with nothing missed between samples."""
+"""Signed margins of all constraints over whole trajectories, guaranteed between samples too."""
 
 from sidegan.validity.check import Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints

@@ -1,7 +1,7 @@
-"""How much margins can change between a sample and the edge of its cell: what kernels need for upper bounds.
+"""Inputs to upper bounds on the change of margins between a sample and the edge of its cell.
 
-From a sample's derivatives and a bound on the next one follow bounds on the joints' motion in the cell; from
-those, by triangle inequalities alone (``sidegan.kernels.formulas``), bounds on capsules' motion and torques.
+A sample's derivatives and a bound on the next one bound the joints' motion in the cell. By triangle
+inequalities alone (``sidegan.kernels.formulas``), that bounds the capsules' motion and the torques.
 """
 
 from typing import NamedTuple
@@ -13,9 +13,9 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
 COARSE = 0.1  # [s] longest cell of the first pass
-SPLIT = 3  # parts that a cell is cut into where it cannot be decided
-ORDERS = 5  # derivatives of the motion, from none on, that kernels take
-LEVELS = 7  # passes: the last one's cells are 0.1 s / 3⁶ = 0.14 ms long
+SPLIT = 3  # parts of an undecided cell
+ORDERS = 5  # derivatives of the motion, including order 0, that kernels take
+LEVELS = 7  # passes; cells of the last are 0.1 s / 3⁶ = 0.14 ms long
 
 
 def coarse_cells(trajectory: Trajectory) -> int:
@@ -36,23 +36,23 @@ def derivative_bound(trajectory: Trajectory, c: Array, order: int) -> Array:
 
 
 class Reaches(NamedTuple):
-    """How far the motion of each joint can change distances [m per rad or m]."""
+    """Largest change of distances per joint motion [m per rad or m]."""
 
     pairs: Array  # of capsules, (P, J)
-    pieces: Array  # of what is inside of them, (P, J)
-    regions: Array  # of guarded capsules to their regions, (K, J)
+    pieces: Array  # of the pieces inside them, (P, J)
+    regions: Array  # of guarded capsules and their regions, (K, J)
 
     @property
     def largest(self) -> Array:
-        """The largest of each joint to any capsule or region, (1, J); zero where there is none."""
+        """Largest reach of each joint over all pairs and regions, (1, J); zero if there are none."""
         none = np.zeros((1, self.regions.shape[1]))
         return np.concatenate([self.pairs, self.regions, none]).max(0, keepdims=True)
 
     @classmethod
     def of(cls, arm: Arm, pairs: Array, guarded: Array) -> "Reaches":
-        """Reaches of pairs of capsules, (P, 2), and of regions and capsules, (K, 2).
+        """Reaches for pairs of capsules, (P, 2), and for regions and capsules, (K, 2).
 
-        Between two capsules only the joints between their links count, and they carry the outer one.
+        For two capsules only the joints between their links count; these move the outer one.
         """
         link, reach = arm.capsules.link, capsule_reach(arm)
         first, second = link[pairs].T
@@ -69,16 +69,16 @@ def travel(arm: Arm) -> Array:
 
 
 def capsule_reach(arm: Arm) -> Array:
-    """Largest speed [m per rad or m] that unit speed of a joint gives a point of a capsule's axis, (C, J).
+    """Largest speed of a point on a capsule's axis per unit joint speed [m per rad or m], (C, J).
 
-    The distance of a point to a joint's axis is at most that of the next joint's origin (which turning
-    about the axis does not change) plus the lengths from there outwards.
+    A point's distance from a joint's axis is at most that of the next joint's origin, which rotation about
+    the axis does not change, plus the lengths from there outwards.
     """
     return _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
 
 
 def piece_reach(arm: Arm) -> Array:
-    """Reach of a point of the hull inside of each capsule, (C, J)."""
+    """Reach as of ``capsule_reach``, for points of the hulls inside the capsules, (C, J)."""
     pieces = arm.capsules.pieces
     if pieces is None:
         return capsule_reach(arm)
@@ -86,7 +86,7 @@ def piece_reach(arm: Arm) -> Array:
 
 
 def _reach(arm: Arm, bodies: list[Array]) -> Array:
-    """Largest speed [m per rad or m] that a joint gives the corners (V, 3) of each capsule's body, (C, J)."""
+    """Largest speed of the corners (V, 3) of each body per unit joint speed [m per rad or m], (C, J)."""
     travels = travel(arm)
     reach = np.zeros((len(bodies), arm.joints))
     for k, (link, corners) in enumerate(zip(arm.capsules.link.tolist(), bodies)):

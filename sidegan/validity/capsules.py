@@ -1,4 +1,4 @@
-"""Where an arm's capsules are, and how far apart, in many configurations at a time; thicker ones."""
+"""Placement and distances of an arm's capsules in many configurations, and inflated capsules."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -17,27 +17,27 @@ def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
     turns, places = frames_of(arm, q)
     placed = np.empty((3, len(points), q.shape[1]))
     for link in np.unique(links).tolist():
-        mine = links == link
-        placed[:, mine] = np.einsum("ijn,kj->ikn", turns[link + 1], points[mine]) + places[link + 1][:, None]
+        own = links == link
+        placed[:, own] = np.einsum("ijn,kj->ikn", turns[link + 1], points[own]) + places[link + 1][:, None]
     return placed
 
 
 def frames_of(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of the base and the joints, at (J, N)."""
+    """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of base and joints at positions (J, N)."""
     fixed, sine, cosine, origin, slide = (x[..., None] for x in chain_of(arm)[1:6])
     turns = [np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))]
     places = [np.zeros((3, q.shape[1]))]
     for i, x in enumerate(q):
-        own = (fixed[i] + sine[i] * np.sin(x) + cosine[i] * np.cos(x)).reshape(3, 3, -1)
+        turn = (fixed[i] + sine[i] * np.sin(x) + cosine[i] * np.cos(x)).reshape(3, 3, -1)
         places.append(places[-1] + (turns[-1] * (origin[i] + slide[i] * x)).sum(1))
-        turns.append((turns[-1][:, :, None] * own).sum(1))
+        turns.append((turns[-1][:, :, None] * turn).sum(1))
     return np.stack(turns), np.stack(places)
 
 
 def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
-    """Signed distances [m] of pairs of capsules, (N, P), and of guarded ones from regions, (N, K), at (N, J).
+    """Signed distances [m] of capsule pairs, (N, P), and of guarded ones from regions, (N, K), at (N, J).
 
-    Those of two segments that nearly coincide are good to 1e-7 of a length in the worst case.
+    Distances of two nearly coincident segments are accurate to 1e-7 of a length in the worst case.
     """
     from sidegan.kernels import bodies
     from sidegan.kernels import clearances as kernel
@@ -53,13 +53,13 @@ def capsule_distances(arm: Arm, q: Array, pairs: Array) -> Array:
 
 
 def shapes_alone(arm: Arm, pairs: Array) -> Shapes:
-    """The capsules and pairs of them, (P, 2), without regions, as compiled kernels take them."""
+    """Capsules and pairs of them, (P, 2), without regions, for compiled kernels."""
     return shapes_of(arm.capsules, pairs, np.zeros((0, 2), dtype=int), tables(()))
 
 
 @lru_cache(maxsize=16)
 def thicker(arm: Arm, clearance: float) -> Arm:
-    """The arm with shapes whose surfaces lie half a clearance [m] further out; the arm itself for none."""
+    """The arm with its shapes inflated by half a clearance [m]; the arm itself for zero."""
     if not clearance:
         return arm
     half, capsules = clearance / 2, arm.capsules

@@ -1,4 +1,4 @@
-"""The validity of whole trajectories, and what they violate."""
+"""Validity check of whole trajectories."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity.bounds import coarse_cells
 from sidegan.validity.constraints import NAMES, Constraints
 
-_CELLS_AT_ONCE = 1_000_000  # of the first pass: 30 MB of indices
+_CELLS_AT_ONCE = 1_000_000  # in the first pass: 30 MB of indices
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A violated constraint of one trajectory: where (joint, pair or region), when [s], by how much."""
+    """A violated constraint of one trajectory: joint, pair or region, time [s] and margin."""
 
     constraint: str
     where: str
@@ -33,20 +33,20 @@ class Validity:
     """Outcome of a check of B trajectories."""
 
     valid: Array  # whether every constraint provably holds over the whole period, (B,)
-    # smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; where a cell could not be decided at the
-    # finest step, the guaranteed margin, which is negative
+    # smallest margin of each constraint, (B,) [rad, rad/s, N·m, m]; the guaranteed, negative margin if a cell
+    # is still undecided at the finest step
     margins: dict[str, Array]
-    elements: dict[str, Array]  # which joint, pair or region each smallest margin belongs to, (B,)
-    times: dict[str, Array]  # when each smallest margin occurs [s], (B,)
-    labels: dict[str, tuple[str, ...]]  # the elements' names
+    elements: dict[str, Array]  # joint, pair or region of each smallest margin, (B,)
+    times: dict[str, Array]  # of each smallest margin [s], (B,)
+    labels: dict[str, tuple[str, ...]]  # names of the elements
 
     def faults(self) -> Counter[str]:
-        """How many trajectories violate what, for people."""
+        """Number of trajectories by violation, for people."""
         invalid = np.flatnonzero(~self.valid).tolist()
-        return Counter(f"{one.constraint} of {one.where}" for k in invalid for one in self.failures(k))
+        return Counter(f"{x.constraint} of {x.where}" for k in invalid for x in self.failures(k))
 
     def failures(self, index: int) -> list[Failure]:
-        """Violations of trajectory ``index``, worst of each constraint; empty when it is valid."""
+        """Worst violation of each constraint by trajectory ``index``; empty if it is valid."""
         return [
             Failure(
                 name,
@@ -65,16 +65,16 @@ def summarise_faults(faults: Mapping[str, int]) -> str:
 
 
 def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validity:
-    """Whether trajectories with coefficients [rad/s], (B, J, H, 2), are valid, and their margins.
+    """Validity and margins of trajectories with coefficients [rad/s], (B, J, H, 2).
 
-    Samples the centres of cells of at most 0.1 s. A cell is settled when every margin at its centre
-    is at least the largest possible change within it (``bounds``) or when one is negative; otherwise
-    it is cut into three, down to 0.14 ms. What is undecided then counts as invalid. Works in float64:
-    single precision leaves errors larger than the margins.
+    Samples the centres of cells of at most 0.1 s. A cell is decided if every margin at its centre is at
+    least the largest possible change within the cell (``bounds``), or if a margin is negative. Otherwise
+    it is cut into three, down to 0.14 ms; cells still undecided count as invalid. All is in float64, since
+    errors in single precision exceed the margins.
 
     Raises:
-        ShapeError: when the coefficients have the wrong shape or are not finite, or the trajectory has
-            another number of joints than the arm.
+        ShapeError: when the coefficients have the wrong shape or are not finite, or the trajectory's number
+            of joints is not the arm's.
     """
     from sidegan.validity.search import Search
 

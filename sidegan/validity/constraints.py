@@ -1,4 +1,4 @@
-"""Every constraint of an arm in its workspace, as signed margins of single states."""
+"""Constraints of an arm in its workspace, as signed margins of single states."""
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
@@ -17,44 +17,44 @@ from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sa
 from sidegan.validity.pieces import PieceDistances
 from sidegan.validity.regions import Plane, Region, tables
 
-# All that there are, in the order in which kernels have them.
+# In the order of the kernels.
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
 DISTANCES = NAMES[3:5]
-_SHOWN = 4  # excepted names that are told
-_FAR = 0.05  # [m] between capsules, which is far enough not to look inside of them
+_SHOWN = 4  # exceptions named in a message
+_FAR = 0.05  # [m] between capsules, above which the pieces inside are not needed
 
 
 class Constraints:
     """Limits, self-collision and keep-out regions of an arm.
 
-    Neighbours in the chain are not checked against each other, nor are links that somebody named, nor such
-    that provably cannot touch: ``pairs_of`` has the rule. Capsules that violate a region in every one of
-    4,000 random configurations (links that cannot leave it) are excepted too: ``described`` says which.
+    Neighbouring links are not checked against each other, nor are pairs of links that the user or the
+    description exempts or that provably cannot touch; see ``pairs_of``. Links inside a region in all of
+    4,000 random configurations are not checked against it; ``described`` names them.
 
     Args:
         arm: the arm.
         regions: keep-out regions in world coordinates.
-        torque: whether torque limits count, where the robot states them.
-        clearance: how far links stay from the regions [m]; margins of distances are what is left beyond it.
-            At the edges of boxes a little more is kept. Links that never have it from a plane (those above
-            the foot of the arm) merely keep out of that, as ``kept_clear`` tells.
-        apart: how far links stay from each other [m]; the clearance when None.
-        tight: how far some pairs of links do that have less room [m].
+        torque: whether torque limits count, if there are any.
+        clearance: distance that links keep from the regions [m]; margins of distances are in excess of it.
+            At edges of boxes slightly more is kept. Links that are always closer to a plane (those above
+            the foot of the arm) only keep out of it, as ``kept_clear`` says.
+        apart: distance that links keep from each other [m]; the clearance if None.
+        tight: smaller distances [m] for pairs of links that have less room.
 
     Attributes:
-        higher: limits of acceleration and jerk, (J,), where the robot states any.
-        pairs: checked capsule pairs, (P, 2).
-        owners: the links that they are of.
-        gaps: how far they stay from each other [m], (P,).
-        pieces: distances of what is inside of these capsules.
-        of_links: which links are kept apart and which are not.
+        higher: limits on acceleration and jerk, (J,), if there are any.
+        pairs: checked pairs of capsules, (P, 2).
+        owners: the links of these pairs.
+        gaps: distances that these pairs keep [m], (P,).
+        pieces: distances of the pieces inside these capsules.
+        of_links: pairs of links that are checked or exempt.
         guarded: region and capsule index of each keep-out check, (K, 2).
-        labels: what each element of each margin is, by constraint.
-        never_out: capsules that never leave a region, and which.
+        labels: names of the elements of each constraint's margins.
+        never_out: capsules that never leave a region, with the region.
 
     Raises:
-        InfeasibleError: when links touch always that nobody named, no link ever leaves a region, or some are
-            always nearer than the clearance.
+        InfeasibleError: when links that are not exempt always touch, no link ever leaves a region, or links
+            are always closer than the clearance.
     """
 
     def __init__(
@@ -72,13 +72,13 @@ class Constraints:
         self._thick = thicker(arm, self.apart)
         self.body = RigidBody(arm)
         self.regions = tuple(regions)
-        # Planes come twice: again, with no clearance, for links that never have it.
+        # Planes come twice, the second time without clearance, for links that are always closer.
         planes = [r for r, region in enumerate(regions) if isinstance(region, Plane)]
         self._region_of = [*range(len(regions)), *planes]
         kept_out = (*regions, *(regions[r].grown(-clearance) for r in planes))
-        rest = clearance - self.apart / 2  # beside what shapes are thicker by
+        rest = clearance - self.apart / 2  # shapes are already inflated by the other part
         self.kept_out = [region.grown(rest) if rest else region for region in kept_out]
-        heavy = bool(arm.inertial_parameters.any())  # else torques are not known
+        heavy = bool(arm.inertial_parameters.any())  # otherwise torques are unknown
         self.torque = torque and heavy and bool(np.isfinite(arm.torque_limit).any())
         self.higher = arm.higher_limits
         self.of_links = self._pairs()
@@ -101,12 +101,12 @@ class Constraints:
 
     @property
     def orders(self) -> int:
-        """How many derivatives of the position make a state: 3, or 4 where jerk is limited."""
+        """Number of arrays in a state: 3, or 4 if jerk is limited."""
         return 4 if "jerk" in self.higher else 3
 
     @property
     def higher_rows(self) -> Array:
-        """Limits of acceleration and jerk as kernels take them, (2, J); (2, 0) where there are none."""
+        """Limits on acceleration and jerk for kernels, (2, J), or (2, 0) if there are none."""
         none = np.full_like(self.arm.velocity_limit, np.inf)
         rows = [self.higher.get(name, none) for name in DERIVATIVE_ORDER]
         return np.stack(rows) if self.higher else np.zeros((len(DERIVATIVE_ORDER), 0))
@@ -114,8 +114,7 @@ class Constraints:
     def margins(self, *states: Array) -> dict[str, Array]:
         """Signed margins by constraint, (N, K) each [rad, rad/s, rad/s², rad/s³, N·m, m], of states (N, J).
 
-        At least zero is feasible. States are position, velocity and acceleration, and jerk where it is
-        limited.
+        Nonnegative margins are feasible. States are position, velocity, acceleration, and jerk if limited.
 
         Raises:
             ShapeError: when the states are not (N, J) each, or jerk is limited and not given.
@@ -132,18 +131,18 @@ class Constraints:
         for name, limit in self.higher.items():
             margins[name] = limit - np.abs(states[DERIVATIVE_ORDER[name]])
         if self.torque:
-            drives = arm.known_drives  # whose dry friction may have either sign where a joint is slow
+            drives = arm.known_drives  # Coulomb friction may have either sign at low speed
             torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
             margins["torque"] = arm.torque_limit - drives.coulomb - np.abs(torque)
         return margins | self._distances(q)
 
     def at_rest(self, q: Array) -> dict[str, Array]:
-        """Margins of positions (N, J) that are held."""
+        """Margins at rest at positions (N, J)."""
         still = np.zeros_like(q)
         return self.margins(q, still, still, still)
 
     def relative(self, margins: dict[str, Array], distance: float) -> dict[str, Array]:
-        """Margins as shares of half the range, the limit, or ``distance`` [m]; 1 where nothing limits."""
+        """Margins relative to half the range, the limit, or ``distance`` [m]; 1 where there is no limit."""
         arm = self.arm
         whole = {
             "position": (arm.position_upper - arm.position_lower) / 2,
@@ -152,11 +151,13 @@ class Constraints:
             "torque": np.maximum(arm.torque_limit - arm.known_drives.coulomb, np.finfo(float).tiny),
         }
         scales = {name: np.asarray(whole.get(name, distance)) for name in margins}
-        with np.errstate(over="ignore", invalid="ignore"):  # of no limit, or one that friction takes
+        with np.errstate(
+            over="ignore", invalid="ignore"
+        ):  # from infinite limits, or friction up to the limit
             return {name: np.where(np.isfinite(x), margins[name] / x, 1.0) for name, x in scales.items()}
 
     def _distances(self, q: Array) -> dict[str, Array]:
-        """Margins of distances; of what is inside of capsules where these are near each other or touch."""
+        """Margins of distances, by the pieces inside capsules where these are close."""
         collision, keep_out = clearances(self.body.chain, self.shapes, q)
         near = np.argwhere((collision < _FAR) & self.pieces.finer)
         n, p = near.T
@@ -167,12 +168,12 @@ class Constraints:
 
     @cached_property
     def pieces(self) -> PieceDistances:
-        """Distances of what is inside of the checked pairs' capsules."""
+        """Distances of the pieces inside the checked pairs' capsules."""
         return PieceDistances(self._thick, self.pairs)
 
     @cached_property
     def shapes(self) -> Shapes:
-        """Capsules and regions as compiled kernels take them."""
+        """Capsules and regions for compiled kernels."""
         return self._shapes_of(self.pairs, self.guarded)
 
     def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
@@ -180,31 +181,31 @@ class Constraints:
         return shapes_of(self._thick.capsules, pairs, guarded, tables(self.kept_out), closer)
 
     def described(self) -> str:
-        """Description of what is checked and what is not, as one line for people."""
+        """What is checked and what is not, in one line for people."""
         arm, capsules, pairs = self.arm, self.arm.capsules, self.of_links
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
         limited["torque"] = int(np.isfinite(arm.torque_limit).sum()) if self.torque else 0
         limits = ", ".join(f"{name} of {count}" for name, count in limited.items())
         apart = len(set(self.owners))
         links = f"{apart} of {counted(apart + len(pairs.named), 'pair')} of links"
-        links += _except([str(one) for one in pairs.named], "may touch")
+        links += _except([str(exemption) for exemption in pairs.named], "may touch")
         links += f"; {len(pairs.never)} never touch" if pairs.never else ""
         guarded = counted(
             len(self.guarded) + len(self.never_out), "joint origin" if capsules.points else "link"
         )
         regions = f"{len(self.guarded)} of {guarded} against {counted(len(self.regions), 'region')}"
         regions += _except(self.never_out, "always inside")
-        said = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
+        found = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
         if self.clearance:
-            said.append(f"{self.kept_clear} kept clear")
+            found.append(f"{self.kept_clear} kept clear")
         shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
         if bare := arm.joints - len(shaped):
-            said.append(f"not checked: {counted(bare, 'link')} without a shape")
-        return "; ".join(said)
+            found.append(f"not checked: {counted(bare, 'link')} without a shape")
+        return "; ".join(found)
 
     @property
     def kept_clear(self) -> str:
-        """The distances that are kept, for people."""
+        """Distances that are kept, in words for people."""
         links = f" from regions and {self.apart:g} m between links" if self.apart != self.clearance else ""
         near = self.guarded[~self._whole]
         less = [f"{' – '.join(pair)} {gap:g} m" for pair, gap in self.tight.items() if pair in self.owners]
@@ -215,37 +216,37 @@ class Constraints:
         )
 
     def nearest(self, q: Array) -> tuple[Array, Array]:
-        """Smallest distance [m], (N,), of links from each other and from regions, and whose, at (N, J).
+        """Smallest distance [m] of links from each other and from regions, and its index, (N,), at (N, J).
 
-        Distances count from ``DISTANCES`` and their labels, one after the other, and are lower bounds from
-        some centimetres on. Infinite where nothing is near. Links that never have the clearance from a plane
-        are left out, and so are joint origins, which stand for links without shapes.
+        Indices count through the labels of all ``DISTANCES``. Above some centimetres distances are lower
+        bounds, infinite if nothing is near. Links that are always too close to a plane are left out, and
+        so are joint origins, which stand for links without shapes.
         """
         far = np.full((len(q), 1), np.inf)
         if self.arm.capsules.points:
             return far[:, 0], np.zeros(len(q), int)
         kept = self.kept | {"keep_out": np.where(self._whole, self.kept["keep_out"], np.inf)}
         near = [margin + kept[name] for name, margin in self.at_rest(q).items() if name in kept]
-        every = np.concatenate([*near, far], 1)
-        return every.min(1), every.argmin(1)
+        distances = np.concatenate([*near, far], 1)
+        return distances.min(1), distances.argmin(1)
 
     @property
     def _whole(self) -> Array:
-        """Which guarded capsules keep the whole clearance, (K,) bool."""
+        """Whether each guarded capsule keeps the whole clearance, (K,)."""
         return self.guarded[:, 0] < len(self.regions)
 
     @property
     def kept(self) -> dict[str, Array]:
-        """Distances [m] that pairs, (P,), and guarded capsules, (K,), keep."""
+        """Distances [m] kept by pairs, (P,), and guarded capsules, (K,)."""
         return {"collision": self.gaps, "keep_out": self.clearance * self._whole}
 
     def keeps_out(self, home: Sequence[float], beside: float) -> bool:
-        """Whether at home (J,) [rad or m] a share of each distance from regions is left beside it."""
+        """Whether home (J,) [rad or m] leaves the share ``beside`` of each distance from regions to spare."""
         left = self._distances(np.array([home], float)).get("keep_out", np.zeros((1, 0)))
         return bool((left >= beside * self.kept["keep_out"]).all())
 
     def distances_at(self, q: Array) -> dict[Links, float]:
-        """Distances [m] of links that are kept apart, at one position (J,)."""
+        """Distances [m] of all checked pairs of links at a position (J,)."""
         found: dict[Links, float] = {}
         left = self._distances(q[None]).get("collision", np.zeros((1, 0)))[0] + self.gaps
         for links, distance in zip(self.owners, left.tolist()):
@@ -253,31 +254,31 @@ class Constraints:
         return found
 
     def refuse_home(self, home: Sequence[float]) -> None:
-        """Refuse a home position where the arm cannot rest.
+        """Refuse a home position at which the arm cannot rest.
 
         Raises:
             ShapeError: when it is not one finite number per joint.
-            InfeasibleError: names each violated limit, pair or region, with its margin.
+            InfeasibleError: when it is infeasible; names violated limits, pairs and regions, with margins.
         """
         q = np.array([home], float)
         if q.shape[1] != self.arm.joints or not np.isfinite(q).all():
             raise ShapeError(f"home position {list(home)} must be {self.arm.joints} finite joint positions")
-        faults: dict[str, float] = {}  # the worst of what has one name: parts of links
+        faults: dict[str, float] = {}  # worst margin by name, which several parts of a link may share
         for name, margin in self.at_rest(q).items():
             for k in np.flatnonzero(margin[0] < 0).tolist():
                 which = f"{name} of {self.labels[name][k]}"
                 faults[which] = min(faults.get(which, 0.0), float(margin[0, k]))
         if faults:
-            said = "; ".join(f"{which}: margin {margin:.4g}" for which, margin in faults.items())
-            raise InfeasibleError(f"home position {list(home)} is not feasible: {said}")
+            reasons = "; ".join(f"{which}: margin {margin:.4g}" for which, margin in faults.items())
+            raise InfeasibleError(f"home position {list(home)} is not feasible: {reasons}")
 
     def _find_guarded(self) -> Array:
-        """Capsules that a region is kept free of, in the order of regions; refuses what cannot be kept."""
+        """Regions and capsules to check, (K, 2), in the order of regions; raises if that is impossible."""
         moving = np.flatnonzero(self.arm.capsules.link >= 0)
-        every = np.stack(np.meshgrid(np.arange(len(self.regions)), moving, indexing="ij"), -1).reshape(-1, 2)
-        if not len(every):
-            return every
-        shapes = self._shapes_of(every[:0], every)
+        both = np.stack(np.meshgrid(np.arange(len(self.regions)), moving, indexing="ij"), -1).reshape(-1, 2)
+        if not len(both):
+            return both
+        shapes = self._shapes_of(both[:0], both)
         farthest = clearances(self.body.chain, shapes, sampled(self.arm))[1].max(0).reshape(-1, len(moving))
         leaves = farthest + self.clearance > 0
         stuck = np.flatnonzero(~leaves.any(1))
@@ -286,23 +287,23 @@ class Constraints:
                 f"region {int(stuck[0])} cannot be avoided: no link is outside it in any of {SAMPLES:,} "
                 "random configurations"
             )
-        self.never_out = self._guarded_names(every[~leaves.ravel()])
+        self.never_out = self._guarded_names(both[~leaves.ravel()])
         short = leaves & (farthest <= 0)
         planes = self._region_of[len(self.regions) :]
         kept = np.concatenate([leaves & ~short, short[planes]])
         short[planes] = False
         if short.any():
-            names = self._guarded_names(every[short.ravel()])
+            names = self._guarded_names(both[short.ravel()])
             raise too_large(self.clearance, names, float(farthest[short].min()))
         which, capsule = np.nonzero(kept)
         return np.stack([which, moving[capsule]], 1)
 
     def _pairs(self) -> Pairs:
-        """The pairs that are kept apart, by the clearance."""
+        """The pairs to check, with the clearance."""
         try:
             return pairs_of(self._thick, frozenset(self.tight))
         except InfeasibleError:
-            pairs_of(self.arm)  # links that touch without any clearance are refused with what helps
+            pairs_of(self.arm)  # raises its own error for links that touch without any clearance
             near = usual_gaps(self._thick)
             names = [" – ".join(links) for links in near]
             raise too_large(self.apart, names, min(near.values(), default=-np.inf)) from None
@@ -313,5 +314,5 @@ class Constraints:
 
 
 def _except(names: Sequence[str], why: str) -> str:
-    """The first of some names, and why they are excepted."""
+    """The first of some names, and why they are exceptions, in parentheses."""
     return f" ({why}: {listed(list(dict.fromkeys(names)), _SHOWN)})" if names else ""

@@ -1,4 +1,4 @@
-"""Floor that an arm stands on, by its description, and what keeps above it where no link has a shape."""
+"""Floor and planes of an arm's description, and points that stand for links of arms without shapes."""
 
 import math
 from dataclasses import replace
@@ -14,29 +14,29 @@ from sidegan.validity.capsules import clearances
 from sidegan.validity.pairs import sampled
 from sidegan.validity.regions import Plane, tables
 
-_STANDS = 0.02  # share of random configurations above the floor from which on an arm stands on it
+_STANDS = 0.02  # least share of random configurations above the floor of an arm that stands on it
 _STEPS = 1_000  # per metre: heights are whole millimetres
-_ROUNDING = 1e-3  # of a step: an error that is none
+_ROUNDING = 1e-3  # of a step, for rounding errors
 
 
 @lru_cache(maxsize=16)
 def floor_under(arm: Arm) -> Plane | None:
-    """The floor that an arm stands on, by what its base looks like.
+    """The floor that an arm stands on, from the shapes of its base.
 
-    None for an arm that is mounted so that it hangs, or reaches below that in nearly every configuration.
+    None if the arm does not stand upright, or reaches below its base in nearly every configuration.
     """
     floor = Plane((0.0, 0.0, 1.0), _lowest(arm)[0])
     return floor if stands(arm) and _leaves(arm, floor) else None
 
 
 def floor_is_known(arm: Arm) -> bool:
-    """Whether shapes show where an arm stands, and its floor is no guess."""
+    """Whether an arm's floor follows from shapes, rather than being a guess."""
     return _lowest(arm)[1]
 
 
 @lru_cache(maxsize=16)
 def planes_of(arm: Arm) -> tuple[list[Plane], int]:
-    """Planes of an arm's description, and how many others it is behind in nearly every configuration."""
+    """Planes of an arm's description, and the number of ignored ones, which it is nearly always behind."""
     planes = [Plane((x, y, z), offset) for x, y, z, offset in arm.planes]
     kept = [plane for plane in planes if _leaves(arm, plane)]
     return kept, len(planes) - len(kept)
@@ -44,7 +44,7 @@ def planes_of(arm: Arm) -> tuple[list[Plane], int]:
 
 @lru_cache(maxsize=16)
 def with_points(arm: Arm) -> Arm:
-    """An arm that has no shapes with its joint origins and its tip in their place; others as they are."""
+    """The arm, with joint origins and tip as its shapes if it has none."""
     if len(arm.capsules.link):
         return arm
     places = np.stack([*arm.translation[1:], arm.tip])
@@ -56,13 +56,13 @@ def with_points(arm: Arm) -> Arm:
 
 @lru_cache(maxsize=16)
 def _lowest(arm: Arm) -> tuple[float, bool]:
-    """Lowest point of what stands still [m], to the millimetre below, and whether that is known."""
+    """Lowest point of the fixed links [m], rounded down to a millimetre, and whether it is known."""
     height, known = foot(arm)
     return math.floor(height * _STEPS + _ROUNDING) / _STEPS, known
 
 
 def _leaves(arm: Arm, plane: Plane) -> bool:
-    """Whether every link that can be is before a plane in some share of random configurations."""
+    """Whether all links that can be in front of a plane are so in enough random configurations."""
     arm = with_points(arm)
     moving = np.flatnonzero(arm.capsules.link >= 0)
     guarded = np.stack([np.zeros_like(moving), moving], 1)

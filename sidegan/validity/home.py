@@ -1,4 +1,4 @@
-"""Where an arm may rest, and how hard it may work, when nobody says so."""
+"""Default home position and effort of an arm."""
 
 import math
 from collections.abc import Sequence
@@ -13,21 +13,20 @@ from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import sampled
 from sidegan.validity.remedies import remedy
 
-_SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their middle, one after the other
-_DRAWS = 500  # configurations in each
-_CAREFUL = 0.8  # of the limits: a controller whose feedforward is wrong by a fourth stays within them
-_HELD, _TRIED = 0.95, 1000  # share of the configurations in which the arm holds itself then, and how many
-_ROOM = 0.05  # [m], what counts as far from others: 1 in relative margins
-_TURN = 2.1 * math.pi  # [rad] that no home is away from zero without a reason
+_SHARES = (0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9)  # of the ranges around their centre, tried in turn
+_DRAWS = 500  # configurations for each share
+_CAREFUL = 0.8  # of the limits: leaves room for feed-forward errors of a quarter
+_HELD, _TRIED = 0.95, 1000  # least share of configurations in which the arm can hold itself, and how many
+_ROOM = 0.05  # [m] distance that is a relative margin of 1
+_TURN = 2.1 * math.pi  # [rad] from zero, up to which a home is plausible whatever the limits
 
 
 def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, ...] | None:
-    """A position where the arm can rest [rad or m], (J,); None where zeros are one.
+    """A position at which the arm can rest, with room to move [rad or m], (J,); None if zero is one.
 
-    At a limit there is no room to move: such a position is none.
-
-    The one with most room among the first feasible ones around the middle of the ranges that leave a share
-    of each distance that is kept beside it; the same on every call.
+    Of random positions around the middle of the ranges, in the smallest neighbourhood with feasible ones, the
+    one with most room. Feasible ones leave the share ``beside`` of each kept distance in addition to it.
+    Deterministic.
 
     Raises:
         InfeasibleError: when none was found.
@@ -42,22 +41,22 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
     for share in _SHARES:
         draw = 2 * random.random((_DRAWS, arm.joints)) - 1
         q = middle + share * half * draw
-        q = (1e3 * q).round() / 1e3  # figures that people can read and repeat
+        q = (1e3 * q).round() / 1e3  # so that people can type them
         tried.append(_rooms(constraints, q))
         if bool((good := _roomy(constraints, tried[-1], beside)).any()):
             return tuple(q[(_least(tried[-1]) * good).argmax()].tolist())
-    rooms = {name: np.concatenate([one[name] for one in tried]) for name in tried[0]}
+    rooms = {name: np.concatenate([room[name] for room in tried]) for name in tried[0]}
     raise InfeasibleError(_nowhere(constraints, rooms))
 
 
 def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
-    """Whether an arm can rest at a position (J,) [rad or m] and move from there to all sides."""
+    """Whether an arm can rest at a position (J,) [rad or m] with room to move."""
     rooms = _rooms(constraints, np.array([home], float))
     return bool(_least(rooms)[0] > 0)
 
 
 def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
-    """Why none of the positions is a home, of which these are the relative margins, and what may help."""
+    """Message that none of the positions with these relative margins is a home, and what may help."""
     violated = {
         (name, where): share
         for name, room in rooms.items()
@@ -72,9 +71,9 @@ def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
 
 
 def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
-    """Refuse joint positions, (J,), that make sense in degrees alone, by a ConfigError that has the radians.
+    """Refuse joint positions, (J,), that make sense only in degrees, by a ConfigError with the radians.
 
-    Another number of positions is let through.
+    A wrong number of positions is not checked here.
     """
     if len(positions) != arm.joints:
         return
@@ -91,9 +90,9 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
 
 
 def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
-    """Share of an arm's velocity and torque limits for its first run; all where less hardly holds it.
+    """Default share of an arm's velocity and torque limits: 0.8, or 1 if that would hardly hold the arm.
 
-    It must hold the arm at home (J,) [rad or m], where that is known, and in nearly all of its range.
+    It must hold the arm at home (J,) [rad or m], if given, and in nearly all of its range.
 
     Raises:
         ShapeError: when home is not one position per joint.
@@ -111,12 +110,12 @@ def usual_effort(arm: Arm, home: Sequence[float] | None = None) -> float:
 
 
 def _rooms(constraints: Constraints, q: Array) -> dict[str, Array]:
-    """Relative margins, (N, K), by constraint, of arms at rest at positions (N, J)."""
+    """Relative margins by constraint, (N, K) each, at rest at positions (N, J)."""
     return constraints.relative(constraints.at_rest(q), _ROOM)
 
 
 def _roomy(constraints: Constraints, rooms: dict[str, Array], beside: float) -> Array:
-    """Which positions are feasible with a share of each distance that is kept beside it, (N,) bool."""
+    """Whether positions are feasible with the share ``beside`` of each kept distance to spare, (N,)."""
     kept = constraints.kept
     near = [np.all(rooms[name] * _ROOM >= beside * kept[name], 1) for name in kept if name in rooms]
     return np.all([_least(rooms) > 0, *near], 0)

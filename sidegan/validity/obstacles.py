@@ -1,22 +1,22 @@
-"""Convex obstacles as keep-out regions: balls, cylinders, boxes at an angle, hulls of meshes."""
+"""Convex obstacles as keep-out regions: spheres, cylinders, rotated boxes, convex hulls of meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
 
-_AROUND = 32  # planes around a cylinder: it grows by 0.5 % of its radius
-_TURN = np.radians(30)  # between planes that touch one edge
-_SAME_PLANE = 9  # digits by which planes are one
+_AROUND = 32  # planes around a cylinder, which enlarge its radius by 0.5 %
+_TURN = np.radians(30)  # largest angle between planes that touch the same edge
+_SAME_PLANE = 9  # digits in which equal planes agree
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """Keep out of a ball [m]."""
+    """Keep out of a sphere [m]."""
 
     centre: tuple[float, float, float]
     radius: float
@@ -28,29 +28,29 @@ class Sphere:
 
     @property
     def numbers(self) -> list[float]:
-        """Centre and radius, as compiled kernels take them."""
+        """Centre and radius for compiled kernels."""
         return [*self.centre, self.radius, 0.0, 0.0]
 
     def grown(self, by: float) -> "Sphere":
-        """The ball with a radius so much [m] larger."""
+        """The sphere with its radius enlarged by a distance [m]."""
         return Sphere(self.centre, self.radius + by)
 
 
 @dataclass(frozen=True, eq=False)
 class Convex:
-    """Keep out of a convex body, given by planes that touch it from outside.
+    """Keep out of a convex body, given by supporting planes.
 
-    The distance that counts is that to the farthest of the planes: never more than the distance to the body,
-    and exact inside and in front of faces. Beside the faces' own, planes at angles of at most 30° touch the
-    edges, and others the corners, so that in front of those it is short by a few per cent.
+    The distance is that to the farthest plane: never more than the distance to the body, and exact inside
+    and in front of faces. Further planes at edges, at most 30° apart, and at corners limit the error in
+    front of these to a few per cent.
     """
 
-    planes: Array  # unit normals, outwards, and offsets n·x [m], (K, 4)
+    planes: Array  # outward unit normals, and offsets n·x [m], (K, 4)
     points: Array  # corners [m], (V, 3)
 
     @classmethod
     def around(cls, points: Array) -> "Convex":
-        """The convex hull of points [m], (N, 3); a ConfigError where they have no volume."""
+        """The convex hull of points [m], (N, 3); ConfigError if it has no volume."""
         points = np.asarray(points, float)
         try:
             hull = scipy.spatial.ConvexHull(points)
@@ -77,30 +77,30 @@ class Convex:
         return cls.around(np.vstack([ring + a, ring + b]))
 
     def grown(self, by: float) -> "Convex":
-        """The body with its planes so much [m] further out, and corners of cubes around its own."""
+        """The body with its planes moved outwards by a distance [m]; its corners are replaced by cubes'."""
         corners = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T
         points = (self.points[:, None] + corners).reshape(-1, 3)
         return Convex(self.planes + np.array([0.0, 0.0, 0.0, by]), points)
 
     @property
     def numbers(self) -> list[float]:
-        """Centre and radius [m] of a ball around it, as compiled kernels take them."""
+        """Centre and radius [m] of an enclosing sphere, for compiled kernels."""
         centre = (self.points.min(0) + self.points.max(0)) / 2
         return [*centre.tolist(), float(np.linalg.norm(self.points - centre, axis=1).max()), 0.0, 0.0]
 
 
 def _touching(hull: "scipy.spatial.ConvexHull") -> Array:
-    """Unit normals, (K, 3), of planes on a hull's faces, around its edges and on its corners."""
-    own = hull.equations[:, :3]
-    i, j = np.repeat(np.arange(len(own)), 3), hull.neighbors.reshape(-1)
+    """Unit normals, (K, 3), of supporting planes at a hull's faces, edges and corners."""
+    faces = hull.equations[:, :3]
+    i, j = np.repeat(np.arange(len(faces)), 3), hull.neighbors.reshape(-1)
     i, j = i[i < j], j[i < j]
-    angles = np.arccos(np.clip((own[i] * own[j]).sum(1), -1, 1))
-    parts = [own]
-    for one, two, angle in zip(own[i], own[j], angles):
+    angles = np.arccos(np.clip((faces[i] * faces[j]).sum(1), -1, 1))
+    parts = [faces]
+    for a, b, angle in zip(faces[i], faces[j], angles):
         share = np.arange(1, np.ceil(angle / _TURN))[:, None] / np.ceil(angle / _TURN)
-        parts.append((np.sin((1 - share) * angle) * one + np.sin(share * angle) * two) / np.sin(angle))
+        parts.append((np.sin((1 - share) * angle) * a + np.sin(share * angle) * b) / np.sin(angle))
     for corner in hull.vertices:
-        around = own[(hull.simplices == corner).any(1)]
+        around = faces[(hull.simplices == corner).any(1)]
         mean = np.unique(around.round(_SAME_PLANE), axis=0).sum(0)
         if (around @ mean).min() < np.cos(_TURN / 2) * np.linalg.norm(mean):
             parts.append(mean[None])
@@ -110,7 +110,7 @@ def _touching(hull: "scipy.spatial.ConvexHull") -> Array:
 
 
 def _directions() -> Array:
-    """Unit vectors, (42, 3), spread evenly: corners and middles of the edges of an icosahedron."""
+    """Evenly spread unit vectors, (42, 3): corners and edge centres of an icosahedron."""
     golden = (1 + 5**0.5) / 2
     flat = [(0.0, s, t * golden) for s in (-1, 1) for t in (-1, 1)]
     corners = np.array([[p[-k], p[1 - k], p[2 - k]] for p in flat for k in range(3)])

@@ -1,4 +1,4 @@
-"""Which pairs of links are kept apart, and why others are not: docs/collision.md has the rule."""
+"""Pairs of links that are checked for collision, and exemptions; docs/collision.md has the rule."""
 
 import math
 from collections.abc import Sequence
@@ -15,22 +15,22 @@ from sidegan.robot.setup import allowed
 from sidegan.validity.capsules import capsule_distances
 from sidegan.validity.pieces import PieceDistances
 
-_FAR = 0.2  # of an arm's length, that shapes of neighbours are nearer to each other
-_TRIED = 200  # configurations that these are tried in
-SAMPLES = 4_000  # random configurations that capsules are tried in
-_INSIDE = 1_000  # of them that what is inside of capsules is tried in
-_FEW = 3  # pairs that may all touch always: a short arm has no others
-_SHOWN, _NEAR = 6, 4  # pairs of links that messages name
-_STEPS = 1e4  # per metre: clearances that are offered are so many whole ones
-_OFTEN = 2 / 3  # share of the configurations from which on links touch in most
-_SPARE = 0.1  # share of the distance that is there, that these stay below
+_FAR = 0.2  # arm lengths; shapes of neighbours come closer
+_TRIED = 200  # configurations in which that is tested
+SAMPLES = 4_000  # random configurations in which capsules are tested
+_INSIDE = 1_000  # of these, in which the pieces inside capsules are tested
+_FEW = 3  # up to so many pairs, all may always touch, as in a short arm
+_SHOWN, _NEAR = 6, 4  # pairs of links named in messages
+_STEPS = 1e4  # per metre; suggested clearances are whole steps
+_OFTEN = 2 / 3  # share of configurations above which links mostly touch
+_SPARE = 0.1  # share by which suggested clearances stay below the available distance
 
 Links = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Exemption:
-    """A pair of links that somebody named, who, and the share of configurations in which they touch."""
+    """An exempt pair of links, the source, and the share of configurations in which they touch."""
 
     links: Links
     why: str
@@ -42,25 +42,25 @@ class Exemption:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Capsules that are kept apart, and links that are not."""
+    """Pairs of capsules to check, and links that are exempt."""
 
     checked: Array  # (P, 2)
-    exempt: tuple[Links, ...]  # named ones; a link and the nearest one with a shape towards the base
-    named: tuple[Exemption, ...]  # that the user or the description names
+    exempt: tuple[Links, ...]  # neighbours, and pairs named by the user or the description
+    named: tuple[Exemption, ...]  # by the user or the description
     never: tuple[Links, ...]  # that provably cannot touch
 
 
 @lru_cache(maxsize=16)
 def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
-    """The pairs of an arm's capsules that are kept apart.
+    """The pairs of an arm's capsules to check.
 
     Args:
-        arm: the arm, thicker by the clearance.
-        tight: links that keep less and may touch therefore.
+        arm: the arm, inflated by the clearance.
+        tight: links that keep a smaller distance and may therefore touch when inflated.
 
     Raises:
-        InfeasibleError: when links touch in every random configuration that nobody named, with the setting
-            that names them.
+        InfeasibleError: when links that are not exempt touch in every random configuration; names the
+            setting that exempts them.
     """
     touching = _Touching(arm)
     _refuse(arm, touching, tight)
@@ -77,13 +77,13 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
 
 
 def sampled(arm: Arm, count: int = SAMPLES) -> Array:
-    """Random configurations [rad or m], (count, J), the same on every call."""
+    """Random configurations [rad or m], (count, J); deterministic."""
     random = np.random.default_rng(0)
     return random.uniform(arm.position_lower, arm.position_upper, (SAMPLES, arm.joints))[:count]
 
 
 def describe_displaced_shapes(arm: Arm) -> str:
-    """Which neighbours have shapes that never come near each other; empty where all do."""
+    """A sentence on neighbours whose shapes never come close; empty if there are none."""
     link, owners = arm.capsules.link, arm.capsules.owners
     parents = {links_of(*pair) for pair in arm.parents or ()}
     gaps: dict[Links, float] = {}
@@ -104,9 +104,9 @@ def describe_displaced_shapes(arm: Arm) -> str:
 
 
 def usual_gaps(arm: Arm) -> dict[Links, float]:
-    """Distances [m] that half of the configurations exceed, of links that touch in every one.
+    """Median distances [m] of links that touch in every configuration.
 
-    They are below zero, and minus infinity where hulls overlap.
+    They are negative, and minus infinity where hulls overlap.
     """
     touching = _Touching(arm)
     return {
@@ -116,7 +116,7 @@ def usual_gaps(arm: Arm) -> dict[Links, float]:
 
 @lru_cache(maxsize=16)
 def usual_room(arm: Arm, need: float) -> dict[Links, float]:
-    """Median distances [m] of links where they do not touch, of those that have less than they need."""
+    """Median distances [m] over free configurations, for links with less than they need [m]."""
     touching = _Touching(arm)
     found: dict[Links, float] = {}
     for links in touching.open:
@@ -129,18 +129,18 @@ def usual_room(arm: Arm, need: float) -> dict[Links, float]:
 
 @lru_cache(maxsize=16)
 def mostly_touching(arm: Arm) -> dict[Links, float]:
-    """Links that are kept apart and touch in most random configurations, and in which share of them."""
+    """Share of configurations in which links touch, for checked links that mostly do."""
     touching = _Touching(arm)
     return {links: share for links in touching.open if (share := touching.share(links)) > _OFTEN}
 
 
 def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
-    """Refusal of a clearance that some never have.
+    """The error for a clearance that some links never have.
 
     Args:
-        clearance: that one [m].
-        near: what is always nearer.
-        left: what is left of their distance beyond the clearance at best, below zero [m].
+        clearance: [m].
+        near: names of what is always closer.
+        left: their largest distance in excess of the clearance [m], negative.
     """
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
@@ -150,20 +150,20 @@ def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleE
     )
 
 
-def links_of(one: str, other: str) -> Links:
-    """Two links, in the order in which they are listed."""
-    return (one, other) if one <= other else (other, one)
+def links_of(a: str, b: str) -> Links:
+    """Two links in alphabetical order."""
+    return (a, b) if a <= b else (b, a)
 
 
 class _Touching:
-    """In which share of random configurations links touch that some joint moves against each other.
+    """How often links with joints between them touch in random configurations.
 
     Attributes:
         pairs: of capsules on such links, (P, 2).
-        rows: of these, by link.
-        near: links that are neighbours.
-        named: links that somebody named, and who.
-        open: links that are to be kept apart.
+        rows: indices of these, by pair of links.
+        near: neighbouring links.
+        named: links exempted by the user or the description, with the source.
+        open: links to check.
         capsules: distances [m] of pairs of capsules in random configurations, (P, 4000).
     """
 
@@ -176,19 +176,19 @@ class _Touching:
         for k, (i, j) in enumerate(self.pairs.tolist()):
             self.rows.setdefault(links_of(owners[i], owners[j]), []).append(k)
         parents = None if arm.parents is None else {links_of(*pair) for pair in arm.parents}
-        said = {links_of(one, other): why for one, other, why in arm.may_touch}
+        exempt = {links_of(a, b): why for a, b, why in arm.may_touch}
         beside = [links for links, rows in self.rows.items() if apart[rows[0]] == 1]
         self.near = [links for links in beside if parents is None or links in parents]
         rest = [links for links in self.rows if links not in set(self.near)]
-        self.named = {links: said[links] for links in rest if links in said}
-        self.open = [links for links in rest if links not in said]
+        self.named = {links: exempt[links] for links in rest if links in exempt}
+        self.open = [links for links in rest if links not in exempt]
         self.q, self.inside = sampled(arm), PieceDistances(arm, self.pairs)
         self.capsules = capsule_distances(arm, self.q, self.pairs).T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:
-        """Distances [m] of two links in the first configurations, (1000,), as precise as the need is.
+        """Distances [m] of two links in the first configurations, (1000,), exact below ``need``.
 
-        Below zero where they touch, and minus infinity where hulls overlap.
+        Negative where they touch, and minus infinity where hulls overlap.
         """
         nearest = np.full(_INSIDE, np.inf)
         for k in self.rows[links]:
@@ -212,7 +212,7 @@ class _Touching:
 
 
 def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:
-    """Refuse links that always touch, that nobody named and that are to keep the whole clearance."""
+    """Refuse links that always touch, unless they are exempt or tight."""
     stuck = [pair for pair in touching.open if pair not in tight and touching.always(pair)]
     if not stuck:
         return

@@ -1,4 +1,4 @@
-"""How far apart the convex pieces inside of capsules are, and which provably never touch; compiled."""
+"""Distances of the convex pieces inside capsules, and proofs that pairs never touch; compiled."""
 
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     from sidegan.kernels.gjk import Hulls
 
 _BUDGET = (100_000, 20_000, 2_000)  # boxes for a pair with one, two, and more joints between them
-_DEPTH = 512  # boxes that wait at most
-_GAP = 1e-6  # [m] that must be left, far above what rounding makes
+_DEPTH = 512  # most boxes in the queue
+_GAP = 1e-6  # [m] least distance to prove, far above rounding errors
 
 
 class PieceDistances:
     """Distances of the pieces of pairs of capsules.
 
     Args:
-        arm: whose pieces they are.
+        arm: the arm.
         pairs: of capsules, (P, 2).
 
     Attributes:
-        finer: whether the pieces of a pair may be farther apart than its capsules, (P,) bool.
+        finer: whether a pair's pieces may be farther apart than its capsules, (P,) bool.
     """
 
     def __init__(self, arm: Arm, pairs: Array) -> None:
@@ -39,7 +39,7 @@ class PieceDistances:
 
     @cached_property
     def hulls(self) -> "Hulls":
-        """The pieces as compiled kernels take them."""
+        """The pieces for compiled kernels."""
         from sidegan.kernels.gjk import Hulls
 
         capsules, pieces = self.arm.capsules, self.arm.capsules.pieces
@@ -50,18 +50,18 @@ class PieceDistances:
 
     @cached_property
     def bodies(self) -> "Bodies":
-        """The arm with its pieces as compiled kernels take it."""
+        """The arm with its pieces for compiled kernels."""
         from sidegan.kernels.bodies import Bodies
 
         return Bodies(chain_of(self.arm), shapes_alone(self.arm, self.pairs), self.hulls)
 
     def lower(self, q: Array, asked: Array, need: float = float("inf")) -> Array:
-        """Lower bounds of distances [m], (M,), exact but for 1e-8 m; minus infinity where pieces touch.
+        """Lower bounds of distances [m], (M,), accurate to 1e-8 m; minus infinity where pieces touch.
 
         Args:
             q: positions [rad or m], (N, J).
-            asked: row, ascending, and pair of each question, (M, 2).
-            need: a bound that is enough, as precise as it may be.
+            asked: row of ``q``, ascending, and pair of each query, (M, 2).
+            need: distance [m] above which bounds need not be accurate.
         """
         from sidegan.kernels import bodies as kernel
 
@@ -72,11 +72,10 @@ class PieceDistances:
         return found
 
     def never_touching(self) -> Array:
-        """Which pairs provably never touch within the joints' limits, (P,) bool.
+        """Whether pairs provably never touch within the joint limits, (P,) bool.
 
-        Branch and bound over boxes of joint positions, with the bounds on motion that the check of
-        trajectories uses. Only for arms with something inside of their capsules; a pair for which the proof
-        takes too long counts as one that may touch.
+        Branch and bound over boxes of joint positions, with the same motion bounds as the check of
+        trajectories. Only for arms with pieces; pairs for which the proof takes too long may touch.
         """
         from sidegan.kernels import bodies as kernel
 
@@ -97,7 +96,7 @@ class PieceDistances:
 
 
 def _around(capsules: Capsules, pieces: Pieces) -> Array:
-    """How far the corners of each piece are from its capsule's axis at most [m], (C,)."""
+    """Largest distance of each piece's corners from its capsule's axis [m], (C,)."""
     counts = np.diff(pieces.start)
     a = capsules.a.repeat(counts, 0)
     along = (capsules.b - capsules.a).repeat(counts, 0)

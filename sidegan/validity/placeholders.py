@@ -1,4 +1,4 @@
-"""Placeholders in a description: implausible limits and friction, and the settings that state others."""
+"""Placeholders in a description: implausible limits and friction, and settings that correct them."""
 
 import math
 from functools import lru_cache
@@ -12,18 +12,18 @@ from sidegan.robot import Arm
 from sidegan.robot.setup import override
 from sidegan.validity.pairs import sampled
 
-_FASTEST, _FASTEST_SLIDE = 60.0, 10.0  # [rad/s, m/s] that joints of arms stay below
-_TURN = 2.02 * math.pi  # [rad] that no two joints alike go beyond
-_FARTHEST = 100.0  # [rad, m] that no joint goes beyond
-_STRONGEST = 1e5  # [N·m, N] that joints of arms stay below
-_SPARE = 20.0  # times what holding the arm takes at most, that its weakest joint has not
-_WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] that the weakest joint may have; and where nothing has a mass
-_TRIED = 500  # configurations in which the arm is held
-_MOSTLY = 0.95  # share of them, from which on limits hold it
+_FASTEST, _FASTEST_SLIDE = 60.0, 10.0  # [rad/s, m/s] largest plausible velocity limits
+_TURN = 2.02 * math.pi  # [rad] largest plausible position limit that several joints share
+_FARTHEST = 100.0  # [rad, m] largest plausible position limit
+_STRONGEST = 1e5  # [N·m, N] largest plausible torque limit
+_SPARE = 20.0  # largest plausible ratio of the weakest joint's limit to the largest holding torque
+_WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] always plausible for the weakest joint; and without masses
+_TRIED = 500  # configurations in which holding torques are computed
+_MOSTLY = 0.95  # share of these in which sufficient limits hold the arm
 
 
 def describe_placeholder_limits(arm: Arm) -> str:
-    """Limits of an arm that no arm has, and the settings that state others; empty where there are none."""
+    """A sentence on implausible limits, with settings that correct them; empty if there are none."""
     span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
     kinds = {
         "position": (span, _far(arm, span)),
@@ -33,32 +33,32 @@ def describe_placeholder_limits(arm: Arm) -> str:
         ),
         "effort": (arm.torque_limit, _strong(arm)),
     }
-    said, settings = [], []
+    wrong, settings = [], []
     for kind, (values, marked) in kinds.items():
         if marked.any():
-            said.append(f"{kind} of {arm.named(marked)} (up to {float(values[marked].max()):.4g})")
+            wrong.append(f"{kind} of {arm.named(marked)} (up to {float(values[marked].max()):.4g})")
             settings.append(limits_to_state(arm, kind, np.flatnonzero(marked).tolist()))
-    if not said:
+    if not wrong:
         return ""
-    return f"implausible limits: {'; '.join(said)}; state the real ones by {' '.join(settings)}"
+    return f"implausible limits: {'; '.join(wrong)}; state the real ones by {' '.join(settings)}"
 
 
 def describe_weak_limits(arm: Arm) -> str:
-    """Joints whose torque limits hold the arm in a part of its range alone, and the setting for others."""
+    """A sentence on joints whose torque limits hold the arm in only part of its range; empty if none."""
     share = (_held(arm) <= arm.torque_limit).mean(0)
     weak = np.flatnonzero(share < _MOSTLY).tolist()
     if not weak:
         return ""
     limits, names = arm.torque_limit.tolist(), arm.joint_names
-    said = [f"{names[j]} (effort {limits[j]:.4g}) in {float(share[j]):.0%}" for j in weak]
+    joints = [f"{names[j]} (effort {limits[j]:.4g}) in {float(share[j]):.0%}" for j in weak]
     return (
-        f"torque limits that hold the arm still in only part of its range: {listed(said)}; if these are "
+        f"torque limits that hold the arm still in only part of its range: {listed(joints)}; if these are "
         f"placeholders, state the real ones by {limits_to_state(arm, 'effort', weak)}"
     )
 
 
 def describe_excessive_friction(arm: Arm) -> str:
-    """Joints whose friction alone takes more than their torque limits where they are fastest."""
+    """A sentence on joints whose friction at the velocity limit exceeds the torque limit; empty if none."""
     drives = arm.known_drives
     beyond = drives.viscous * arm.velocity_limit + drives.coulomb > arm.torque_limit
     if not beyond.any():
@@ -70,27 +70,27 @@ def describe_excessive_friction(arm: Arm) -> str:
 
 
 def limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
-    """The setting that states limits of some joints, beside those that were given before."""
+    """The setting of limits for some joints, including those given before."""
     stated = {arm.joint_names[j]: "…" for j in joints}
     return override(f"limits.{kind}", stated, getattr(arm.setup.limits, kind))
 
 
 @lru_cache(maxsize=16)
 def _held(arm: Arm) -> Array:
-    """What holding the arm takes of each joint [N·m or N], (N, J), in random configurations."""
+    """Absolute holding torques [N·m or N], (N, J), in random configurations."""
     q = sampled(arm, _TRIED)
     still = np.zeros_like(q)
     return np.abs(RigidBody(arm).torque(q, still, still))
 
 
 def _far(arm: Arm, span: Array) -> Array:
-    """Joints, (J,) bool, that go nowhere near their limits, which are so far from zero [rad or m], (J,)."""
+    """Joints with implausibly large position limits [rad or m], (J,) bool."""
     alike = (span[:, None] == span[~arm.prismatic]).sum(1) > 1
     return (span > _FARTHEST) | (~arm.prismatic & alike & (span > _TURN))
 
 
 def _strong(arm: Arm) -> Array:
-    """Joints, (J,) bool, whose torque limits could hold the arm many times over."""
+    """Joints with implausibly large torque limits, (J,) bool."""
     limit, turns, held = arm.torque_limit, ~arm.prismatic, _held(arm).max(0)
     none = np.zeros_like(turns)
     if turns.any() and np.isfinite(limit[turns]).all():

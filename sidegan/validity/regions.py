@@ -1,4 +1,4 @@
-"""Keep-out regions of the workspace, in world coordinates: half spaces and boxes, and all that there are."""
+"""Keep-out regions of the workspace, in world coordinates: half spaces, boxes, and tables of all kinds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,17 +25,17 @@ class Plane:
 
     @property
     def unit(self) -> list[float]:
-        """The normal, of length one."""
+        """The normal, normalised."""
         length = float(np.linalg.norm(self.normal))
         return [float(x) / length for x in self.normal]
 
     @property
     def numbers(self) -> list[float]:
-        """Unit normal and offset, as compiled kernels take them."""
+        """Unit normal and offset for compiled kernels."""
         return [*self.unit, self.offset, 0.0, 0.0]
 
     def grown(self, by: float) -> "Plane":
-        """The region with its surface so much [m] further out."""
+        """The region with its surface moved outwards by a distance [m]."""
         return replace(self, offset=self.offset + by)
 
 
@@ -53,7 +53,7 @@ class Box:
 
     @property
     def numbers(self) -> list[float]:
-        """Centre and half size, as compiled kernels take them."""
+        """Centre and half size for compiled kernels."""
         sides = list(zip(self.lower, self.upper))
         return [(low + high) / 2 for low, high in sides] + [(high - low) / 2 for low, high in sides]
 
@@ -63,7 +63,7 @@ class Box:
         return np.c_[np.vstack([np.eye(3), -np.eye(3)]), [*self.upper, *(-x for x in self.lower)]]
 
     def grown(self, by: float) -> "Box":
-        """The box with its faces so much [m] further out."""
+        """The box with its faces moved outwards by a distance [m]."""
         (a, b, c), (d, e, f) = self.lower, self.upper
         return Box((a - by, b - by, c - by), (d + by, e + by, f + by))
 
@@ -73,9 +73,9 @@ _KINDS: dict[type[Region], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex:
 
 
 def tables(regions: Sequence[Region]) -> tuple[Array, Array, Array]:
-    """Regions as compiled kernels take them: numbers (R, 8), kinds (R,), and planes (M, 4) of bodies.
+    """Regions for compiled kernels: numbers (R, 8), kinds (R,), and planes (M, 4) of boxes and convex bodies.
 
-    The last two numbers of a box or a convex body say where its planes begin and end.
+    The last two numbers of a box or a convex body are the range of its planes.
     """
     numbers = np.zeros((len(regions), 8))
     planes = [np.zeros((0, 4))]

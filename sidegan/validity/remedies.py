@@ -1,4 +1,4 @@
-"""What stands in the way of motions, and the settings that take it out of the way."""
+"""Constraints that limit motions, and settings that relax them."""
 
 from collections import Counter
 
@@ -11,27 +11,27 @@ from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.placeholders import limits_to_state
 
-_LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # times a trajectory's size, until some are invalid
+_LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
 
 Where = tuple[str, str]  # a constraint, and its joint, pair or region
 
 
 def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where | None:
-    """What most trajectories with coefficients [rad/s], (B, J, H, 2), violate first where they are larger.
+    """The constraint that most trajectories, coefficients [rad/s], (B, J, H, 2), violate first when enlarged.
 
-    None where nothing holds them back.
+    None if they do not violate any.
     """
     for times in _LARGER:
         found = check(constraints, trajectory, times * c)
-        each = [found.failures(k) for k in np.flatnonzero(~found.valid).tolist()]
-        faults = Counter((failure.constraint, failure.where) for failures in each for failure in failures)
+        invalid = np.flatnonzero(~found.valid).tolist()
+        faults = Counter((x.constraint, x.where) for k in invalid for x in found.failures(k))
         if faults:
             return faults.most_common(1)[0][0]
     return None
 
 
 def remedy(constraints: Constraints, where: Where) -> str:
-    """Settings by which a constraint no longer stands in the way, for people."""
+    """Settings that relax a constraint, in words for people."""
     (constraint, which), arm = where, constraints.arm
     home = "another home ('trajectory.home=[…]')"
     if constraint == "collision":
@@ -47,5 +47,5 @@ def remedy(constraints: Constraints, where: Where) -> str:
     limit = limits_to_state(arm, kind, [arm.joint_names.index(which)])
     if constraint == "position":
         return f"{home} or a wider range ({limit})"
-    more = "robot.effort=… or " if constraint in ("velocity", "torque") else ""
-    return f"a larger limit ({more}{limit})"
+    effort = "robot.effort=… or " if constraint in ("velocity", "torque") else ""
+    return f"a larger limit ({effort}{limit})"

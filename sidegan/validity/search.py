@@ -1,4 +1,4 @@
-"""The search for the smallest margins: coarse cells first, finer ones only where a margin is small."""
+"""Search for the smallest margins: coarse cells first, finer ones where a margin is small."""
 
 from functools import lru_cache
 
@@ -16,7 +16,7 @@ from sidegan.robot.consistency import inertia_matrices
 from sidegan.validity import bounds
 from sidegan.validity.constraints import NAMES, Constraints
 
-_WORTH_A_THREAD = 2_000  # cells: two milliseconds of work
+_WORTH_A_THREAD = 2_000  # cells, two milliseconds of work
 
 
 class Search:
@@ -26,16 +26,15 @@ class Search:
         self.trajectory, self.c = trajectory, c
         self.model = model_of(constraints)._replace(home=np.array(trajectory.home))
         self.jerk = bounds.jerk_bound(trajectory, c, max(2, int(trajectory.period / bounds.COARSE)))
-        # Bounds of the fourth and the fifth derivative: an acceleration or a jerk drifts by the next one at
-        # first, and that by the one after it.
+        # Bounds of the fourth and fifth derivative, by which jerk and its derivative change within a cell.
         self.drifts = np.stack([bounds.derivative_bound(trajectory, c, order) for order in (4, 5)])
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
 
     def run(self) -> None:
-        """Visit cells until every trajectory is settled, or the finest level is done.
+        """Visit cells until every trajectory is decided, or the finest level is done.
 
-        A part of a cell is asked only what its whole could not decide.
+        Parts of a cell are checked only for constraints that the cell left undecided.
         """
         count = bounds.coarse_cells(self.trajectory)
         cells = np.argwhere(np.ones((len(self.c), count), bool))
@@ -53,12 +52,12 @@ class Search:
             count *= bounds.SPLIT
 
     def visit(self, cells: Array, asked: Array, count: int, last: bool) -> Array:
-        """Update the margins from cells (N, 2) of (trajectory, index), of so many in a period.
+        """Update the margins from cells (N, 2) of (trajectory, index), with ``count`` cells per period.
 
-        Asked is about which constraints, (N, 7) bool; those of them come back that leave a cell undecided. At
-        last the margins of these are the guaranteed ones, below zero.
+        ``asked`` marks the constraints to check, (N, 7) bool; returns those that are undecided, likewise. At
+        the ``last`` level, margins of undecided cells are the guaranteed ones, below zero.
         """
-        which, index = np.ascontiguousarray(cells.T)  # always so, or the kernel is compiled once more
+        which, index = np.ascontiguousarray(cells.T)  # another layout would compile the kernel again
         if count <= len(cells):
             used, rows = np.arange(count), index
         else:
@@ -74,15 +73,15 @@ class Search:
 
         def work(k: int) -> None:
             part = slice(cuts[k], cuts[k + 1])
-            mine = kernel.Cells(which[part], rows[part], last, asked[part], undecided[part])
-            kernel.visit(self.model, kernel_cells.work_space(self.model), motions, mine, self.smallest)
+            chunk = kernel.Cells(which[part], rows[part], last, asked[part], undecided[part])
+            kernel.visit(self.model, kernel_cells.work_space(self.model), motions, chunk, self.smallest)
 
         each(work, len(cuts) - 1)
         return undecided
 
 
 def _cuts(which: Array) -> list[int]:
-    """Where the work on cells is cut, for each thread; no trajectory (N,) is in two parts."""
+    """Bounds of each thread's share of cells, whose trajectories are (N,); none is in two shares."""
     count = max(1, min(threads(), len(which) // _WORTH_A_THREAD))
     starts = which[[len(which) * k // count for k in range(1, count)]]
     return [0, *np.searchsorted(which, starts).tolist(), len(which)]
@@ -90,7 +89,7 @@ def _cuts(which: Array) -> list[int]:
 
 @lru_cache(maxsize=16)
 def model_of(constraints: Constraints) -> kernel_cells.Model:
-    """The arm in its workspace as the kernel takes it, at home in zero."""
+    """The arm in its workspace for the kernel, with home at zero."""
     arm = constraints.arm
     reaches = bounds.Reaches.of(arm, constraints.pairs, constraints.guarded)
     drives, parameters = arm.known_drives, arm.inertial_parameters
@@ -109,7 +108,7 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "piece_reach": reaches.pieces,
         "region_reach": reaches.regions,
         "reach_most": reaches.largest,
-        # What bounds torques: the way to the next frame, mass, and norms of first and second moments of mass.
+        # for bounds of torques: distance to the next frame, mass, norms of first and second moments of mass
         "travel": bounds.travel(arm),
         "mass": np.abs(parameters[:, 0]),
         "first": np.linalg.norm(parameters[:, 1:4], axis=1),

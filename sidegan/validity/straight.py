@@ -1,4 +1,4 @@
-"""Whether an arm may move straight from one configuration to another, all joints in step."""
+"""Check of straight paths in joint space."""
 
 import math
 from collections.abc import Sequence
@@ -10,31 +10,30 @@ from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.validity.bounds import Reaches
 from sidegan.validity.constraints import DISTANCES, Constraints
 
-_CELLS = 16  # of the way, to begin with
-_LEVELS = 12  # of halving: 1.5e-5 of the way at the finest
+_CELLS = 16  # of the path, initially
+_LEVELS = 12  # of halving, down to 1.5e-5 of the path
 
 
 def require_straight(constraints: Constraints, start: Sequence[float], end: Sequence[float]) -> None:
-    """Refuse a straight way in joint space [rad or m] that is not free or leaves the joints' ranges.
+    """Refuse a straight path in joint space [rad or m] that collides or leaves the joints' ranges.
 
-    Every point of the way is proven, at any speed: between configurations that are looked at, a distance
-    changes by no more than the joints' motion times the reach of the outer link.
+    Every point of the path is covered: between samples, a distance changes at most by the joints' motion
+    times their reach.
 
     Raises:
         ShapeError: when the ends are not one finite number per joint.
-        InfeasibleError: when the way is not free, with what is in the way and where on it.
+        InfeasibleError: when the path is not free; names the violated constraint and where on the path.
     """
     joints = constraints.arm.joints
     if {len(start), len(end)} != {joints} or not all(map(math.isfinite, (*start, *end))):
         raise ShapeError(f"ends of a path must be {joints} finite joint positions each")
     ends = np.array([start, end], float)
     reaches = Reaches.of(constraints.arm, constraints.pairs, constraints.guarded)
-    each = np.maximum(reaches.pairs, reaches.pieces), reaches.regions
+    rates = np.maximum(reaches.pairs, reaches.pieces), reaches.regions
     change = np.abs(ends[1] - ends[0])
-    slack = {name: x @ change for name, x in zip(DISTANCES, each) if name in constraints.labels}
+    slack = {name: x @ change for name, x in zip(DISTANCES, rates) if name in constraints.labels}
     share, half = (np.arange(_CELLS) + 0.5) / _CELLS, 0.5 / _CELLS
-    # The ends are looked at themselves: no cell's middle is there.
-    _margins(constraints, ends, np.array([0.0, 1.0]))
+    _margins(constraints, ends, np.array([0.0, 1.0]))  # the ends are no cell's centre
     for _ in range(_LEVELS):
         margins = _margins(constraints, ends, share)
         unsure = np.zeros(len(share), bool)
@@ -48,7 +47,7 @@ def require_straight(constraints: Constraints, start: Sequence[float], end: Sequ
 
 
 def _margins(constraints: Constraints, ends: Array, share: Array) -> dict[str, Array]:
-    """Margins between ends (2, J) at these shares of the way, (N,); raises where one is negative."""
+    """Margins at shares (N,) of the path between ends (2, J); raises if any is negative."""
     margins = constraints.at_rest(ends[0] + share[:, None] * (ends[1] - ends[0]))
     for name, margin in margins.items():
         bad = np.argwhere(margin < 0)
