@@ -1,4 +1,4 @@
-"""Measurements, simulated or recorded, to an identified model with its uncertainty."""
+"""Identify an arm's model and its uncertainty from simulated or recorded measurements."""
 
 from sidegan.identification.estimate import METHODS, estimate
 from sidegan.identification.measurements import Measurements, Noise, disturbed, measure

@@ -1,4 +1,4 @@
-"""Causes of a model's misfit: what the recordings' checks found, and what one fault in them would explain."""
+"""Causes of a model's misfit: faults found when checking the recordings, and faults that would explain it."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -27,31 +27,32 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of
 
 _ROUNDING = 1e-10
-_EXPLAINED = 0.5  # of an error is left at most where a fault in the recordings is believed
-_SURE = 5.0  # deviations of a mass or an offset that is one
-_CLEAR = 3.0  # of a scale that the description says too
-_ALIKE = 0.98  # correlation with the description there
-_SCALE = 0.03  # by which a joint's torque is off at least
-_NOTABLE = 0.02  # of the arm's mass that a load has at least
-_OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # of a joint's usual torque, and of its limit, that an offset is told from
+_EXPLAINED = 0.5  # share of the error that may remain if a fault in the recordings is to explain it
+_SURE = 5.0  # standard deviations from zero at which a mass or an offset is significant
+_CLEAR = 3.0  # standard deviations from one at which a torque scale is, if the description agrees
+_ALIKE = 0.98  # correlation with the description's torque that counts as agreement
+_SCALE = 0.03  # smallest scale error of a joint's torque that is reported
+_NOTABLE = 0.02  # smallest load that is reported, as a share of the arm's mass
+_OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # smallest offset reported: share of the usual torque, and of its limit
 
 
 def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
-    """Findings against the recordings, the description or the links; whether gravity is another one.
+    """Findings against the recordings, the description or the links; whether gravity points elsewhere.
 
-    What would make others follow is told alone.
+    A fault that would cause the others is reported alone.
     """
     model, arm, links = found.model, found.model.arm, found.links
     remarks: dict[str, str] = {}
-    for recording in found.recordings[::-1]:  # of a signal that several contradict, the first says so
+    for recording in found.recordings[::-1]:  # reversed: the first recording's remark on a signal wins
         remarks |= recording.remarks
-    mended = USABLE if found.quality.verdict == BAD else GOOD  # or the signal that they contradict is wrong
-    told = [Finding(mended, text) for text in remarks.values()]
+    level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
+    repairs = [Finding(level, text) for text in remarks.values()]
     if late := [recording.late for recording in found.recordings if recording.late]:
-        return [Finding(USABLE, late[0]), *told], False
-    agreement = agreement_of(model.body, [segment for each in found.training for segment in each.segments])
+        return [Finding(USABLE, late[0]), *repairs], False
+    segments = [segment for recording in found.training for segment in recording.segments]
+    agreement = agreement_of(model.body, segments)
     if exchanged := agreement.exchanged(arm):
-        return [Finding(BAD, exchanged), *told], False
+        return [Finding(BAD, exchanged), *repairs], False
     causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
     gravity = agreement.gravity(arm)
     if gravity is None and (against := agreement.reversed(arm, driven=True)):
@@ -61,9 +62,9 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         if not faults and found.quality.verdict != GOOD:
             faults = _rotors(found) or _changed_load(found)
         causes += [Finding(USABLE, text) for text in faults]
-    torques_tell = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
+    identifiable = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
-        masses = (float(x[torques_tell, 0].sum()) for x in (links, arm.inertial_parameters))
+        masses = (float(x[identifiable, 0].sum()) for x in (links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
     if gravity is not None:
         turned = RigidBody(replace(arm, gravity=agreement.load.gravity))
@@ -71,19 +72,19 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         now = found.quality.judged.nmse_mean
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
-    causes += [finding for finding in implausible_links(arm, links) if torques_tell[finding.joint]]
-    return [*causes, *told, *_offsets(found)], gravity is not None
+    causes += [finding for finding in implausible_links(arm, links) if identifiable[finding.joint]]
+    return [*causes, *repairs, *_offsets(found)], gravity is not None
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
-    """Mean nMSE of the chosen method with another model, over the joints that noise does not drown."""
+    """Mean nMSE of the chosen method with another model, over the joints above their noise."""
     samples, held_out = measurements_of(found.training), measurements_of(found.validation)
     parameters = estimate(found.chosen.method, model, samples).parameters
     return found.quality.mean(score(model, parameters, held_out or samples))
 
 
 def _rotors(found: IdentifiedArm) -> list[str]:
-    """That rotors, which the model is without, explain most of the misfit."""
+    """Remark that rotor inertias, which the model lacks, explain most of the misfit."""
     terms, now = found.model.terms, found.quality.mean(found.quality.judged)
     if terms.rotor_inertia:
         return []
@@ -97,43 +98,43 @@ def _rotors(found: IdentifiedArm) -> list[str]:
 
 
 def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
-    """The joint whose torque is at another scale than the others', by the parameters that they share.
+    """Remark on the joint whose torque is scaled differently from the others', by parameters they share.
 
-    That of two joints which share parameters one is too large may be that the other is too small: the
-    description says which. Alone it may be wrong about masses.
+    If two joints disagree, either torque may be wrong: the description decides. It is not enough on its own,
+    since its masses may be wrong.
     """
     chosen, arm, sums = found.chosen, found.model.arm, found.chosen.sums
     squares = np.square(chosen.weights)
     moments = squares[:, None] * sums.moment
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
-    free = squares * sums.energy - (turned * moments).sum(1)  # of each scale, beside all parameters, (J,)
+    free = squares * sums.energy - (turned * moments).sum(1)  # information on each joint's scale, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
-    times = free / shared
-    deviation = np.sqrt(chosen.inflation / free) * np.square(times)
-    off = np.abs(times - 1)
-    as_described = (np.abs(times - agreement.load.scale) < _SCALE) & (agreement.sign > _ALIKE)
+    scale = free / shared
+    deviation = np.sqrt(chosen.inflation / free) * np.square(scale)
+    off = np.abs(scale - 1)
+    as_described = (np.abs(scale - agreement.load.scale) < _SCALE) & (agreement.sign > _ALIKE)
     odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & as_described
     if not odd.any():
         return []
     j = int(np.where(odd, off, 0.0).argmax())
     return [
-        f"the torque of {arm.joint_names[j]} is {times[j]:.2f} times what the other joints' torques and "
+        f"the torque of {arm.joint_names[j]} is {scale[j]:.2f} times what the other joints' torques and "
         "the description imply: wrong gain or unit? (robot.gains, or divide the column by this factor)"
     ]
 
 
 def _changed_load(found: IdentifiedArm) -> list[str]:
-    """The recording that another load than the others' explains."""
+    """Remark on the recording whose torques a different load explains."""
     if len(found.recordings) < 2:
         return []
     samples = [measurements_of([recording]) for recording in found.recordings]
     without, with_load = zip(*(gathered(found.model, sample, sample) for sample in samples))
-    each = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
-    if len(each) == 2:
-        each = each[1:]  # which of both it is cannot be told
-    mass, deviation, share, k = min(each, key=lambda one: one[2])
+    loads = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
+    if len(loads) == 2:
+        loads = loads[1:]  # the data cannot say which of two recordings it is
+    mass, deviation, remaining, k = min(loads, key=lambda load: load[2])
     least = max(_SURE * deviation, _NOTABLE * found.model.arm.inertial_parameters[:, 0].sum())
-    if not (share < _EXPLAINED and abs(mass) > least):
+    if not (remaining < _EXPLAINED and abs(mass) > least):
         return []
     return [
         f"{found.recordings[k].name} was recorded with a different load than the others: {mass:+.2g} ± "
@@ -145,7 +146,7 @@ def _changed_load(found: IdentifiedArm) -> list[str]:
 def _load(
     count: int, without: Sequence[Gathered], with_load: Sequence[Gathered], k: int
 ) -> tuple[float, float, float, int]:
-    """Mass in recording k beside the others and its deviation [kg]; the share of errors that it leaves; k."""
+    """Extra mass in recording k and its deviation [kg]; the share of errors that remains with it; k."""
     parts = [*without[:k], with_load[k], *without[k + 1 :]]
     sums = reduce(Sums.plus, (part.sums for part in parts))
     plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
@@ -158,11 +159,12 @@ def _load(
 
 
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
-    """Offsets that are no small part of a joint's torque: the model holds them, a sensor should not."""
+    """Large torque offsets: the model includes them, but a tared sensor has none."""
     chosen, arm = found.chosen, found.model.arm
     limits = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, 0.0)
-    each = zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist())
-    for name, value, deviation in (one for one in each if one[0].startswith("fo")):
+    for name, value, deviation in zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist()):
+        if not name.startswith("fo"):
+            continue
         j = joint_of(name)
         usual, unit = found.quality.usual[j], "N" if arm.prismatic[j] else "N·m"
         if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * limits[j], _SURE * deviation):

@@ -1,4 +1,4 @@
-"""Parameters of an arm that can exist: the physically consistent fit, and the only door to cvxpy."""
+"""The physically consistent fit. Only this module imports cvxpy."""
 
 import logging
 import math
@@ -24,26 +24,26 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 _MARGIN = 1e-4  # smallest eigenvalue of a pseudo-inertia in its link's typical mass and length
-_ROUNDS = 6  # of finding the strength of the pull
-_SETTLED = 1.1  # times the strength: a change that no longer matters
-_STRENGTHS = (0.01, 100.0)  # between which it is looked for
-_BELIEVED = 1.0  # of a link's ten parameters: as much says beforehand that its strength is the others'
+_ROUNDS = 6  # iterations of the strength of the pull
+_SETTLED = 1.1  # ratio of successive strengths below which they have converged
+_STRENGTHS = (0.01, 100.0)  # bounds of the strength
+_BELIEVED = 1.0  # parameters' worth of prior belief that a link's strength is the others'
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
 
 
 def consistent(data: Gathered, strength: float | None = None) -> Fit:
-    """The most likely parameters of an arm that can exist, with links and terms as ``standard``.
+    """The most likely physically consistent parameters; links and terms are in ``standard``.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
     model's parameters and d the divergence from the description's pseudo-inertias, which depends on neither
-    units nor frames; P_i are positive definite, friction and rotor inertias not negative. In the covariance
-    the pull's second derivative counts as information beside the samples'; bounds would only make it smaller.
+    units nor frames. P_i are positive definite; friction and rotor inertias are not negative. The covariance
+    counts the pull's second derivative as information; it neglects the bounds, which would only reduce it.
 
     Args:
         data: the samples.
-        strength: weight of the pull beside the samples' log-likelihood; it chooses among parameters that no
-            motion tells. None: each link's most probable one, so that a link that the samples contradict is
-            pulled less.
+        strength: weight of the pull relative to the log-likelihood of the samples; it decides the parameters
+            that no motion identifies. None: the most probable strength of each link, which pulls a link less
+            if the samples contradict it.
 
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
@@ -51,7 +51,7 @@ def consistent(data: Gathered, strength: float | None = None) -> Fit:
     model = data.model
     first = reweighted(data.sums)
     errors = torque_errors(data, first)
-    weights = first.weights / np.sqrt(errors.inflation)  # with which samples count beside the pull
+    weights = first.weights / np.sqrt(errors.inflation)  # as independent samples, to compare with the pull
     information, moment = data.sums.weighted(weights)
     standard, pull = pulled(model, information, moment, strength)
     prior = _pull_information(model, standard, pull)
@@ -80,11 +80,11 @@ def pulled(
 
 
 class Pull(NamedTuple):
-    """Pull of K bodies towards nominal ones."""
+    """A penalty that pulls K bodies towards nominal ones."""
 
     unit: Array  # D as in ``_units``, (K, 4)
     nominal: Array  # pseudo-inertias in these units, (K, 4, 4)
-    strength: Array  # on each, (K,)
+    strength: Array  # weight of each body's penalty, (K,)
 
     def distances(self, bodies: Array) -> tuple[Array, Array]:
         """Distances of bodies (K, 10) from the nominal ones, (K,), and second derivatives, (K, 10, 10)."""
@@ -96,9 +96,9 @@ class Pull(NamedTuple):
 
 
 def _pull_information(model: TorqueModel, standard: Array, pull: Pull) -> Array:
-    """Information on the model's parameters, (P, P), that the pull adds at standard ones, (F,).
+    """Information that the pull adds on the model's parameters, (P, P), at standard ones, (F,).
 
-    It is on links alone. What the model does not separate in a link has the spread that the pull leaves.
+    Only links are pulled. Link parameters that the model does not separate have the pull's own spread.
     """
     _, bend = pull.distances(model.links_of(standard))
     free = np.eye(len(standard) - 10 * len(bend)) / LEAST
@@ -109,29 +109,30 @@ def _pull_information(model: TorqueModel, standard: Array, pull: Pull) -> Array:
 
 
 def _most_probable(model: TorqueModel, information: Array, standard: Array, pull: Pull) -> Array:
-    """Strengths (J,) that the samples make most probable, from the parameters (F,) found with others.
+    """Most probable strengths (J,) given the samples, from the parameters (F,) found with earlier strengths.
 
-    Of a link's parameters, the pull and not the samples determines γ; strength · 2 d = γ then says
-    that these are off by what was believed. A link that is hardly determined is pulled like the others.
+    γ is the number of a link's parameters that the samples determine. The strength with strength · 2 d = γ
+    makes their distance from nominal the expected one. A link that is hardly determined is pulled like the
+    others.
 
-    Source: MacKay 1992, Bayesian interpolation, eq. 27; MacKay 1994, Bayesian non-linear modeling, for a
-    strength of each group of parameters; with a gamma distribution about the others' strength before.
+    Source: MacKay 1992, Bayesian interpolation, eq. 27; MacKay 1994, Bayesian non-linear modeling, for one
+    strength per group of parameters; here with a gamma prior around the others' strength.
     """
     distances, bend = pull.distances(model.links_of(standard))
-    own = scipy.linalg.block_diag(*(pull.strength[:, None, None] * bend))
-    count, size = len(standard), len(own)
-    both = model.mapping.T @ information @ model.mapping + LEAST * np.diag(np.arange(count) >= size)
-    both[:size, :size] += own
-    left = np.linalg.solve(both, np.eye(count, size))[:size]
-    determined = 10 - (left @ own).diagonal().reshape(-1, 10).sum(1)
+    prior = scipy.linalg.block_diag(*(pull.strength[:, None, None] * bend))
+    count, size = len(standard), len(prior)
+    total = model.mapping.T @ information @ model.mapping + LEAST * np.diag(np.arange(count) >= size)
+    total[:size, :size] += prior
+    inverse = np.linalg.solve(total, np.eye(count, size))[:size]
+    determined = 10 - (inverse @ prior).diagonal().reshape(-1, 10).sum(1)
     usual = np.exp(np.log(pull.strength).mean())
     return np.clip((determined + _BELIEVED) / (2 * distances + _BELIEVED / usual), *_STRENGTHS)
 
 
 def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] = ()) -> Array:
-    """Parameters x of K bodies that can exist and then of terms, (F,), with least ½ |R x − z|² and pulls.
+    """Parameters x, (F,), of K physically consistent bodies, then of terms: minimise ½ |R x − z|² + pulls.
 
-    Terms at ``signed`` places are not negative.
+    Terms in the ``signed`` slices are not negative.
     """
     import cvxpy as cp
 
@@ -145,7 +146,7 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
     x = cp.hstack([*parts, cp.Variable(terms)] if terms else parts)
     constraints = [p >> _MARGIN * np.eye(4) for p in bodies] + [x[where] >= 0 for where in signed]
     each = zip(strength.tolist(), np.linalg.inv(nominal), bodies)
-    pulls = sum(one * (cp.trace(inverse @ p) - cp.log_det(p)) for one, inverse, p in each)
+    pulls = sum(weight * (cp.trace(inverse @ p) - cp.log_det(p)) for weight, inverse, p in each)
     status = _minimise(cp.sum_squares(rows @ x - right) / 2 + pulls, constraints)
     if status not in (cp.OPTIMAL, cp.OPTIMAL_INACCURATE):
         raise InfeasibleError(f"no physically possible links explain the samples: {status}")
@@ -156,7 +157,7 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
 
 
 def _units(arm: Arm) -> Array:
-    """Diagonal √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
+    """Diagonals √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
     mass, length = scales(arm)
     return np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
 
@@ -167,18 +168,18 @@ def _scaled(links: Array, unit: Array) -> Array:
 
 
 def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") -> str:
-    """Status of the best that Clarabel found, which the variables hold."""
+    """Solve with Clarabel, which sets the variables; the solution's status."""
     import cvxpy as cp
 
     status = cp.SOLVER_ERROR
     for scale in _OBJECTIVE_SCALES:
         problem = cp.Problem(cp.Minimize(scale * objective), constraints)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # about accuracy, which the status has
+            warnings.simplefilter("ignore", UserWarning)  # about accuracy: the status says the same
             try:
                 problem.solve(solver=cp.CLARABEL)
                 status = str(problem.status)
-            except cp.error.SolverError as error:  # leaves status and variables as they were
+            except cp.error.SolverError as error:  # status and variables keep the previous attempt's values
                 _log.info("Clarabel: %s", error)
         if status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
             break

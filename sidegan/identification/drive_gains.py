@@ -1,4 +1,4 @@
-"""Drive gains, from motor current to joint torque, from runs without and with a known load."""
+"""Drive gains (joint torque per motor current) from runs without and with a known load."""
 
 from dataclasses import dataclass
 
@@ -14,9 +14,9 @@ from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.sums import solve
 from sidegan.robot import Arm
 
-_SILENT = 1e-9  # of the largest effect of the load on a joint
-_SEEN = 30.0  # deviations of the load's part of all currents, below which it may not have been there
-_SURE = 5.0  # deviations from nothing, from which a load is seen: the gain is known to a fifth
+_SILENT = 1e-9  # relative to the joint with the largest effect: below it, the load has none
+_SEEN = 30.0  # standard deviations of its effect on all currents, below which the load may be absent
+_SURE = 5.0  # standard deviations at which a gain is certain: it is then known to 20 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,19 +28,19 @@ class Gains:
 
     @property
     def certain(self) -> Array:
-        """Whether a joint's gain may be used: the load is seen, and pulls as it should, (J,)."""
+        """Whether a joint's gain may be used: the load's effect is clear and has the right sign, (J,)."""
         return self.gains > _SURE * self.deviation
 
     def doubts(self, arm: Arm) -> list[str]:
-        """Why some gains may not be used, a sentence each, with the joints by name."""
+        """Reasons why some gains may not be used, with the joints' names."""
         doubts = []
-        against = self.gains < -_SURE * self.deviation
-        if unseen := arm.named(~self.certain & ~against):
+        negative = self.gains < -_SURE * self.deviation
+        if unseen := arm.named(~self.certain & ~negative):
             doubts.append(
                 f"the current of {unseen} hardly shows the load: σ of the gain is more than "
                 f"{1 / _SURE:.0%} of it; use a heavier load, or one further from the flange"
             )
-        if reversed_ := arm.named(against):
+        if reversed_ := arm.named(negative):
             doubts.append(
                 f"the gain of {reversed_} is negative: is the sign of its current reversed? "
                 f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
@@ -51,11 +51,11 @@ class Gains:
 def drive_gains(
     model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], load: Array
 ) -> Gains:
-    """Torque per current of each joint, from measurements whose torque holds currents [A].
+    """Torque per current of each joint, from measurements whose ``torque`` is current [A].
 
-    Currents alone give the arm's parameters up to a factor per joint, which the known load sets, ten
-    parameters in the last joint's frame. Each joint is on its own: i = Y φ + g y_load with errors in the
-    currents is linear in the arm's parameters over its gain, φ, and in one over its gain, g.
+    Currents alone give the arm's parameters up to a factor per joint; the known load (ten parameters in the
+    last joint's frame) fixes it. Each joint is fitted separately: its current i = Y φ + g y_load is linear
+    in the arm's parameters over its gain, φ, and in the inverse gain, g.
 
     Raises:
         ShapeError: when measurements do not fit the model.

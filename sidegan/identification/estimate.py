@@ -1,4 +1,4 @@
-"""One door to all estimators: a method's name, a model and measurements to parameters with their errors."""
+"""Estimate a model's parameters and their errors from measurements, by a named method."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from sidegan.identification.measurements import Samples
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
-# Samples, and the strength of the pull towards the description where there is one, to a fit.
+# Fit of samples, with the strength of the pull towards the description for methods that have one.
 METHODS: dict[str, Callable[[Gathered, float | None], Fit]] = {
     "ols": lambda data, _: least_squares(data.sums),
     "weighted": lambda data, _: reweighted(data.sums),
@@ -24,19 +24,19 @@ METHODS: dict[str, Callable[[Gathered, float | None], Fit]] = {
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Estimated parameters of a model, with what is known about their errors."""
+    """Estimated parameters of a model and their errors."""
 
-    method: str  # how they were found
+    method: str  # of ``METHODS``
     names: tuple[str, ...]  # of the parameters, (P,)
     parameters: Array  # θ, (P,)
-    covariance: Array  # of their errors, (P, P), for errors of the torque; those of states are not in it
-    weights: Array  # what each joint's equations were multiplied with, (J,)
-    inflation: Array  # samples that weigh as much as one independent one, (J,)
-    condition: float  # of the weighted, scaled regressor; infinite when a direction is not excited at all
-    samples: int  # number of samples of all joints
+    covariance: Array  # of the parameters, (P, P), due to torque errors; errors of states are not included
+    weights: Array  # weight of each joint's equations, (J,)
+    inflation: Array  # samples per independent sample, (J,)
+    condition: float  # of the weighted, scaled regressor; infinite if some direction is not excited
+    samples: int  # number of samples, each of all joints
     reach: Reach  # how far and how fast the joints moved
-    sums: Sums  # over the samples, from which other weights can be tried
-    standard: Array | None = None  # as ``TorqueModel.standard_names``, (F,), of the consistent method
+    sums: Sums  # over the samples; allow a fit with other weights
+    standard: Array | None = None  # in ``TorqueModel.standard_names``' order, (F,); consistent method only
 
     @property
     def deviation(self) -> Array:
@@ -45,7 +45,7 @@ class Estimate:
 
     @property
     def certainty(self) -> Array:
-        """One over the deviation of an independent sample's torque, (J,)."""
+        """Inverse standard deviation of an independent sample's torque, (J,)."""
         residual = np.sqrt(self.sums.squares(self.parameters) / self.sums.weight)
         return 1 / (residual * np.sqrt(self.inflation))
 
@@ -53,9 +53,9 @@ class Estimate:
 def estimate(
     method: str, model: TorqueModel, measurements: Samples, strength: float | None = None
 ) -> Estimate:
-    """Parameters of a model from measurements, by one of ``METHODS``.
+    """Parameters of a model from one or several recordings, by one of ``METHODS``.
 
-    Samples are of one recording or several. The strength is that of ``consistent``'s pull.
+    ``strength`` is that of ``consistent``'s pull.
 
     Raises:
         ConfigError: when the method is unknown.

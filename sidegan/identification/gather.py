@@ -15,32 +15,32 @@ from sidegan.identification.sums import Sums, no_sums, sums_of
 class Reach(NamedTuple):
     """Range and speed of each joint's motion, (J,) each."""
 
-    range: Array  # between the furthest positions [rad or m]
-    fastest: Array  # velocity [rad/s or m/s]
+    range: Array  # from the lowest to the highest position [rad or m]
+    fastest: Array  # highest speed [rad/s or m/s]
 
 
 @dataclass(frozen=True)
 class Gathered:
-    """Samples and sums over them, from which every method fits its parameters."""
+    """Samples and the sums over them that methods fit parameters to."""
 
-    model: TorqueModel  # whose parameters are looked for
+    model: TorqueModel  # to be fitted
     sums: Sums  # over all samples
     pieces: list[Measurements]  # without gaps
-    samples: int  # number of samples of all joints
-    reach: Reach  # of the joints in them
+    samples: int  # number of samples, each of all joints
+    reach: Reach  # of the motion
 
 
 def gather(model: TorqueModel, measurements: Samples) -> Gathered:
-    """Sums over measurements, of one recording or several.
+    """Sums over the measurements of one or several recordings.
 
     Raises:
-        ShapeError: when there are no samples, or they do not fit the model, or are too large.
+        ShapeError: when there are no samples, or they do not fit the model or are too large.
     """
     parts = list(pieces(measurements))
     if not parts:
         raise ShapeError("there are no samples to identify from")
     sums = no_sums(model.joints, model.count)
-    with np.errstate(over="ignore"):  # is refused below
+    with np.errstate(over="ignore"):  # the check below refuses it
         for part in parts:
             sums = sums.plus(_sums(model, part))
     if not all(np.isfinite(x).all() for x in sums):
@@ -61,7 +61,7 @@ def residual_of(model: TorqueModel, part: Measurements, parameters: Array) -> Ar
 def _sums(model: TorqueModel, part: Measurements) -> Sums:
     if model.kinds or part.joints != model.joints:
         return sums_of(_regressor(model, part), part.torque)
-    # The same for rigid bodies alone, which keeps no regressor.
+    # For rigid bodies alone the same sums need no regressor in memory.
     products = model.body.sums(*part.states, part.torque)
     information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
     return Sums(information, moment, energy, part.torque.sum(0), np.array(float(len(part))))

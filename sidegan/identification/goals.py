@@ -1,9 +1,10 @@
-"""Goals of a set of trajectories: all parameters, those of some links, a tool, or torques elsewhere.
+"""Goals of a set of trajectories: all parameters, those of some links, a tool, or torques in other motions.
 
-Information on a model's parameters (P, P) is that on parameters in units of what is known of them: ``known``
-before, and ``motion``, that of the set, G = Σ Yᵀ Y over the noise's variance.
+Information matrices (P, P) are in units of the parameters' prior deviations: ``known`` is the information
+before the set, ``motion`` that of the set, G = Σ Yᵀ Y over the noise variance.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -18,15 +19,15 @@ from sidegan.identification.verdict import joint_of
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.plant.varied import torque_scale
 
-_TOOL, _ARM = 1.0, 0.1  # [kg], [m] of a typical tool
-_DOUBT = 10.0  # times these: what a tool may be before anything is measured
-_TOLD = 0.5  # of the deviation before, below which something is told of a parameter
-_FLOOR = 0.02  # of the largest joint's usual torque, that a small joint's counts as at least
+_TOOL, _ARM = 1.0, 0.1  # mass [kg] and lever arm [m] of a typical tool
+_DOUBT = 10.0  # prior deviation of a tool's parameters, in units of the typical ones
+_IDENTIFIED = 0.5  # largest ratio of deviations after and before at which a parameter counts as identified
+_FLOOR = 0.02  # lower bound of a joint's usual torque, as a share of the largest joint's
 _UNITS = ("kg", "kg·m", "kg·m²")
 
 
 class Parameters:
-    """All parameters, or those that are named after some links and their joints: D-optimal design."""
+    """D-optimal design for all parameters, or for those of some links and their joints."""
 
     def __init__(self, model: TorqueModel, unit: Array, links: Sequence[str] | None = None) -> None:
         arm = model.arm
@@ -36,30 +37,30 @@ class Parameters:
                 f"goal.objective names {', '.join(links) or 'no link'}, expected some of the links that "
                 f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
             )
-        ours = [links is None or place in links for place in places]
-        self._ours = np.array(ours)
+        selected = [links is None or place in links for place in places]
+        self._selected = np.array(selected)
         self._links = links
-        self.names = tuple(name for name, mine in zip(model.names, ours) if mine)
-        self._unit = unit[self._ours]
-        self.goal = Goal("volume", targets=np.eye(model.count)[self._ours])
+        self.names = tuple(itertools.compress(model.names, selected))
+        self._unit = unit[self._selected]
+        self.goal = Goal("volume", targets=np.eye(model.count)[self._selected])
 
     def deviations(self, known: Array, motion: Array) -> Array:
-        """Standard deviation of each of the parameters, (K,)."""
-        variances = np.linalg.inv(known + motion).diagonal()[self._ours]
+        """Standard deviation of each parameter, (K,)."""
+        variances = np.linalg.inv(known + motion).diagonal()[self._selected]
         return np.sqrt(np.maximum(variances, 0)) * self._unit
 
     def summary(self, deviations: Array, before: Array) -> str:
-        """By how much the deviations fall."""
+        """Sentence on how far the deviations fall."""
         share = float(np.exp(np.log(deviations / before).mean()))
         whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
         return f"{whose} the parameters' deviations fall to {share:.0%} (geometric mean)"
 
 
 class Tool:
-    """Ten parameters of what the last link carries.
+    """Ten parameters of a tool on the last link.
 
-    The motion is executed with the tool and, unless the arm was identified before, without it too; in both,
-    the arm's parameters are the same unknown ones. As in ``payload``: [Y 0; Y Y_last] [θ; tool] = τ.
+    The motion is executed with the tool and, unless the arm was identified before, also without it; the
+    arm's unknown parameters are the same in both. As in ``payload``: [Y 0; Y Y_last] [θ; tool] = τ.
     """
 
     def __init__(self, model: TorqueModel, unit: Array, identified: bool) -> None:
@@ -67,7 +68,7 @@ class Tool:
         self.names = tuple(f"tool {name}" for name in LINK_PARAMETERS)
         self._typical = _TOOL * _ARM**POWERS
         columns = model.mapping[:, last] * self._typical
-        self._columns = columns / unit[:, None]  # the tool's among the parameters', (P, 10)
+        self._columns = columns / unit[:, None]  # effect of the tool on the arm's parameters, (P, 10)
         self._runs = 1 if identified else 2
         self._doubt = np.eye(10) / _DOUBT**2
         self.goal = Goal("tool", targets=columns.T, doubt=self._doubt, runs=self._runs)
@@ -80,36 +81,34 @@ class Tool:
         return np.sqrt(np.maximum(variances, 0)) * self._typical
 
     def summary(self, deviations: Array, before: Array) -> str:
-        """Errors of mass, centre of mass times mass, and inertia, as far as the motion tells them."""
-        told = deviations < _TOLD * before
-        groups = zip(_UNITS, np.split(deviations, [1, 4]), np.split(told, [1, 4]))
-        sizes = [
-            f"± {np.sqrt(np.square(x[some]).mean()):.2g} {unit}" for unit, x, some in groups if some.any()
-        ]
-        untold = [name.removeprefix("tool ") for name, some in zip(self.names, told.tolist()) if not some]
+        """Sentence on the errors of mass, mass times centre and inertia, as far as they are identified."""
+        found = deviations < _IDENTIFIED * before
+        groups = zip(_UNITS, np.split(deviations, [1, 4]), np.split(found, [1, 4]))
+        sizes = [f"± {np.sqrt(np.square(x[ok]).mean()):.2g} {unit}" for unit, x, ok in groups if ok.any()]
+        missing = [name.removeprefix("tool ") for name in itertools.compress(self.names, ~found)]
         runs = "" if self._runs == 1 else ", executed with and without it"
-        but = f" except for {', '.join(untold)}" if untold else ""
+        but = f" except for {', '.join(missing)}" if missing else ""
         return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
 
 
 class Prediction:
-    """Torques within the limits, over the joints' usual torques: their expected squared error."""
+    """Expected squared error of torques within the limits, relative to the joints' usual torques."""
 
     def __init__(self, model: TorqueModel, unit: Array, usual: Array) -> None:
         self.names = model.arm.joint_names
         y = model.regressor(*model.usual_states()) / usual[:, None]
         rows = y.transpose(1, 2, 0)
-        each = rows @ rows.mT / len(y)
-        self.goal = Goal("variance", targets=_root_of(each.mean(0)).T)
-        self._each = each * unit * unit[:, None]
+        squares = rows @ rows.mT / len(y)
+        self.goal = Goal("variance", targets=_root_of(squares.mean(0)).T)
+        self._squares = squares * unit * unit[:, None]
 
     def deviations(self, known: Array, motion: Array) -> Array:
-        """Root mean square error of each joint's torque over its usual one, (J,)."""
+        """Root mean square error of each joint's torque, relative to its usual torque, (J,)."""
         covariance = np.linalg.inv(known + motion)
-        return np.sqrt(np.maximum((self._each * covariance).sum((1, 2)), 0))
+        return np.sqrt(np.maximum((self._squares * covariance).sum((1, 2)), 0))
 
     def summary(self, deviations: Array, before: Array) -> str:
-        """The error on average."""
+        """Sentence on the mean error."""
         now, then = (float(np.sqrt(np.square(x).mean())) for x in (deviations, before))
         return f"torques of other motions are uncertain by {now:.2%} of their usual size, {then:.2%} before"
 
@@ -118,7 +117,7 @@ Purpose: TypeAlias = Parameters | Tool | Prediction
 
 
 def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, identified: bool) -> Purpose:
-    """Goal by its name, or by those of links, for a model whose parameters count in units (P,)."""
+    """Goal by its name, or by names of links, for a model with these parameter units (P,)."""
     if objective == "payload":
         return Tool(model, unit, identified)
     if objective == "prediction":
@@ -137,7 +136,7 @@ def usual_torque(body: RigidBody) -> Array:
 
 
 def _root_of(target: Array) -> Array:
-    """F with F Fᵀ = target, (q, r), of a symmetric positive semidefinite target (q, q)."""
+    """Factor F, (q, r), with F Fᵀ = target, of a symmetric positive semidefinite target (q, q)."""
     eigenvalues, vectors = np.linalg.eigh(target)
     kept = eigenvalues > 0
     return vectors[:, kept] * np.sqrt(eigenvalues[kept])

@@ -1,4 +1,4 @@
-"""An identified arm: its model, estimates of every method, their errors, and the verdict."""
+"""An identified arm: its model, each method's estimate and errors, and the verdict."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,26 +16,26 @@ from sidegan.identification.verdict import Quality
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Drives
 
-EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification is compared with
+EQUAL_WEIGHTS, CONSISTENT = "ols", "consistent"  # methods that every identification also runs
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class IdentifiedArm:
-    """A model identified from recordings, with everything that is known about its quality."""
+    """A model identified from recordings, and its quality."""
 
     model: TorqueModel
-    training: list[CheckedRecording]  # recordings that were identified from
-    validation: list[CheckedRecording]  # recordings that were held out
-    estimates: dict[str, Estimate]  # by method: the chosen one, equal weights, the consistent one
-    trained: dict[str, Score]  # errors of each method on what it was identified from
-    tested: dict[str, Score]  # on what it had not seen, or else the same
-    kind: str  # of these: held out, each recording by the others, or in sample
-    use: str  # method of the model to use: the consistent one, unless the chosen one predicts clearly better
-    quality: Quality  # whether to trust the model to use
+    training: list[CheckedRecording]
+    validation: list[CheckedRecording]  # held out; may be empty
+    estimates: dict[str, Estimate]  # by method: the chosen one, equal weights, and consistent
+    trained: dict[str, Score]  # training errors by method
+    tested: dict[str, Score]  # test errors by method; the training errors if nothing was held out
+    kind: str  # of the test: held out, each recording by the others, or in sample
+    use: str  # recommended method: consistent, unless the chosen one predicts clearly better
+    quality: Quality  # of the recommended model
 
     @property
     def recordings(self) -> list[CheckedRecording]:
-        """All recordings, those that were identified from first."""
+        """All recordings, training first."""
         return [*self.training, *self.validation]
 
     @property
@@ -45,14 +45,14 @@ class IdentifiedArm:
 
     @property
     def used(self) -> Estimate:
-        """Estimate of the model to use."""
+        """Estimate of the recommended method."""
         return self.estimates[self.use]
 
     @property
     def standard(self) -> Array:
         """Physically consistent parameters in ``TorqueModel.standard_names``' order, (F,)."""
         standard = self.estimates[CONSISTENT].standard
-        assert standard is not None, "the consistent method has them"
+        assert standard is not None, "the consistent method sets it"
         return standard
 
     @property
@@ -62,10 +62,10 @@ class IdentifiedArm:
 
     @property
     def used_standard(self) -> Array:
-        """Standard parameters of the model to use, (F,): the nearest to the consistent ones that give it.
+        """Standard parameters, (F,), that give the recommended model's torques: those nearest to consistent.
 
-        They have its torques exactly; where it is not the consistent one, some of its links cannot exist.
-        Differences count in each link's typical mass and length, and those of terms alike.
+        Unless the model is the consistent one, some of their links are physically impossible. Distances are
+        in units of each link's typical mass and length; those of terms are not scaled.
         """
         if self.use == CONSISTENT:
             return self.standard
@@ -77,23 +77,23 @@ class IdentifiedArm:
 
     @cached_property
     def drives(self) -> Drives:
-        """Friction and rotors of the consistent model; zero where it has no such term."""
-        drives = vars(Drives.none(self.model.joints))
+        """Friction and rotor inertias of the consistent model; zero for terms that it does not have."""
+        zeros = vars(Drives.none(self.model.joints))
         found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
-        return Drives(**{kind: np.maximum(found.get(kind, none), 0.0) for kind, none in drives.items()})
+        return Drives(**{kind: np.maximum(found.get(kind, zero), 0.0) for kind, zero in zeros.items()})
 
     @cached_property
     def unmodelled(self) -> Unmodelled:
-        """Torques that the model lacks, from the residuals of the chosen method."""
+        """Unmodelled torques, from the residuals of the chosen method."""
         return find_unmodelled(self.model, self.chosen, measurements_of(self.training))
 
     @property
     def left_over(self) -> list[str]:
-        """Torques that are left over, a sentence for each joint that lacks something."""
+        """Sentences on the unmodelled torques of each joint."""
         names = [self.quality.joint(j) for j in range(self.model.joints)]
         return self.unmodelled.sentences(names, self.quality.torque_deviation)
 
 
 def measurements_of(recordings: list[CheckedRecording]) -> list[Measurements]:
-    """Measurements of recordings, one for each stretch without gaps."""
+    """Measurements of recordings, one for each segment without gaps."""
     return [Measurements(*segment[1:]) for recording in recordings for segment in recording.segments]

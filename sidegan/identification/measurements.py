@@ -1,4 +1,4 @@
-"""Samples of joint states and torques, recorded or simulated with noise."""
+"""Samples of joint states and torques, recorded or simulated."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from sidegan.motion.trajectory import Motion
 if TYPE_CHECKING:
     from sidegan.motion.dynamics import RigidBody
 
-SAMPLES_AT_ONCE = 4096  # of a piece: their regressor of a 7-joint arm takes 16 MB
+SAMPLES_AT_ONCE = 4096  # per piece: the regressor of a 7-joint arm then takes 16 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,22 +22,22 @@ class Measurements:
     """S samples of a J-joint arm, (S, J) each.
 
     Raises:
-        ShapeError: when they are not alike, not (S, J), or not finite.
+        ShapeError: when shapes differ, are not (S, J), or values are not finite.
     """
 
     position: Array  # [rad or m]
     velocity: Array  # [rad/s or m/s]
     acceleration: Array  # [rad/s² or m/s²]
     torque: Array  # [N·m or N]
-    # smooth sign of the velocity after the low-pass that torque went through, for Coulomb friction: a sign
-    # that jumps does not explain a torque that cannot; None takes it from the velocity
+    # smooth sign of the velocity for Coulomb friction, low-pass filtered like the torque: a sign that jumps
+    # does not explain a filtered torque; None computes it from the velocity
     sign: Array | None = None
 
     def __post_init__(self) -> None:
         for name, x in self._named().items():
             if x.ndim != 2 or x.shape != self.torque.shape:
                 raise ShapeError(f"{name} is {x.shape}, expected (S, J) like torque {self.torque.shape}")
-            if not np.isfinite(x.sum()):  # which is many times faster than looking at each
+            if not np.isfinite(x.sum()):  # many times faster than testing each value
                 bad = np.flatnonzero(~np.isfinite(x).all(1))
                 if len(bad):
                     raise ShapeError(f"{name} of sample {bad[0]} is not finite")
@@ -71,14 +71,14 @@ Samples: TypeAlias = Measurements | Iterable[Measurements]
 
 
 def pieces(measurements: Samples) -> Iterator[Measurements]:
-    """Pieces of measurements, none of which reaches over the end of a recording."""
+    """Pieces of measurements; none spans two recordings."""
     for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
         yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """Uniform measurement noise in proportion to the signal, x · (1 + level · U(−1, 1))."""
+    """Uniform measurement noise proportional to the signal, x · (1 + level · U(−1, 1))."""
 
     level: NonNegative = 0.1  # 0.1 for the paper's "10 % uniform random noise"
     torque: bool = True  # whether measured torques are noisy
@@ -91,7 +91,7 @@ class Noise:
 
 
 def measure(body: "RigidBody", motion: Motion) -> Measurements:
-    """Exact measurements, (B·T, J), of an arm that executes a motion (B, T, J) exactly.
+    """Measurements, (B·T, J), without noise, of an arm that executes a motion (B, T, J) exactly.
 
     Raises:
         ShapeError: when the motion is empty, does not fit the arm or is not finite.
@@ -104,10 +104,10 @@ def measure(body: "RigidBody", motion: Motion) -> Measurements:
 
 
 def disturbed(exact: Measurements, noise: Noise, random: np.random.Generator, batch: int = 1) -> Measurements:
-    """Exact measurements of ``batch`` trajectories, equally long and one after another, with noise.
+    """Exact measurements of ``batch`` equally long trajectories, one after another, with noise added.
 
-    The torque stays that of the true states. Whatever is noisy, the draws are the same, and those of a batch
-    are those of its trajectories in turn.
+    The torque stays that of the true states. The draws do not depend on which signals are noisy, and a
+    batch draws the same numbers as its trajectories in turn.
     """
     draws = random.uniform(-1.0, 1.0, (batch, 4, len(exact) // batch, exact.joints))
     draws = draws.swapaxes(0, 1).reshape(4, -1, exact.joints)

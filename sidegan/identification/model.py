@@ -1,4 +1,4 @@
-"""The model of an arm's torque: rigid-body base parameters, rotor inertias and friction, linear in all."""
+"""The model of an arm's torque, linear in rigid-body base parameters, rotor inertias and friction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,28 +12,29 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm
 
-# Relative length of a column's new part. A right angle that is written as 1.5708 leaves 4e-6, a calibrated
-# one that is 0.5 mrad off 1e-3, and a true one 0.5: less than a hundredth is not told by any motion.
+# A column is dependent if less than this share of its length is new. The share is 4e-6 for a right angle
+# written as 1.5708, 1e-3 for an angle calibrated to 0.5 mrad, and 0.5 for a parameter of its own: no motion
+# identifies a parameter with less than 1 %.
 _DEPENDENT = 0.01
 _NO_PART = 1e-10  # a smaller coefficient in a grouping is rounding
-_SPREAD = 5.0  # times the new part that a grouping neglects: no larger a part of it only makes up for that
+_SPREAD = 5.0  # coefficients up to this multiple of the neglected new part are artefacts of neglecting it
 _STATES_PER_JOINT = 60
-_USUAL = 400  # random states that stand for where the model is to hold
-_PACE = 0.5  # of the velocity limits, and 2.5 rad/s²: how fast the arm moves there
-_ACCELERATION = 5.0  # [rad/s²] of the states that groupings are found with
-_DIGITS = 4  # of a share in a formula
+_USUAL = 400  # random states that represent the model's range of use
+_PACE = 0.5  # share of the velocity limits, and of ``_ACCELERATION``, in that range
+_ACCELERATION = 5.0  # [rad/s²] largest acceleration of the states that groupings are found with
+_DIGITS = 4  # of a coefficient in a formula
 _LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """Terms of a joint's torque beside rigid bodies."""
+    """Terms of a joint's torque in addition to rigid bodies."""
 
-    rotor_inertia: bool = False  # Ia · ddq, where the rigid bodies do not explain it already
+    rotor_inertia: bool = False  # Ia · ddq, unless a rigid-body parameter has the same effect
     viscous: bool = True  # fv · dq
     coulomb: bool = True  # fc · tanh(dq / sign_width)
     offset: bool = True  # fo
-    sign_width: Positive = 0.03  # velocity [rad/s or m/s] at which the smooth sign is at 76 %
+    sign_width: Positive = 0.03  # velocity [rad/s or m/s] at which the smooth sign reaches 76 %
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -51,7 +52,7 @@ class Terms:
         return [values[name] for name in self.kinds]
 
 
-# Of torques from motor currents, and of rigid bodies alone, as simulated measurements are.
+# For torques from motor currents, and for rigid bodies alone, such as simulated arms.
 FULL = Terms(rotor_inertia=True, sign_width=0.01)
 RIGID = Terms(viscous=False, coulomb=False, offset=False, sign_width=0.01)
 
@@ -59,17 +60,17 @@ RIGID = Terms(viscous=False, coulomb=False, offset=False, sign_width=0.01)
 class TorqueModel:
     """A model of an arm's torque, τ = Y θ with P parameters θ.
 
-    The rigid-body base parameters come first, in ``body.base``'s order, then per term the joints' own
-    parameters. A parameter that has the same effect as those before it (such as the rotor inertia of the
-    first joint and the inertia about its axis) has no column: it is grouped into theirs.
+    The rigid-body base parameters come first, in ``body.base``'s order, then one parameter per term and
+    joint. A parameter that has the same effect as earlier ones (the rotor inertia of the first joint and the
+    link's inertia about its axis) has no column: it is grouped into theirs.
 
     Attributes:
-        names: of the parameters, such as "Izz6" or "fv3", (P,).
+        names: names of the parameters, such as "Izz6" or "fv3", (P,).
         rigid: number of base parameters, the first of the P.
         kinds: names of the terms in use, in the order of their columns.
-        standard_names: of the J links' ten parameters and then each term's J, (F,).
-        extras: indices among all terms' parameters, (kinds · J), of those that have a column.
-        mapping: parameters from standard ones, (P, F).
+        standard_names: names of each link's ten parameters, then of each term's J parameters, (F,).
+        extras: indices, among all terms' kinds · J parameters, of those that have a column.
+        mapping: maps standard parameters to the model's, (P, F).
 
     Source: Gautier 1991, Numerical calculation of the base inertial parameters of robots.
     """
@@ -97,28 +98,28 @@ class TorqueModel:
 
     @cached_property
     def nominal(self) -> Array:
-        """Parameters of the arm's description, without friction and rotor inertia, (P,)."""
+        """Parameters from the arm's description, without friction and rotor inertia, (P,)."""
         return self.mapping[:, : 10 * self.joints] @ self.arm.inertial_parameters.ravel()
 
     def links_of(self, standard: Array) -> Array:
-        """The links' inertial parameters, (J, 10), among standard parameters (F,)."""
+        """The links' inertial parameters, (J, 10), from standard parameters (F,)."""
         return standard[: 10 * self.joints].reshape(-1, 10)
 
     def standard_slice(self, term: str) -> slice:
-        """Places of a term's J parameters among the standard ones."""
+        """Slice of a term's J parameters in the standard ones."""
         start = (10 + self.kinds.index(term)) * self.joints
         return slice(start, start + self.joints)
 
     def usual_states(self, seed: int = 1) -> tuple[Array, Array, Array]:
-        """Random states (S, J) at half of the velocity limits, where the model is to hold."""
+        """Random states (S, J) up to half of the velocity limits: the model's range of use."""
         q, dq, ddq = states_within(self.arm, _USUAL, seed=seed)
         return q, _PACE * dq, _PACE * ddq
 
     def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
 
-        Coulomb friction follows ``sign``, tanh(dq / sign_width) when None. Y is a view of an array with the
-        states last, in which products over samples are fast.
+        Coulomb friction follows ``sign``, tanh(dq / sign_width) when None. In memory the states are the last
+        axis, which makes products over samples fast.
 
         Raises:
             ShapeError: when a shape does not fit the arm.
@@ -133,11 +134,11 @@ class TorqueModel:
         return y.transpose(2, 0, 1)
 
     def torque(self, parameters: Array, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
-        """Torque [N·m or N], (S, J), of parameters (P,) at states (S, J)."""
+        """Torque [N·m or N], (S, J), from parameters (P,) at states (S, J)."""
         return torques_of(self.regressor(q, dq, ddq, sign), parameters)
 
     def _grouped(self) -> tuple[Array, Array]:
-        """Indices of the extra columns that are independent, and all extras' shares in the P parameters."""
+        """Indices of the independent extra columns, and all extras' coefficients in the P parameters."""
         joints, base = self.joints, self.body.base
         if not self.kinds:
             return np.zeros(0, dtype=int), np.zeros((len(base.values), 0))
@@ -150,7 +151,7 @@ class TorqueModel:
         kept = np.flatnonzero(new > _DEPENDENT)
         basis = np.concatenate([rigid, extra[:, kept]], 1)
         norms = np.linalg.norm(basis, axis=0)
-        parts = np.linalg.lstsq(basis / norms, extra, rcond=None)[0]  # of the length of an extra's column
+        parts = np.linalg.lstsq(basis / norms, extra, rcond=None)[0]
         parts[np.abs(parts) <= _SPREAD * new * np.linalg.norm(extra, axis=0)] = 0.0
         shares = parts / norms[:, None]
         shares[np.abs(shares) < _NO_PART] = 0.0
@@ -159,14 +160,14 @@ class TorqueModel:
 
 
 def torques_of(y: Array, parameters: Array) -> Array:
-    """Torques Y θ, (S, J), of a regressor (S, J, P) in which states are next to each other in memory."""
-    return np.einsum("sjp,p->sj", y, parameters)  # six times as fast as @ there
+    """Torques Y θ, (S, J), of a regressor (S, J, P) with the states contiguous in memory."""
+    return np.einsum("sjp,p->sj", y, parameters)  # six times as fast as @ in this layout
 
 
 def states_within(arm: Arm, count: int, seed: int = 0) -> tuple[Array, Array, Array]:
-    """Random positions and velocities within an arm's limits and accelerations within ±5, (count, J) each.
+    """Random positions and velocities within an arm's limits, accelerations within ±5, (count, J) each.
 
-    Slow velocities are as frequent as fast ones are: friction changes most there.
+    Velocities are denser near zero, where friction changes most.
     """
     draw = np.random.default_rng(seed).random((3, count, arm.joints))
     q = arm.position_lower + (arm.position_upper - arm.position_lower) * draw[0]
@@ -174,10 +175,9 @@ def states_within(arm: Arm, count: int, seed: int = 0) -> tuple[Array, Array, Ar
 
 
 def formula(shares: Array, names: Sequence[str]) -> str:
-    """A grouping as text, such as "m6 + 0.078 m7", from each parameter's share (F,) and name."""
-    parts = [(share, name) for share, name in zip(shares.tolist(), names) if share != 0.0]
+    """A grouping as text, such as "m6 + 0.078 m7", from each parameter's coefficient (F,) and name."""
     words = []
-    sized = [(f"{abs(share):.{_DIGITS}g}", share, name) for share, name in parts]
-    for size, share, name in sorted(sized, key=lambda part: part[0] != "1" or part[1] < 0):
+    parts = [(f"{abs(x):.{_DIGITS}g}", x, name) for x, name in zip(shares.tolist(), names) if x != 0.0]
+    for size, share, name in sorted(parts, key=lambda part: part[0] != "1" or part[1] < 0):
         words += ["-" if share < 0 else "+", name if size == "1" else f"{size} {name}"]
     return " ".join(words).removeprefix("+ ")

@@ -1,4 +1,4 @@
-"""Whether what a model leaves of torques is the sensors' noise, and nothing that a model could explain."""
+"""Test whether a model's residuals are sensor noise rather than something that a model could explain."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,49 +13,49 @@ from sidegan.identification.model import TorqueModel, torques_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.recording.recording import Segment
 
-_BANDS = ((0.0, 0.3), (0.3, 0.6))  # of the cut-off; in the first is most of what a model lacks
-_LEAST = 15.0  # independent values of a band: of fewer nothing can be said
-_RARE = 1e-3  # of the bands of pure noise may look like more
-_EXPECTED = 1.25  # times the noise that is expected, for the error of that
-_HANN = 35 / 18  # values of a spectrum under a Hann window that tell as much as one
-_ALIKE = 4.0  # deviations of a correlation between neighbours that chance does not explain
+_BANDS = ((0.0, 0.3), (0.3, 0.6))  # shares of the cut-off; most unmodelled torque is in the first band
+_LEAST = 15.0  # independent values that a band needs for a test
+_RARE = 1e-3  # false alarm rate per band of pure noise
+_EXPECTED = 1.25  # allowance for the error of the expected noise
+_HANN = 35 / 18  # correlated spectral values per independent one, under a Hann window
+_ALIKE = 4.0  # standard deviations at which a correlation between neighbours is significant
 
 
-class _Left(NamedTuple):
-    """What is left of torques in a stretch, beside noise."""
+class _Residual(NamedTuple):
+    """Residual torques of a segment, and the noise expected in them."""
 
     energy: Array  # in each band, (K, J)
-    expected: Array  # of noise and of the parameters' errors, (K, J)
-    values: Array  # independent ones in each band, (K,)
-    samples: Array  # independent ones, residual and what it is sorted by, (5, N, J)
+    expected: Array  # energy of noise and of the parameters' errors, (K, J)
+    values: Array  # number of independent values in each band, (K,)
+    samples: Array  # independent samples of the residual and of the signals it is sorted by, (5, N, J)
 
 
 def is_noise(
     model: TorqueModel, parameters: Array, covariance: Array, recordings: Sequence[CheckedRecording]
 ) -> Array:
-    """Whether what parameters (P,) leave of each joint's torque in recordings is noise, (J,).
+    """Whether each joint's residuals with parameters (P,) are noise, (J,).
 
-    It is so where it is as large in each band below the cut-off as what the torques hold above it, up to the
-    parameters' errors with a covariance (P, P), and where neighbours in position, velocity, acceleration or
-    torque have nothing in common. What cannot be told is no noise.
+    They are if in each band below the cut-off they are no larger than the torques above it, up to errors of
+    the parameters with a covariance (P, P), and if residuals at neighbouring positions, velocities,
+    accelerations or torques are uncorrelated. False if there are too few samples to decide.
     """
-    left = [
-        _left(model, parameters, covariance, segment, recording.grid.cutoff, recording.noise)
+    residuals = [
+        _residual(model, parameters, covariance, segment, recording.grid.cutoff, recording.noise)
         for recording in recordings
         for segment in recording.segments
     ]
-    energy, expected, values = (np.stack(x).sum(0) for x in list(zip(*left))[:3])
+    energy, expected, values = (np.stack(x).sum(0) for x in list(zip(*residuals))[:3])
     if (values < _LEAST).any():
         return np.zeros(model.joints, dtype=bool)
     most = _EXPECTED * scipy.stats.chi2.isf(_RARE, values) / values
-    as_large = energy <= most[:, None] * expected  # never where the noise is not known
-    return as_large.all(0) & _unlike(np.concatenate([one.samples for one in left], 1))
+    as_large = energy <= most[:, None] * expected  # False where the noise is unknown (NaN)
+    return as_large.all(0) & _uncorrelated(np.concatenate([residual.samples for residual in residuals], 1))
 
 
-def _left(
+def _residual(
     model: TorqueModel, parameters: Array, covariance: Array, segment: Segment, cutoff: float, noise: Array
-) -> _Left:
-    """What is left of a segment after a low-pass [Hz], of torques with a density of noise, (J,)."""
+) -> _Residual:
+    """Residual of a segment with a low-pass [Hz], from the noise density of its torques, (J,)."""
     rate = 1 / float(segment.time[1] - segment.time[0])
     count = len(segment.time)
     predicted = []
@@ -66,25 +66,25 @@ def _left(
         errors += spread_of(y, covariance) / count
     torque = np.concatenate(predicted)
     residual = segment.torque - torque
-    window = np.hanning(count + 1)[:-1]  # a periodic one
+    window = np.hanning(count + 1)[:-1]  # periodic
     power = np.square(np.abs(np.fft.rfft(window[:, None] * residual, axis=0)))
     share = np.fft.rfftfreq(count, 1 / rate) / cutoff
     unit = np.square(window).sum()
     inside = np.stack([(low <= share) & (share < high) for low, high in _BANDS])
     expected = inside.sum(1)[:, None] * noise * rate / 2 * unit
     expected[0] += errors * unit * count / 2
-    every = max(1, round(rate / (2 * cutoff)))
+    step = max(1, round(rate / (2 * cutoff)))
     samples = np.stack([residual, segment.position, segment.velocity, segment.acceleration, torque])
-    return _Left(inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::every])
+    return _Residual(inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::step])
 
 
-def _unlike(samples: Array) -> Array:
-    """Whether residuals next to each other by any of what they are sorted by are unlike, (J,)."""
+def _uncorrelated(samples: Array) -> Array:
+    """Whether residuals sorted by each of the other signals are uncorrelated with their neighbours, (J,)."""
     residual = samples[0]
-    unlike = np.ones(samples.shape[2], dtype=bool)
+    result = np.ones(samples.shape[2], dtype=bool)
     for x in samples[1:]:
         r = np.take_along_axis(residual, x.argsort(0), 0)
         r = r - r.mean(0)
-        alike = (r[1:] * r[:-1]).sum(0) / np.square(r).sum(0)
-        unlike &= alike * len(r) ** 0.5 < _ALIKE
-    return unlike
+        correlation = (r[1:] * r[:-1]).sum(0) / np.square(r).sum(0)
+        result &= correlation * len(r) ** 0.5 < _ALIKE
+    return result

@@ -1,4 +1,4 @@
-"""The load of an arm, from recordings without and with it: mass, centre of mass, inertia, with errors."""
+"""Mass, centre of mass and inertia of a load, with errors, from recordings without and with it."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,11 @@ from sidegan.identification.sums import rows_of, solve
 from sidegan.motion.dynamics import LINK_PARAMETERS
 from sidegan.robot.consistency import about_the_centre
 
-LOAD = len(LINK_PARAMETERS)  # parameters of what is fixed to the last link, the last ones of the model
-_LIGHTEST, _LENGTH = 0.05, 0.05  # [kg], [m] of a typical load, where the samples leave it open
-_STRENGTH = 0.1  # of the pull towards a ball of that length, which chooses what the samples leave open
-_CLEAR = 3.0  # deviations from which a mass is one
-_STEP = 1e-30  # of a derivative
+LOAD = len(LINK_PARAMETERS)  # parameters of a load on the last link; they come last in ``Loaded``
+_LIGHTEST, _LENGTH = 0.05, 0.05  # least mass [kg] and length [m] of the nominal load
+_STRENGTH = 0.1  # of the pull towards a ball of that size, which decides what the samples leave open
+_CLEAR = 3.0  # standard deviations at which a mass is significant
+_STEP = 1e-30  # of a complex-step derivative
 VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  # inertia about the centre
 
 
@@ -26,12 +26,12 @@ VALUES = ("mass", "cx", "cy", "cz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")  #
 class Payload:
     """A load that is rigidly fixed to an arm's last link."""
 
-    link: str  # in whose frame its parameters are
-    estimate: Array  # its parameters in Pinocchio's order, as least squares gives them, (10,)
-    covariance: Array  # of their errors, (10, 10)
-    body: Array  # the most probable ones of a body that can exist, (10,)
-    without: Array  # nMSE of each joint on the runs with the load, where it is not accounted for, (J,)
-    explained: Array  # nMSE of each joint on these runs with it, (J,)
+    link: str  # link whose frame the parameters are in
+    estimate: Array  # least-squares parameters in Pinocchio's order, (10,)
+    covariance: Array  # of the estimate, (10, 10)
+    body: Array  # most probable physically consistent parameters, (10,)
+    without: Array  # nMSE of each joint on the loaded runs without the load in the model, (J,)
+    explained: Array  # the same with the load in the model, (J,)
 
     @property
     def values(self) -> Array:
@@ -41,27 +41,26 @@ class Payload:
     @property
     def deviation(self) -> Array:
         """Standard deviation of each of these, (10,)."""
-        turned = values_of(self.body + _STEP * 1j * np.eye(LOAD))  # a complex step: no difference is taken
-        slope = turned.imag.T / _STEP
-        return np.sqrt(np.maximum((slope @ self.covariance @ slope.T).diagonal(), 0))
+        jacobian = values_of(self.body + _STEP * 1j * np.eye(LOAD)).imag.T / _STEP  # by complex step
+        return np.sqrt(np.maximum((jacobian @ self.covariance @ jacobian.T).diagonal(), 0))
 
     @property
     def certain(self) -> bool:
-        """Whether there is a load beyond doubt."""
+        """Whether the load's mass is significant."""
         return bool(self.values[0] > _CLEAR * self.deviation[0])
 
 
 def values_of(parameters: Array) -> Array:
-    """Mass, centre of mass and inertia about it, in ``VALUES``' order, of link parameters, (K, 10) both."""
+    """Mass, centre of mass and inertia about it, as ``VALUES``, from link parameters, (K, 10) both."""
     centre, inertia = about_the_centre(parameters)
     rows, columns = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]
     return np.concatenate([parameters[:, :1], centre, inertia[:, rows, columns]], 1)
 
 
 def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> Payload:
-    """Load of the runs with one, beside those without.
+    """Identify a load from runs without and with it.
 
-    The arm's parameters are unknown too, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
+    The arm's parameters are also unknown, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
 
     Source: Khalil, Gautier, Lemoine 2007, Identification of the payload inertial parameters of industrial
     manipulators, method 2.
@@ -80,21 +79,21 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
 
 
 def _possible(estimate: Array, covariance: Array) -> Array:
-    """The most probable parameters (10,) of a body that can exist, from an estimate and its covariance.
+    """The most probable physically consistent parameters, (10,), from an estimate and its covariance.
 
     min over pseudo-inertias P of ½ |x − x̂|² in units of the errors + strength · d(P, P⁰), P⁰ a small ball.
     """
     _, information = solve(covariance, np.zeros(LOAD), 1e-12)
     rows, right = rows_of(information, information @ estimate)
     size = np.array([[_LENGTH, _LENGTH, _LENGTH, 1.0]])
-    unit = max(estimate[0], _LIGHTEST) ** 0.5 * size  # in which the ball is the identity
+    unit = max(estimate[0], _LIGHTEST) ** 0.5 * size  # makes the ball's pseudo-inertia the identity
     return most_likely(rows, right, Pull(unit, np.eye(4)[None], np.array([_STRENGTH])))
 
 
 class Loaded:
-    """A model of an arm with columns behind it for what is fixed to its last link, zero where nothing is."""
+    """An arm's model with additional columns for a load on its last link, zero when it is not carried."""
 
-    kinds = ("load",)  # a model with more than rigid base parameters
+    kinds = ("load",)  # not empty, so that ``gather`` uses the regressor
 
     def __init__(self, model: TorqueModel, carried: bool) -> None:
         self._model = model
@@ -109,6 +108,6 @@ class Loaded:
 
 
 def gathered(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> list[Gathered]:
-    """Sums over runs without and with the load, of one set of parameters."""
+    """Sums over the runs without the load, then over those with it, for the same parameters."""
     runs = ((unloaded, False), (loaded, True))
     return [gather(Loaded(model, carried), samples) for samples, carried in runs]  # type: ignore[arg-type]

@@ -7,12 +7,12 @@ from sidegan.base.arrays import Array
 from sidegan.identification.model import TorqueModel
 from sidegan.robot import Arm, possible_links
 
-POWERS = np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2])  # of length in link parameters
-_LIGHT, _SMALL = 0.02, 0.05  # a link is taken for at least this share of the heaviest, and of 0.05 m
+POWERS = np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2])  # of length in each link parameter
+_LIGHT, _SMALL = 0.02, 0.05  # least typical mass, as a share of the heaviest link's, and length [m]
 
 
 def scales(arm: Arm) -> tuple[Array, Array]:
-    """Mass [kg] and length [m] that are typical of each link, (J,) each, from its description."""
+    """Typical mass [kg] and length [m] of each link, (J,) each, from the description."""
     x = possible_links(arm)
     mass = np.maximum(x[:, 0], _LIGHT * x[:, 0].max())
     gyration = np.sqrt(np.maximum(x[:, 4] + x[:, 6] + x[:, 9], 0) / 2 / mass)
@@ -20,15 +20,15 @@ def scales(arm: Arm) -> tuple[Array, Array]:
 
 
 def typical(arm: Arm) -> Array:
-    """Size that is typical of each link parameter, (J, 10): m, m l and m l²."""
+    """Typical size of each link parameter, (J, 10): m, m l and m l²."""
     mass, length = scales(arm)
     return mass[:, None] * length[:, None] ** POWERS
 
 
 def belief(model: TorqueModel, scale: Array) -> Array:
-    """Information (P, P) of a belief: parameters are right within links' typical sizes.
+    """Prior information (P, P): base parameters are described to within the links' typical sizes.
 
-    Terms are within their joint's torque, (J,). Nothing is believed of rotors inside groupings.
+    The deviation of terms is ``scale``, their joint's torque, (J,). Grouped rotor inertias have no prior.
     """
     rows = model.body.base.mapping * typical(model.arm).ravel()
     terms = scale[model.extras % model.joints] ** -2.0

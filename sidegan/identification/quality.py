@@ -1,4 +1,4 @@
-"""Quality of an identified model: its errors, its uncertain parameters, and the description beside it."""
+"""Quality of an identified model: its errors, uncertain parameters, and comparison with the description."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from sidegan.identification.score import Score, score
 from sidegan.identification.sums import solve
 from sidegan.identification.verdict import Quality
 
-_EFFECT = 0.1  # a parameter is weak when one deviation of it makes more than this share of a joint's torque
+_EFFECT = 0.1  # share of a joint's torque that one standard deviation of a weak parameter exceeds
 
 
 def quality(
@@ -24,10 +24,10 @@ def quality(
     folds: Score | None,
     noise: Array,
 ) -> Quality:
-    """Quality of an estimate of a model, from which its verdict follows.
+    """Quality of an estimate, from which its verdict follows.
 
-    The samples are those of the validation, or without one of the training, on which the description's own
-    links are tested; the rest is as in ``Quality``.
+    ``samples`` are those of the validation, or else of the training; the description's links are tested on
+    them. The other arguments are as in ``Quality``.
     """
     per_unit, torque_deviation, usual = _effects(model, estimate)
     effect = per_unit * estimate.deviation
@@ -47,9 +47,9 @@ def quality(
 
 
 def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Array, Array, Array]:
-    """Share of usual torques per unit of each parameter, (P,), of their deviation, (J,), and these, (J,).
+    """Effect of a unit of each parameter, (P,), deviation of torques, (J,), and usual torques, (J,).
 
-    Usual is the root mean square over random states within the limits, at half the arm's pace.
+    Both effects are shares of the usual torque: the root mean square over ``TorqueModel.usual_states``.
     """
     y = model.regressor(*model.usual_states())
     usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
@@ -58,7 +58,7 @@ def _effects(model: TorqueModel, estimate: Estimate) -> tuple[Array, Array, Arra
 
 
 def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Array:
-    """The description's link parameters with everything else fitted, (P,)."""
+    """The description's link parameters with all other terms fitted, (P,)."""
     r = model.rigid
     nominal = model.nominal.copy()
     information, moment = estimate.sums.weighted(estimate.weights)

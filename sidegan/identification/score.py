@@ -14,18 +14,18 @@ from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel
 
 _CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
-_LEAST_SHOWN = 1e-3  # of an error with four digits after the point
+_LEAST_SHOWN = 1e-3  # smallest error with four decimals
 
 
 def shown(nmse: float) -> str:
-    """A mean nMSE for people: four digits after the point, or two that count where these would be zeros."""
+    """A mean nMSE as text: four decimals, or two significant digits if it is small."""
     return f"{nmse:.4f}" if nmse >= _LEAST_SHOWN else f"{nmse:.2g}"
 
 
 class Score(NamedTuple):
-    """Errors of predicted torques, of each joint (J,), or of each of K recordings, (K, J)."""
+    """Errors of predicted torques of each joint, (J,), or of each recording and joint, (K, J)."""
 
-    nmse: Array  # mean((τ − τ̂)²) / var(τ); one is as good as predicting the mean
+    nmse: Array  # mean((τ − τ̂)²) / var(τ); predicting the mean gives 1
     rmse: Array  # root mean square of τ − τ̂ [N·m or N]
 
     @property
@@ -43,7 +43,7 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
     """Errors of the torques that parameters (P,) predict for measurements.
 
     Raises:
-        ShapeError: when nothing fits the model, there are no samples, or a joint's torque is constant.
+        ShapeError: when shapes do not fit the model, there are no samples, or a joint's torque is constant.
     """
     if parameters.shape != (len(model.names),):
         raise ShapeError(f"parameters are {parameters.shape}, the model has {len(model.names)}")
@@ -61,7 +61,7 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
 def folds(
     method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
 ) -> Score:
-    """Each of K recordings predicted by what was identified from all others, (K, J), as for ``estimate``."""
+    """Errors, (K, J), of predicting each of K recordings with the model identified from the others."""
     rows = []
     for k, held_out in enumerate(recordings):
         others = chain(*recordings[:k], *recordings[k + 1 :])

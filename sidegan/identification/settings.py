@@ -1,4 +1,4 @@
-"""Settings of identification, as ``conf/`` has them."""
+"""Settings of identification."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -10,41 +10,40 @@ from sidegan.base.typed import Count, Hertz, NonNegative, Number, Part, Positive
 from sidegan.errors import ConfigError
 from sidegan.identification.measurements import Noise
 
-_NOISE = 0.05  # share of a joint's usual torque that its noise is taken for where nothing says more
+_NOISE = 0.05  # default noise, as a share of a joint's usual torque
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudySettings:
-    """Simulated measurements and recursive least squares: how excitation sets are executed and compared."""
+    """How excitation sets are measured in simulation and compared by recursive least squares."""
 
-    rate: Hertz = 100.0  # of sampling [Hz]
+    rate: Hertz = 100.0  # sampling rate [Hz]
     prior: Positive = 1e6  # P₀ = prior · I
-    noise: Noise = Noise()  # of the simulated measurements; test torques are free of it
-    # deviation of a noise of one size, as real sensors have it, under which errors are expected as well: a
-    # share of each joint's torque limit, of its largest torque over random states where there is none
+    noise: Noise = Noise()  # of the simulated measurements; test torques are exact
+    # standard deviation of a constant noise, as real sensors have it, for a second set of expected errors: a
+    # share of each joint's torque limit, or without one of its largest torque over random states
     constant: Positive = 0.01
     repeats: Count = 10  # noise realisations
     tests: Count = 10  # test trajectories
-    # of test trajectories: share of its tightest limit that each of them uses
-    reach: Part = 0.8
+    reach: Part = 0.8  # share of its tightest limit that each test trajectory uses
 
 
-# What is noisy: measurements of the seeds alone; all of them; torques alone; torques, and the seeds' states.
+# What is noisy: the seeds' measurements; all measurements; all torques; all torques and the seeds' states.
 Reading = Literal["seeds", "all", "torques", "seeds_states"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReplicationSettings:
-    """Whole sets measured with noise, the seeds several times over."""
+    """Whole sets measured with noise, and the seeds measured repeatedly."""
 
-    # Of "each replication is done with 10% uniform random noise on both the robot state and on the output
-    # torques", all of which are made side by side; tables II and III and verdicts are by the first.
+    # readings of "each replication is done with 10% uniform random noise on both the robot state and on the
+    # output torques"; tables II and III and the verdicts use the first
     readings: list[Reading] = field(default_factory=lambda: ["seeds"])
     # how often the seeds are measured; one column of Table II for each
     replicas: list[Count] = field(default_factory=lambda: [1, 4, 10])
     noise: Noise = Noise(state=True)  # of noisy measurements
     repeats: Count = 10  # noise draws of the first reading
-    others: Count = 3  # at most so many of the others
+    others: Count = 3  # noise draws of every other reading, at most
 
     def __post_init__(self) -> None:
         for name in ("replicas", "readings"):
@@ -69,11 +68,11 @@ class ReplicationSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class KnownLoad:
-    """A known load of an arm, in the frame of the last link that moves."""
+    """A known load, in the frame of the last moving link."""
 
     mass: NonNegative = 0.0  # [kg]
-    centre: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)  # of mass [m]
-    # about it [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point
+    centre: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)  # centre of mass [m]
+    # inertia about the centre of mass [kg·m²]: Ixx, Ixy, Iyy, Ixz, Iyz, Izz; null: a point mass
     inertia: tuple[Number, Number, Number, Number, Number, Number] | None = None
 
     @property
@@ -89,19 +88,19 @@ class KnownLoad:
 
 @dataclass(frozen=True, kw_only=True)
 class GoalSettings:
-    """Goal of a set of trajectories, and what it is measured with."""
+    """Goal of a set of trajectories, and the noise of the sensors that measure it."""
 
     count: Count = 10  # trajectories
-    # what is small with the set: variances of torques on tasks, of the model's parameters or, a list, of some
-    # links' parameters, of a tool's; or the condition number of rigid bodies
+    # what to minimise: the variance of torques in other motions, of all parameters, of those of some links (a
+    # list of names) or of a tool's parameters; or the condition number of the rigid-body regressor
     objective: Literal["prediction", "parameters", "payload", "condition"] | list[str] = "prediction"
-    # standard deviation of torques: as a share of each joint's usual torque, or one per joint [N·m or N];
-    # null: that of the recordings where a model is known, else 5 %
+    # standard deviation of measured torques: a share of each joint's usual torque, or a value per joint
+    # [N·m or N]; null: that of the recordings if the arm was identified, else 5 %
     noise: Positive | list[Positive] | None = None
-    correlation: Seconds = 0.03  # time over which that noise keeps its sign
+    correlation: Seconds = 0.03  # correlation time of the noise
 
     def deviation(self, usual: Array) -> Array:
-        """Standard deviation of each joint's torque, (J,), of joints with these usual torques [N·m or N]."""
+        """Standard deviation of each joint's measured torque, (J,), from its usual torque [N·m or N]."""
         if not isinstance(self.noise, list):
             return (self.noise or _NOISE) * usual
         if len(self.noise) != len(usual):
@@ -110,7 +109,7 @@ class GoalSettings:
 
     @property
     def rate(self) -> float:
-        """Of samples whose noise is independent [Hz]."""
+        """Rate of samples with independent noise [Hz]."""
         return 1 / (2 * self.correlation)
 
 
@@ -119,4 +118,4 @@ class EstimationSettings:
     """Estimation of parameters from recordings."""
 
     method: Literal["ols", "weighted"] = "weighted"
-    strength: Positive | None = None  # of the pull towards the description; null: the most probable one
+    strength: Positive | None = None  # of the pull towards the description; null: the most probable strength

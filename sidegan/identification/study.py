@@ -1,7 +1,6 @@
-"""Compare excitation sets: identify from each, predict test torques, again and again with new noise.
+"""Compare excitation sets: identify from each, predict test torques, and repeat with new noise.
 
-The sums of least squares over a set are added to those of others, so that every combination of sets and
-replications costs no more than its parts.
+Least-squares sums are additive, so that combinations of sets and replications cost no more than their parts.
 
 Source: Jegorova et al. 2020, experiments 1 and 2.
 """
@@ -26,9 +25,9 @@ from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
-MotionSet: TypeAlias = tuple[Trajectory, Array]  # and coefficients [rad/s], (N, J, H, 2)
+MotionSet: TypeAlias = tuple[Trajectory, Array]  # the array: coefficients [rad/s], (N, J, H, 2)
 
-_RATE = 5.0  # [Hz] at which YᵀY of a set is taken
+_RATE = 5.0  # sampling rate of the condition number [Hz]
 _TRAJECTORIES_AT_ONCE = 10
 
 
@@ -41,10 +40,10 @@ def drawn_errors(
     random: np.random.SeedSequence,
     progress: Report,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """NMSE by repeat, weighting and joint of what is identified from a set, and facts about it.
+    """NMSE of models identified from a set, by repeat, weighting and joint, and facts about the set.
 
-    The same repeat draws the same noise, whatever the set. Test torques are exact, so that an nMSE is the
-    error of the model and not of its judge. Progress is that of ``measured_sums``.
+    A repeat draws the same noise for every set. Test torques are exact: an nMSE is the model's error alone.
+    Progress is that of ``measured_sums``.
 
     Returns:
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
@@ -64,23 +63,20 @@ def measured_sums(
     randoms: Sequence[np.random.SeedSequence],
     progress: Report,
 ) -> list[Sums]:
-    """Sums of least squares over all N trajectories of a set, once for each draw of noise; progress is of N.
-
-    Draws of noise on torques alone share the regressor.
-    """
+    """Least-squares sums over all N trajectories of a set, for each draw of noise; progress counts to N."""
     model = TorqueModel(body, RIGID)
     count, done = len(family[1]), 0
-    generators = [np.random.default_rng(one) for one in randoms]
+    generators = [np.random.default_rng(seed) for seed in randoms]
     sums = [no_sums(model.joints, model.count) for _ in generators]
-    for some in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
-        exact = _measured(body, (family[0], some), settings.rate)
-        noisy = (disturbed(exact, settings.noise, generator, len(some)) for generator in generators)
+    for batch in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():
+        exact = _measured(body, (family[0], batch), settings.rate)
+        noisy = (disturbed(exact, settings.noise, generator, len(batch)) for generator in generators)
         if settings.noise.state:
-            parts = [gather(model, one).sums for one in noisy]
-        else:
-            parts = sums_of_draws(model.regressor(*exact.states), np.stack([one.torque for one in noisy]))
+            parts = [gather(model, draw).sums for draw in noisy]
+        else:  # the draws share the regressor
+            parts = sums_of_draws(model.regressor(*exact.states), np.stack([draw.torque for draw in noisy]))
         sums = [before.plus(new) for before, new in zip(sums, parts)]
-        done += len(some)
+        done += len(batch)
         progress(done, count)
     return sums
 
@@ -88,7 +84,7 @@ def measured_sums(
 def combined(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """As ``drawn_errors``, of sets of sums that count together: no repeat, condition and duration."""
+    """As ``drawn_errors``, for named lists of sums to add up; without repeat, condition and duration."""
     judge = _Judge(body, tests, settings)
     return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
 
@@ -96,12 +92,12 @@ def combined(
 def expected_errors(
     body: RigidBody, family: MotionSet, tests: MotionSet, settings: StudySettings
 ) -> pd.DataFrame:
-    """NMSE that ``drawn_errors`` are on average over noise, by weighting and joint, in closed form.
+    """Expectation of ``drawn_errors`` over the noise, by weighting and joint, in closed form.
 
     An estimate is linear in noise on torques. With the information M = Σ wⱼ² Yⱼᵀ Yⱼ + 1/P₀ and
-    S = Σ wⱼ⁴ σ² yᵀ y over equations y with noise of variance σ², the covariance is C = M⁻¹ S M⁻¹. The tests'
-    Yⱼ turns it into errors of expected square tr(Yⱼᵀ Yⱼ C), besides those that the prior makes. The weights
-    of joints follow from the noise alone. No rows where states are noisy.
+    S = Σ wⱼ⁴ σ² yᵀ y over equations y with noise variance σ², the covariance is C = M⁻¹ S M⁻¹. The expected
+    squared error on the tests is tr(Yⱼᵀ Yⱼ C) plus the bias due to the prior. The weights of joints follow
+    from the noise alone. Without rows if states are noisy.
     """
     model = TorqueModel(body, RIGID)
     noise = settings.noise
@@ -112,7 +108,7 @@ def expected_errors(
     rows: list[tuple[object, ...]] = []
     for weighted in () if noise.state and noise.level else (False, True):
         weights = np.ones_like(sums.energy)
-        if weighted:  # by one over the deviation of the joint's noise, bounded as estimated ones are
+        if weighted:  # by the joint's noise, with the bound of ``reweighted``
             weights = 1 / np.maximum(np.sqrt(spread.energy / spread.weight), least_residual(sums))
         fit = least_squares(sums, 1 / settings.prior, weights)
         covariance = fit.inverse @ spread.weighted(np.square(weights))[0] @ fit.inverse
@@ -123,24 +119,24 @@ def expected_errors(
 
 
 def _noise(model: TorqueModel, exact: Measurements, noise: Noise) -> Sums:
-    """Sums over equations that count with the variance of their noise, which the energy has, too."""
+    """Sums over equations scaled by their noise's standard deviation; the energy sums its variance."""
     sums = no_sums(model.joints, model.count)
     share = noise.level**2 / 3 * noise.torque
     for part in pieces(exact):
         variance = share * np.square(part.torque)
-        one = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
-        sums = sums.plus(one._replace(energy=variance.sum(0)))
+        scaled = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
+        sums = sums.plus(scaled._replace(energy=variance.sum(0)))
     return sums
 
 
 def _measured(body: RigidBody, family: MotionSet, rate: float) -> Measurements:
-    """Measurements without noise along all trajectories of a set, one after another."""
+    """Exact measurements along all trajectories of a set, one after another."""
     trajectory, coefficients = family
     return measure(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
 
 
 class _Judge:
-    """Identification from sums, and its errors on the exact torques of test trajectories, as tables."""
+    """Identifies from sums and tabulates errors on the exact torques of test trajectories."""
 
     def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
         self.model = TorqueModel(body, RIGID)
@@ -148,7 +144,7 @@ class _Judge:
         self._truth = _measured(body, tests, settings.rate)
 
     def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Errors with equal weights and with one per joint; ‖diag P‖ with equal weights, and samples."""
+        """Errors with equal weights and with weights per joint; ‖diag P‖ with equal weights, and samples."""
         fits = [least_squares(sums, self._least), reweighted(sums, self._least)]
         errors = []
         for weighted, fit in enumerate(fits):

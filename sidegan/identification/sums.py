@@ -1,4 +1,4 @@
-"""Least squares on sums: all that samples say about linear parameters, in bounded memory."""
+"""Least squares on sums: sufficient statistics of the samples, in bounded memory."""
 
 import math
 from typing import NamedTuple
@@ -7,12 +7,12 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 
-_CONSTANT = 1e-13  # of the mean square: a smaller variance is rounding
+_CONSTANT = 1e-13  # share of the mean square: a smaller variance is rounding
 _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding of the sums, not information
 
 
 class Sums(NamedTuple):
-    """Sums over samples of τ = Y θ, apart for each joint so that weights can be chosen afterwards."""
+    """Sums over samples of τ = Y θ, kept per joint so that weights can be chosen afterwards."""
 
     information: Array  # Σ Y_jᵀ Y_j, (J, P, P)
     moment: Array  # Σ Y_jᵀ τ_j, (J, P)
@@ -21,28 +21,28 @@ class Sums(NamedTuple):
     weight: Array  # number of samples, ()
 
     def plus(self, other: "Sums") -> "Sums":
-        """Sums over these samples and ``other``'s."""
+        """Sums over both sets of samples."""
         return Sums(*(a + b for a, b in zip(self, other)))
 
     def weighted(self, weights: Array) -> tuple[Array, Array]:
-        """Information (P, P) and moment (P,) of all joints, joint j's equations times ``weights[j]``."""
+        """Information (P, P) and moment (P,) of all joints, with joint j's equations times ``weights[j]``."""
         squares = np.square(weights)
         return np.tensordot(squares, self.information, 1), squares @ self.moment
 
     @property
     def variance(self) -> Array:
-        """Variance of each joint's torque, (J,); zero where it is no more than rounding of the sums."""
+        """Variance of each joint's torque, (J,); zero where it is only rounding of the sums."""
         mean, square = self.total / self.weight, self.energy / self.weight
         variance = square - np.square(mean)
         return np.where(variance > _CONSTANT * square, variance, 0.0)
 
     def squares(self, parameters: Array) -> Array:
-        """Sum of squared residuals of each joint, (J,); resolved to about 1e-13 of the torque's squares."""
+        """Sum of squared residuals of each joint, (J,); exact to about 1e-13 of the torque's squares."""
         squares = self.energy - 2 * self.moment @ parameters + self.information @ parameters @ parameters
         return np.maximum(squares, 0)
 
     def nmse(self, parameters: Array) -> Array:
-        """Mean squared residual over the torque's variance, (J,); infinite where it is constant."""
+        """Mean squared residual over the torque's variance, (J,); infinite where the torque is constant."""
         squares, variance = self.squares(parameters) / self.weight, self.variance
         return np.divide(squares, variance, out=np.full_like(squares, np.inf), where=variance > 0)
 
@@ -59,22 +59,22 @@ def sums_of(y: Array, tau: Array) -> Sums:
 
 
 def sums_of_draws(y: Array, torques: Array) -> list[Sums]:
-    """Sums of each of R draws of torques, (R, S, J), over samples that share one regressor (S, J, P)."""
+    """Sums for each of R draws of torques, (R, S, J), with a common regressor (S, J, P)."""
     rows = y.transpose(1, 2, 0)
     count = np.array(float(len(y)))
     information = rows @ rows.mT
     moments = rows @ torques.transpose(2, 1, 0)  # (J, P, R)
     each = zip(np.moveaxis(moments, -1, 0), np.square(torques).sum(1), torques.sum(1))
-    return [Sums(information, *one, count) for one in each]
+    return [Sums(information, *draw, count) for draw in each]
 
 
 def solve(information: Array, moment: Array, least: float) -> tuple[Array, Array]:
-    """Solution (P,) and inverse (P, P) of information + least · I, also where the former is singular.
+    """Solution (P,) and inverse (P, P) of information + least · I, even if the information is singular.
 
-    Columns are scaled to unit information first: kilograms and kilogram square metres differ by orders of
-    magnitude, which is not lack of excitation. Eigenvalues at the rounding of the sums are no information,
-    so that such directions stay at the prior. The singular values of what is left, as rows, add the prior in
-    the parameters' own units: no inverse of the ill-conditioned matrix is formed.
+    Columns are first scaled to unit information, since masses and inertias differ by orders of magnitude
+    even when well excited. Directions whose eigenvalue is rounding of the sums stay at the prior. The prior
+    is added, in the parameters' own units, to the singular values of the remaining rows: the ill-conditioned
+    matrix is never inverted.
     """
     rows, right = rows_of(information, moment)
     u, s, vt = np.linalg.svd(rows, full_matrices=True)
@@ -85,7 +85,7 @@ def solve(information: Array, moment: Array, least: float) -> tuple[Array, Array
 
 
 def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
-    """Rows R (r, P) and right side z (r,) with Rᵀ R = information and Rᵀ z = moment, r its numerical rank."""
+    """Rows R (r, P) and right-hand side z (r,), r the numerical rank: Rᵀ R = information, Rᵀ z = moment."""
     scale = _scale(information)
     eigenvalues, vectors = np.linalg.eigh(information / scale[:, None] / scale)
     kept = eigenvalues > _floor(eigenvalues)
@@ -94,16 +94,16 @@ def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
 
 
 def scaled_inverse(information: Array, rtol: float) -> Array:
-    """Pseudo-inverse (P, P) of information with columns scaled to one length, in the parameters' units."""
+    """Pseudo-inverse (P, P) of information, computed with columns scaled to unit length."""
     scale = _scale(information)
     inverse = np.linalg.pinv(information / scale[:, None] / scale, rtol=rtol, hermitian=True)
     return inverse / scale[:, None] / scale
 
 
 def condition(information: Array) -> float:
-    """Condition number of a regressor with columns scaled to one length, from YᵀY (P, P).
+    """Condition number of a regressor with columns scaled to unit length, from YᵀY (P, P).
 
-    Infinite where the sums resolve no smallest direction, or a column is zero.
+    Infinite if the smallest eigenvalue is rounding, or a column is zero.
     """
     scale = _scale(information)
     eigenvalues = np.linalg.eigvalsh(information / scale[:, None] / scale)

@@ -1,4 +1,4 @@
-"""Uncertainty of a model as a goal of design: trajectories that tell it beside what is known."""
+"""Uncertainty of a model as a design goal: trajectories that add to what is already known."""
 
 from dataclasses import replace
 
@@ -13,22 +13,22 @@ from sidegan.identification.settings import GoalSettings
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 
-_SAMPLES = 160  # at which the information of a trajectory is taken
-_LEAST = 1e-9  # of what is known of a parameter: keeps factors of singular information finite
+_SAMPLES = 160  # samples of a trajectory for its information
+_LEAST = 1e-9  # relative lower bound of prior variance and information: keeps factors of singular ones finite
 
 
 class Uncertain:
-    """The uncertainty of a model, rotors and friction included, as far as an objective asks for it.
+    """The uncertainty of a model with friction and rotor inertias, as far as an objective depends on it.
 
     A ``design.search.SetGoal``: trajectories are designed one after another, each given those before it.
 
     Args:
-        model: that was, or is to be, identified.
-        covariance: of its parameters' errors, (P, P).
-        certainty: one over the deviation of an independent sample's torque, (J,).
-        rate: of the samples [Hz].
-        objective: of ``GoalSettings``.
-        identified: whether the model was, from recordings without a tool.
+        model: the model to identify.
+        covariance: of its parameters before the set, (P, P).
+        certainty: inverse standard deviation of an independent sample's torque, (J,).
+        rate: rate of independent samples [Hz].
+        objective: as in ``GoalSettings``.
+        identified: whether the arm was already identified, from recordings without a tool.
 
     Raises:
         ConfigError: when the objective does not fit the arm.
@@ -46,12 +46,12 @@ class Uncertain:
         self._model = model
         self._certainty = certainty
         self._rate = rate
-        self._scale, self._before = _known(covariance)  # units of the parameters, information in these
+        self._scale, self._before = _known(covariance)
         self._motion = np.zeros_like(self._before)
         self.purpose = purpose_of(objective, model, self._scale, identified)
 
     def take(self, trajectory: Trajectory, c: Array) -> None:
-        """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
+        """Add a trajectory with coefficients [rad/s], (J, H, 2), to the set."""
         times = trajectory.grid(_SAMPLES)
         states = [x[0] for x in trajectory.roll_out(c[None], times)[1:]]
         y = self._model.regressor(*states) * self._certainty[:, None] * self._scale
@@ -66,22 +66,22 @@ class Uncertain:
 
     @property
     def before(self) -> Array:
-        """Deviation of each of what is to be known without any trajectory, (K,)."""
+        """Deviations of the objective's K quantities before the set, (K,)."""
         return self.purpose.deviations(self._before, np.zeros_like(self._motion))
 
     @property
     def deviations(self) -> Array:
-        """Deviation of each of what is to be known with those of the set, (K,)."""
+        """Deviations of the objective's K quantities after the set, (K,)."""
         return self.purpose.deviations(self._before, self._motion)
 
     @property
     def left(self) -> float:
-        """Deviations with the set over those without, their geometric mean."""
+        """Geometric mean of the ratios of deviations after and before the set."""
         return float(np.exp(np.log(self.deviations / self.before).mean()))
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
-    """Uncertainty of an arm of which there is a description and nothing else."""
+    """Uncertainty of an arm with a description but no recordings."""
     model = TorqueModel(body, terms)
     usual = usual_torque(body)
     covariance = np.linalg.inv(belief(model, usual))
@@ -89,7 +89,7 @@ def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
 
 
 def _known(covariance: Array) -> tuple[Array, Array]:
-    """Deviations, (P,), and information in units of them, positive definite, (P, P)."""
+    """Standard deviations, (P,), and positive definite information in units of them, (P, P)."""
     variance = covariance.diagonal()
     least = np.maximum(variance, _LEAST * variance.max())
     unit = np.sqrt(least)

@@ -1,8 +1,8 @@
-"""Torques that a model lacks, from its residuals: their kinds, sizes, and the errors that they make.
+"""Unmodelled torques, from residuals: their kinds, sizes, and the errors that they cause.
 
-A torque b that a model lacks turns least squares' parameters by B b, so that b − Y B b is what it leaves in
-the residuals, and the same at other states is the error that it makes there. More motion of the same kind
-makes noise's part smaller, and not that one.
+An unmodelled torque b changes the least-squares parameters by B b. What remains, b − Y B b, is in the
+residuals; at other states the same expression is the error of the prediction. More motion of the same kind
+reduces the error due to noise, but not this one.
 """
 
 from collections.abc import Sequence
@@ -20,16 +20,15 @@ from sidegan.identification.sums import scaled_inverse
 
 BIASED = "bias dominates"
 
-_SHARP = 0.03  # [rad/s] of the smooth sign of friction
-_CHANCE = 4.0  # times what noise alone would explain: less is no finding
-_LEAST = 0.05  # share of a joint's residuals that a kind explains at least
-_MOST = 3  # kinds of one joint
+_SHARP = 0.03  # width of the smooth sign of friction [rad/s]
+_CHANCE = 4.0  # a kind must explain this many times what it would explain of noise
+_LEAST = 0.05  # least share of a joint's residual variance that a kind must explain
+_MOST = 3  # kinds per joint, at most
 _ROUNDING = 1e-10
 _TINY = np.finfo(float).tiny
-_LOST = 1e-6  # of what forms leave of one another: they are separate above that
+_LOST = 1e-6  # relative eigenvalue below which forms are not separable
 
-
-# Kinds of torque that models lack, by the forms of ``unmodelled``.
+# Kinds of unmodelled torque: indices of their forms in ``unmodelled``.
 KINDS = {
     "friction near rest": (0,),
     "friction that grows with the load": (1,),
@@ -42,7 +41,7 @@ KINDS = {
 
 
 def unmodelled(q: Array, dq: Array, torque: Array, usual: Array) -> Array:
-    """Torques that models lack, in the order of ``KINDS``' forms, each of size one, (…, J, K).
+    """Unmodelled torques of unit amplitude, in the order of ``KINDS``' indices, (…, J, K).
 
     At positions, velocities and torques (…, J) of joints whose usual torque is ``usual``, (J,).
     """
@@ -56,7 +55,7 @@ def unmodelled(q: Array, dq: Array, torque: Array, usual: Array) -> Array:
 
 
 class Lack(NamedTuple):
-    """A kind of torque that one joint shows and the model lacks."""
+    """A kind of unmodelled torque in one joint."""
 
     joint: int
     kind: str  # of ``KINDS``
@@ -65,22 +64,21 @@ class Lack(NamedTuple):
 
 @dataclass(frozen=True)
 class Unmodelled:
-    """Torques that a model lacks."""
+    """Unmodelled torques of an arm."""
 
-    found: tuple[Lack, ...]  # by joints, of each joint the one that explains most first
-    error: Array  # that it makes at usual states, root mean square over each joint's usual torque, (J,)
+    found: tuple[Lack, ...]  # by joint, then largest share first
+    error: Array  # resulting torque errors in other motions, relative to the usual torque, (J,)
 
     def sentences(self, names: Sequence[str], noise: Array) -> list[str]:
-        """A sentence for each joint that lacks something, beside the error that noise makes, (J,)."""
+        """A sentence for each joint with unmodelled torques; ``noise`` is the error due to noise, (J,)."""
         sentences = []
         for j, name in enumerate(names):
-            if own := [f"{one.share:.0%} {one.kind}" for one in self.found if one.joint == j]:
-                own[0] = own[0].replace("%", "% of the residual is", 1)
-                error, beside = self.error[j], noise[j]
+            if kinds := [f"{lack.share:.0%} {lack.kind}" for lack in self.found if lack.joint == j]:
+                kinds[0] = kinds[0].replace("%", "% of the residual is", 1)
                 sentences.append(
-                    f"{name}: {listed(own, _MOST)}, more than noise explains; torque errors in other motions:"
-                    f" {error:.1%} from unmodelled effects, {beside:.1%} from noise: "
-                    f"{BIASED if error > beside else 'noise dominates'}"
+                    f"{name}: {listed(kinds, _MOST)}, more than noise explains; torque errors in other "
+                    f"motions: {self.error[j]:.1%} from unmodelled effects, {noise[j]:.1%} from noise: "
+                    f"{BIASED if self.error[j] > noise[j] else 'noise dominates'}"
                 )
         return sentences or [
             "no known effect explains more of the residual than noise would: more motion helps"
@@ -88,15 +86,15 @@ class Unmodelled:
 
 
 def find_unmodelled(model: TorqueModel, estimate: Estimate, samples: Samples) -> Unmodelled:
-    """Torques that an estimate's model lacks, as its residuals show them.
+    """Unmodelled torques of an estimate, from its residuals on the samples it was fitted to.
 
-    A kind counts where it explains several times as much of them as noise of their size and correlation
-    would let it by chance. The samples, which are read once, are those of the estimate.
+    A kind counts if it explains several times as much of the residuals as it would of noise with the same
+    variance and correlation. The samples are read once.
     """
-    turned, left = _left(model, estimate, samples)
-    each = [_explained(one, x) for one, x in zip(left, estimate.inflation / estimate.samples)]
+    turned, normals = _normals(model, estimate, samples)
+    each = [_explained(normal, x) for normal, x in zip(normals, estimate.inflation / estimate.samples)]
     found = [Lack(j, *kind) for j, (kinds, _) in enumerate(each) for kind in kinds]
-    amounts = np.stack([one for _, one in each])
+    amounts = np.stack([joint for _, joint in each])
     states = model.usual_states()
     rows = model.regressor(*states)
     torque = rows @ estimate.parameters
@@ -106,39 +104,39 @@ def find_unmodelled(model: TorqueModel, estimate: Estimate, samples: Samples) ->
     return Unmodelled(tuple(found), np.sqrt(np.square(error).mean(0) / usual))
 
 
-class _Left(NamedTuple):
-    """Products over samples of what the model leaves of a joint's forms."""
+class _Normal(NamedTuple):
+    """Normal equations of a joint's residuals in the part of its forms that the model cannot absorb."""
 
-    normal: Array  # its products, (K, K)
-    right: Array  # its products with the residuals, (K,)
-    energy: Array  # squares of these, ()
+    normal: Array  # (K, K)
+    right: Array  # (K,)
+    energy: Array  # sum of squared residuals, ()
 
     def by(self, forms: list[int]) -> tuple[float, Array]:
-        """Squares of the residuals that forms explain, and how much there is of each."""
+        """Sum of squared residuals that some forms explain, and the amplitude of each."""
         amounts = scaled_inverse(self.normal[forms][:, forms], _LOST) @ self.right[forms]
         return float(amounts @ self.right[forms]), amounts
 
 
-def _explained(left: _Left, chance: float) -> tuple[list[tuple[str, float]], Array]:
-    """Kinds with the shares that they explain, more than by chance, and how much of each form, (K,)."""
+def _explained(joint: _Normal, chance: float) -> tuple[list[tuple[str, float]], Array]:
+    """Kinds that explain more than by chance, with their shares, and the amplitude of each form, (K,)."""
     found: dict[str, float] = {}
     chosen: list[int] = []
     reached = 0.0
-    amounts = np.zeros_like(left.right)
-    while left.energy > 0 and len(found) < _MOST:
-        values = {kind: left.by([*chosen, *forms])[0] for kind, forms in KINDS.items() if kind not in found}
+    amounts = np.zeros_like(joint.right)
+    while joint.energy > 0 and len(found) < _MOST:
+        values = {kind: joint.by([*chosen, *forms])[0] for kind, forms in KINDS.items() if kind not in found}
         best = max(values, key=values.__getitem__)
-        share = (values[best] - reached) / float(left.energy)
+        share = (values[best] - reached) / float(joint.energy)
         if share < max(_LEAST, _CHANCE * chance * len(KINDS[best])):
             break
         found[best] = share
         chosen += KINDS[best]
-        reached, amounts[chosen] = left.by(chosen)
+        reached, amounts[chosen] = joint.by(chosen)
     return [*found.items()], amounts
 
 
-def _left(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[Array, list[_Left]]:
-    """Parameters B that a unit of each joint's forms turns into, (J, P, K), and what the forms leave."""
+def _normals(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[Array, list[_Normal]]:
+    """Change B of the parameters per unit of each joint's forms, (J, P, K), and each joint's equations."""
     moments = products = np.zeros(())  # of columns with the regressor, (J, P, K + 1), and with themselves
     for part in pieces(samples):
         y = model.regressor(*part.inputs)
@@ -152,11 +150,11 @@ def _left(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[Arr
     crossed, kept = moments.mT @ turned, turned.mT @ estimate.sums.information @ turned
     normal = products[:, :-1, :-1] - crossed - crossed.mT + kept
     right = products[:, :-1, -1] - (turned.mT @ along)[..., 0]
-    return turned, [_Left(*one) for one in zip(normal, right, products[:, -1, -1])]
+    return turned, [_Normal(*joint) for joint in zip(normal, right, products[:, -1, -1])]
 
 
 def _forms(model: TorqueModel, estimate: Estimate, y: Array, part: Measurements) -> Array:
-    """Forms that the model may lack at samples with a regressor, (S, J, K)."""
+    """Forms of unmodelled torque, (S, J, K), at samples with regressor y."""
     rigid = torques_of(y[..., : model.rigid], estimate.parameters[: model.rigid])
     usual = np.sqrt(np.maximum(estimate.sums.energy / estimate.sums.weight, _TINY))
     return unmodelled(part.position, part.velocity, rigid, usual)

@@ -18,47 +18,47 @@ from sidegan.robot import Arm, placeholder_links
 
 
 class Finding(NamedTuple):
-    """Something that keeps a model from being good, or is worth telling though it does not."""
+    """Something that keeps a model from being good, or is worth reporting."""
 
-    level: str  # the best verdict that it leaves
-    text: str  # the reason
-    joint: int | None = None  # that it is about; None: the whole arm
+    level: str  # the best verdict that it allows
+    text: str
+    joint: int | None = None  # joint concerned; None: the whole arm
 
 
 GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
 
-# What counts as good and as usable; nMSE are of validation, or of training without it.
-_GOOD_NMSE, _USABLE_NMSE = 0.02, 0.1  # mean over joints up to which a model is so
-_GOOD_JOINT, _USABLE_JOINT = 0.05, 0.3  # nMSE of its worst joint
-_GOOD_TORQUE, _USABLE_TORQUE = 0.1, 0.5  # largest deviation of predicted torque, as a share of it
-_USABLE_LIMIT = 0.1  # largest deviation of a torque that is noise, as a share of the joint's limit
-_OVERFIT = 3.0  # largest ratio of validation to training nMSE, means over joints, of a good model
-_CONDITION = 100.0  # largest condition number of a good model's scaled regressor
+# Thresholds of a good and of a usable model; nMSE is of the validation, or of the training without one.
+_GOOD_NMSE, _USABLE_NMSE = 0.02, 0.1  # mean over joints
+_GOOD_JOINT, _USABLE_JOINT = 0.05, 0.3  # of the worst joint
+_GOOD_TORQUE, _USABLE_TORQUE = 0.1, 0.5  # deviation of predicted torque, as a share of the usual torque
+_USABLE_LIMIT = 0.1  # the same for a joint whose residual is noise, as a share of its torque limit
+_OVERFIT = 3.0  # ratio of validation to training nMSE, means over joints
+_CONDITION = 100.0  # condition number of the scaled regressor
 _NAMED = 6  # parameters that a reason names at most
-_LITTLE = 0.25  # of a limit
-_MOST = 10.0  # a larger share says no more
-_CLEAR = 2.0  # deviations below zero, from which on a single parameter is negative; of many, as rare a one
-_MASSES = 10.0  # times the description's mass, or a part of it, from which it is hardly the same arm
-_NOTABLE = 0.02  # of the arm's mass that a link's is looked at from
-_FRICTION = ("fv", "fc", "Ia")  # what no joint has less of than nothing, by the letters of its name
+_LITTLE = 0.25  # share of a limit below which a motion is small or slow
+_MOST = 10.0  # shares above are reported as "more than"
+_CLEAR = 2.0  # deviations below zero at which a single parameter is negative; corrected for their number
+_MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
+_NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
+_FRICTION = ("fv", "fc", "Ia")  # prefixes of the parameters that cannot be negative
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Quality:
     """Quality of an identified model, and the verdict that follows from it."""
 
-    arm: Arm  # the arm that was identified
-    estimate: Estimate  # its parameters
-    train: Score  # errors on what was identified from
-    validation: Score | None  # errors on what was held out; None when nothing was
-    nominal_score: Score  # of the description's links with fitted friction, on the same samples as these
-    folds: Score | None  # each recording predicted from the others; None when not asked for
-    torque_deviation: Array  # deviation of predicted torques within the limits, over the usual ones, (J,)
-    usual: Array  # these: torques within the limits, root mean square [N·m or N], (J,)
-    weak: tuple[str, ...]  # parameters whose errors matter, the worst first
-    noise: Array  # whether what is left of a joint's torque is noise, (J,)
-    causes: tuple[Finding, ...] = ()  # faults of torques or description, which the rest may follow from
-    other_gravity: bool = False  # whether another one than the description's explains the torques better
+    arm: Arm
+    estimate: Estimate
+    train: Score  # training errors
+    validation: Score | None  # validation errors; None without validation
+    nominal_score: Score  # of the description's links with fitted friction, on the same samples
+    folds: Score | None  # of each recording predicted from the others; None if not computed
+    torque_deviation: Array  # standard deviation of predicted torques, relative to the usual torque, (J,)
+    usual: Array  # usual torque: root mean square within the limits [N·m or N], (J,)
+    weak: tuple[str, ...]  # parameters whose errors matter, worst first
+    noise: Array  # whether a joint's residual is noise, (J,)
+    causes: tuple[Finding, ...] = ()  # faults of recordings or description that may cause other findings
+    other_gravity: bool = False  # whether a different gravity explains the torques better
 
     @property
     def verdict(self) -> str:
@@ -68,14 +68,14 @@ class Quality:
 
     @property
     def reasons(self) -> list[str]:
-        """Reasons of the verdict: causes, then all about one joint together, the gravest first."""
+        """Reasons for the verdict: causes, then findings grouped by joint, most severe first."""
         groups: dict[object, list[Finding]] = {}
         sentences = []
-        for one in self.findings[len(self.causes) :]:
-            groups.setdefault(one.text if one.joint is None else one.joint, []).append(one)
-        gravest_first = sorted(groups.values(), key=lambda group: BAD not in [one.level for one in group])
-        for group in [*([cause] for cause in self.causes), *gravest_first]:
-            texts = "; ".join(one.text for one in group)
+        for finding in self.findings[len(self.causes) :]:
+            groups.setdefault(finding.text if finding.joint is None else finding.joint, []).append(finding)
+        worst_first = sorted(groups.values(), key=lambda group: all(x.level != BAD for x in group))
+        for group in [*([cause] for cause in self.causes), *worst_first]:
+            texts = "; ".join(finding.text for finding in group)
             joint = group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
         if self.verdict == GOOD:
@@ -86,44 +86,44 @@ class Quality:
 
     @cached_property
     def findings(self) -> list[Finding]:
-        """Findings that keep the model from being good."""
+        """All findings, causes first."""
         return [*self.causes, *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
 
     @property
     def described(self) -> bool:
-        """Whether the description's own links, if no placeholders, predict as well as the model."""
+        """Whether the description's links predict as well as the model; False for placeholder links."""
         return not placeholder_links(self.arm) and self.mean(self.judged) >= self.mean(self.nominal_score)
 
     @property
     def faulty(self) -> bool:
-        """Whether something is to be mended before more motion helps."""
+        """Whether a fault must be fixed before more motion can help."""
         return any(cause.level != GOOD for cause in self.causes)
 
     @property
     def drowned(self) -> Array:
-        """Joints whose torque noise drowns, so that nMSE tells nothing about the model, (J,)."""
+        """Joints whose torque is below its noise, so that nMSE does not assess the model, (J,)."""
         drowned = self.noise & (self.judged.nmse > _GOOD_JOINT)
         return drowned & ~drowned.all()
 
     def mean(self, errors: Score) -> float:
-        """Mean nMSE over the joints that noise does not drown."""
+        """Mean nMSE over the joints above their noise."""
         return float(errors.nmse[..., ~self.drowned].mean())
 
     @property
     def judged(self) -> Score:
-        """Errors on what was held out, or else on what was trained with."""
+        """Errors that the verdict uses: held-out ones, or else training ones."""
         return self.held_out or self.train
 
     @property
     def held_out(self) -> Score | None:
-        """Errors on the validation, or else on each recording by the others; None without."""
+        """Errors on the validation, or else on each recording by the others; None without either."""
         if self.validation is not None or self.folds is None:
             return self.validation
         return self.folds.pooled
 
     @property
     def where(self) -> str:
-        """Data of these errors, for people."""
+        """Text saying which data the judged errors are on."""
         if self.validation is not None:
             return "validation data"
         return "training data" if self.folds is None else "each recording by the others"
@@ -170,7 +170,7 @@ def _misfits(quality: Quality) -> Iterator[Finding]:
 
 
 def _drowned(quality: Quality, j: int) -> Finding:
-    """Finding on a joint whose torque is below its noise: it is judged by N·m beside its limit."""
+    """Finding on a joint whose torque is below its noise: its error is compared with its torque limit."""
     unit = "N" if quality.arm.prismatic[j] else "N·m"
     limit = quality.arm.torque_limit[j]
     usual, noise, share = (x[j] for x in (quality.usual, quality.judged.rmse, quality.torque_deviation))
@@ -196,21 +196,21 @@ def _excitation(quality: Quality) -> Iterator[Finding]:
     for j, share in enumerate(quality.torque_deviation.tolist()):
         if quality.drowned[j]:
             continue
-        own = listed([name for name in quality.weak if joint_of(name) == j], _NAMED)
+        weak = listed([name for name in quality.weak if joint_of(name) == j], _NAMED)
         if share > _GOOD_TORQUE:
             level = BAD if share > _USABLE_TORQUE else USABLE
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"not identifiable from this data, torque in other motions is uncertain by {size}"
-            names = f" ({own})" if own else ""
+            names = f" ({weak})" if weak else ""
             yield Finding(level, f"{text}{names}{_advice(quality, j)}", j)
-        elif own:
-            yield Finding(USABLE, f"{own} cannot be determined{_advice(quality, j)}", j)
+        elif weak:
+            yield Finding(USABLE, f"{weak} cannot be determined{_advice(quality, j)}", j)
 
 
 def _negative(quality: Quality) -> Iterator[Finding]:
     estimate = quality.estimate
     each = zip(estimate.names, estimate.parameters.tolist(), estimate.deviation.tolist())
-    signed = [one for one in each if one[0].rstrip("0123456789") in _FRICTION]
+    signed = [entry for entry in each if entry[0].rstrip("0123456789") in _FRICTION]
     clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
     for name, value, deviation in signed:
         if value < -clear * deviation:
@@ -220,7 +220,7 @@ def _negative(quality: Quality) -> Iterator[Finding]:
 
 
 def _advice(quality: Quality, j: int) -> str:
-    """Advice on exciting a joint better; nothing where something else is to be mended first."""
+    """Advice on exciting a joint better; empty if a fault must be fixed first."""
     if quality.faulty:
         return ""
     arm = quality.arm
@@ -239,7 +239,7 @@ def _advice(quality: Quality, j: int) -> str:
 
 
 def implausible_mass(found: float, described: float) -> list[Finding]:
-    """Finding on the mass of an arm's links [kg] that is of another order than the description's."""
+    """Finding on a total mass [kg] of a different order of magnitude than the description's."""
     if not described > 0 or described / _MASSES <= found <= described * _MASSES:
         return []
     units = "recording.units.torque or recording.units.current, robot.gains"
@@ -248,7 +248,7 @@ def implausible_mass(found: float, described: float) -> list[Finding]:
 
 
 def implausible_links(arm: Arm, links: Array) -> list[Finding]:
-    """Findings on links (J, 10) that no such arm has, by mass and centre of mass."""
+    """Findings on links (J, 10) with an implausible mass or centre of mass."""
     described = arm.inertial_parameters[:, 0]
     whole = described.sum()
     reach = np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
@@ -265,5 +265,5 @@ def implausible_links(arm: Arm, links: Array) -> list[Finding]:
 
 
 def joint_of(name: str) -> int:
-    """Joint or link, from 0, that a parameter's name ends with."""
+    """Index of the joint or link, from 0, whose number ends a parameter's name."""
     return int(name.lstrip(ascii_letters)) - 1

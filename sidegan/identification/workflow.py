@@ -1,4 +1,4 @@
-"""Identification of a real arm: checked recordings to estimates, their errors, and a verdict."""
+"""Identification of a real arm: from checked recordings to estimates, their errors and a verdict."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,8 +18,8 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
 
-_AS_GOOD = 1.1  # times the other model's nMSE, up to which the one that can exist is preferred
-_PERFECT = 1e-4  # nMSE below which no model is better than another
+_AS_GOOD = 1.1  # largest ratio of nMSE to the other model's at which the consistent model is preferred
+_PERFECT = 1e-4  # differences between nMSE below this do not count
 
 
 def identify_arm(
@@ -29,7 +29,7 @@ def identify_arm(
     terms: Terms,
     settings: EstimationSettings,
 ) -> IdentifiedArm:
-    """Model identified from recordings and tested on what was held out, or else on the recordings in turn."""
+    """Identify from training recordings; test on validation, or else on each recording in turn."""
     samples, held_out = measurements_of(training), measurements_of(validation)
     model = TorqueModel(RigidBody(arm), terms)
     if (count := sum(map(len, samples))) * model.joints < model.count:
@@ -38,18 +38,18 @@ def identify_arm(
     strength = settings.strength
     methods = dict.fromkeys((settings.method, EQUAL_WEIGHTS, CONSISTENT))
     estimates = {method: estimate(method, model, samples, strength) for method in methods}
-    trained = {method: score(model, one.parameters, samples) for method, one in estimates.items()}
+    trained = {method: score(model, fit.parameters, samples) for method, fit in estimates.items()}
     kind = "in sample: nothing was held out"
     tested = trained
     turns: dict[str, Score] = {}
     if held_out:
         kind = "held out"
-        tested = {method: score(model, one.parameters, held_out) for method, one in estimates.items()}
+        tested = {method: score(model, fit.parameters, held_out) for method, fit in estimates.items()}
     elif len(training) > 1:
         kind = f"each of {len(training)} recordings, predicted from the others"
         each = [measurements_of([recording]) for recording in training]
         turns = {method: folds(method, model, each, strength) for method in estimates}
-        tested = {method: one.pooled for method, one in turns.items()}
+        tested = {method: errors.pooled for method, errors in turns.items()}
     use = CONSISTENT if tested is trained else preferred(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
@@ -79,9 +79,9 @@ def identify_arm(
 
 
 def preferred(method: str, errors: Mapping[str, Score]) -> str:
-    """The model to use, by the errors of each: one that can exist, unless another is clearly better.
+    """The recommended method, by errors: the consistent one, unless the other is clearly better.
 
-    Joints count alike, by the ratio of their nMSE.
+    The criterion is the geometric mean over joints of the ratio of nMSE.
     """
-    existing, other = (np.maximum(errors[name].nmse, _PERFECT) for name in (CONSISTENT, method))
-    return method if np.exp(np.log(existing / other).mean()) > _AS_GOOD else CONSISTENT
+    consistent, other = (np.maximum(errors[name].nmse, _PERFECT) for name in (CONSISTENT, method))
+    return method if np.exp(np.log(consistent / other).mean()) > _AS_GOOD else CONSISTENT
