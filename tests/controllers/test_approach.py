@@ -13,6 +13,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.validity import Constraints, Plane
 from tests.chains import random_chain
+from tests.validity.critical import holding
 
 EXACTLY = 1e8  # Hz, at which a duration is hardly rounded
 DENSE = 20_000  # points
@@ -45,7 +46,7 @@ def shares(constraints, course, use):
 
 
 @given(seed=st.integers(0, 10**6), use=st.sampled_from([0.1, 1.0]), tight=st.integers(0, 3))
-def test_one_limit_is_used_as_far_as_is_allowed_and_none_beyond(seed, use, tight):
+def test_the_approach_reaches_one_limit_and_exceeds_none(seed, use, tight):
     arm, _ = random_chain(1 + seed % 4, seed)
     start, home = np.random.default_rng(seed).uniform(arm.position_lower, arm.position_upper, (2, arm.joints))
     path = np.linspace(start, home, 2000)
@@ -72,7 +73,7 @@ def test_one_limit_is_used_as_far_as_is_allowed_and_none_beyond(seed, use, tight
     )  # a jerk is a difference
 
 
-def test_the_way_has_a_row_per_tick_and_the_speed_counts(desk):
+def test_the_approach_has_a_row_per_tick_and_obeys_the_speed(desk):
     once = way(desk, START, [0.0] * 7)
     assert (once.duration * 100) % 1 == pytest.approx(0) and once.duration > 0.5
     rows = once.sampled(100.0).time
@@ -90,17 +91,10 @@ START = [0.6, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
 BULGE = [-1.2, 0.0], [1.9, 0.0]  # ends of a way through the horizontal, where gravity pulls most
 
 
-def holding(planar, share):
-    """The planar arm in free space, held by a share of its limits where gravity pulls most."""
-    out = np.array([[np.pi / 2, 0.0]])
-    limit = np.abs(RigidBody(planar).torque(out, 0 * out, 0 * out)[0]) / share
-    return Constraints(replace(planar, torque_limit=limit))
-
-
 @pytest.mark.parametrize("share", [0.34, 0.9])
 @pytest.mark.parametrize("use", [0.05, 0.2, 1.0])
-def test_what_holds_the_arm_between_the_ends_is_no_reason_to_refuse(planar, share, use):
-    constraints = holding(planar, share)
+def test_high_holding_torque_along_the_way_is_accepted(planar, share, use):
+    constraints = Constraints(holding(planar, share))
     course = way(constraints, *BULGE, careful=use)
     assert shares(constraints, course, use)[-1] <= 1
 
@@ -122,10 +116,14 @@ def slow(planar):
     [
         ("move the arm closer to home", None, FOLDED),
         ("torque of shoulder", weak, ([0.0, 0.0], [0.9, 0.9])),
-        (r"shoulder needs 99\.9% of its limit.*robot\.effort", lambda arm: holding(arm, 0.9992), AROUND),
+        (
+            r"shoulder needs 99\.9% of its limit.*robot\.effort",
+            lambda arm: Constraints(holding(arm, 0.9992)),
+            AROUND,
+        ),
         (r"takes 84\d\d s with 20% of the limits of elbow, .*longest=84\d\d", slow, ([0, 0], [0, 0.9])),
     ],
 )
-def test_what_cannot_be_driven_is_refused(planar, desk, words, make, ends):
+def test_an_impossible_approach_is_refused(planar, desk, words, make, ends):
     with pytest.raises(InfeasibleError, match=words):
         way(make(planar) if make else desk, *ends)

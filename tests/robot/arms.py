@@ -72,8 +72,8 @@ def remedied(work, given=()):
             return work(said), said
         except SideganError as error:
             offered = [(a or b).split("=", 1) for a, b in _REMEDY.findall(str(error))]
-            tips = [one for one in offered if one[0] == "robot.tip" and "robot.tip" not in words]
-            more = words | dict(tips[:1] or [one for one in offered if one[0] != "robot.tip"])
+            tips = [word for word in offered if word[0] == "robot.tip" and "robot.tip" not in words]
+            more = words | dict(tips[:1] or [word for word in offered if word[0] != "robot.tip"])
             if more == words:
                 raise
             words = more

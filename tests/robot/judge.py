@@ -53,8 +53,8 @@ class Judge:
         self.owners = [owners[geometry_object.name] for geometry_object in self.geometry.geometryObjects]
         self.moved = [self.model.idx_vs[self.model.getJointId(name)] for name in self.names]
         spared = {frozenset(pair) for pair in facts.exempt or []}
-        for (i, one), (k, other) in combinations(enumerate(self.geometry.geometryObjects), 2):
-            between = abs(one.parentJoint - other.parentJoint)
+        for (i, first), (k, second) in combinations(enumerate(self.geometry.geometryObjects), 2):
+            between = abs(first.parentJoint - second.parentJoint)
             near = between == 1 and facts.exempt is None
             if between and not near and frozenset((self.owners[i], self.owners[k])) not in spared:
                 self.geometry.addCollisionPair(pin.CollisionPair(i, k))

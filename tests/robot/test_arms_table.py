@@ -92,7 +92,7 @@ JUDGED = [
 
 
 @pytest.mark.parametrize(("angle", "facts", "wrong"), JUDGED)
-def test_the_judge_finds_what_is_wrong(angle, facts, wrong):
+def test_the_judge_finds_every_kind_of_violation(angle, facts, wrong):
     """Of the elbow's motion to an angle [rad] and back: exceeded limits, links and a floor that touch."""
     time = np.arange(8001) / 1000
     q = np.stack([0 * time, angle * np.sin(np.pi * time / 8) ** 4], 1)
@@ -120,7 +120,7 @@ NO_ARMS = {
 
 
 @pytest.mark.skipif(ROBOTS is None, reason="needs example-robot-data, the extra arms")
-def test_all_load_once_their_refusals_are_followed_or_have_nothing_that_moves():
+def test_every_description_loads_once_the_suggested_settings_are_given():
     for path in sorted([*ROBOTS.glob("*/urdf/*.urdf"), *ROBOTS.glob("*/robots/*.urdf")]):
         name = str(path.relative_to(ROBOTS))
         if name in NO_ARMS:

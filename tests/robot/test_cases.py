@@ -1,4 +1,4 @@
-"""Descriptions as people have them: masses, shapes and limits that are not there, or that no arm has."""
+"""Descriptions with missing or impossible masses, shapes and limits."""
 
 import logging
 from dataclasses import replace
@@ -41,7 +41,7 @@ def inertial(mass="2", moments=(0.02, 0.02, 0.004), place="0.01 0.005 0.15"):
 
 
 def arm_of(content=None, limit=LIMIT, base=None):
-    """Four rods, one on the other; what some of them are made of instead, by number."""
+    """URDF of four rods in a row; `content` replaces what links are made of, by number."""
     parts = [link("base", rod('xyz="0 0 0.02"') if base is None else base)]
     for k, axis in enumerate(AXES):
         place, before = f'xyz="0 0 {0.3 if k else 0.1}"', f"link{k - 1}" if k else "base"
@@ -65,7 +65,7 @@ KINDS = {  # what link 1 says of its mass, and what is said of that
 
 
 @pytest.mark.parametrize(("said", "inside"), KINDS.items(), ids=[*KINDS])
-def test_a_link_that_cannot_be_is_named_and_replaced_by_the_nearest_that_can(load, said, inside):
+def test_an_impossible_link_is_reported_and_replaced_by_the_nearest_possible_one(load, said, inside):
     arm, whole = load(arm_of({1: inside + rod()})), load(arm_of()).inertial_parameters
     assert said in describe_doubtful_links(arm) and [*doubtful_links(arm)] == (["link1"] if said else [])
     start = possible_links(arm)
@@ -75,7 +75,7 @@ def test_a_link_that_cannot_be_is_named_and_replaced_by_the_nearest_that_can(loa
 
 
 @pytest.mark.parametrize("content", [BARE, {1: inertial(moments=(0.02, 0.02, 0.042))}], ids=["none", "one"])
-def test_an_arm_is_identified_whatever_its_masses_are(load, content):
+def test_an_arm_is_identified_despite_missing_or_impossible_masses(load, content):
     truth, arm = load(arm_of()), load(arm_of(content))
     training, validation = recordings(arm, truth=truth)
     found = identified(arm, [training], [validation])
@@ -83,7 +83,7 @@ def test_an_arm_is_identified_whatever_its_masses_are(load, content):
     assert inconsistent_links(arm, found.links) == []
 
 
-def test_an_identification_asks_for_no_limits_and_looks_for_no_meshes(load, caplog, tmp_path):
+def test_identification_needs_neither_limits_nor_meshes(load, caplog, tmp_path):
     text = arm_of({1: inertial() + mesh("lost.stl")}, '<limit effort="50"/>')
     with pytest.raises(RobotError, match="state the arm's limits"):
         load(text)
@@ -94,14 +94,14 @@ def test_an_identification_asks_for_no_limits_and_looks_for_no_meshes(load, capl
 
 
 @pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])
-def test_shapes_that_are_displaced_are_named(load, place):
+def test_displaced_shapes_are_reported(load, place):
     said = describe_displaced_shapes(load(arm_of({1: inertial() + rod(f'xyz="{place}"')})))
     assert "never come close to each other: link0 – link1 (" in said
     arms = [load(arm_of()), load(arm_of(BARE, base="")), load_robot("kuka_lwr4"), load_robot("planar2")]
     assert [describe_displaced_shapes(arm) + describe_placeholder_limits(arm) for arm in arms] == [""] * 4
 
 
-def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_claimed(load):
+def test_without_shapes_joint_origins_stay_above_the_floor(load):
     place = replace(workspace(choice="desk"), clearance=None)
     arm = load(arm_of(dict.fromkeys(range(4), inertial()), base=""))
     assert "floor at z = 0 m" in place.notes(arm)
@@ -121,18 +121,18 @@ def test_without_shapes_joint_origins_keep_above_the_floor_and_no_clearance_is_c
         (170, 2, 50, "position of joint0, joint1, joint2, joint3 (up to 170)"),
     ],
 )
-def test_limits_that_no_arm_has_are_named_with_the_words_that_set_them(load, span, velocity, effort, said):
+def test_placeholder_limits_are_reported_with_the_setting_to_change(load, span, velocity, effort, said):
     limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
     assert said in describe_placeholder_limits(load(arm_of(limit=limit)))
 
 
-def test_peaks_are_shares_with_their_values():
+def test_peaks_are_printed_as_shares_of_limits_and_values():
     motion = np.array([[[1.0, -3.0], [0.5, 2.0]]])
     assert peaks(motion, np.array([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
     assert peaks(motion, np.array([np.inf, np.inf]), ["N·m", "N"]) == ["3 N"]
 
 
-def test_mujoco_leaves_no_file_and_pictures_one_message(load, tmp_path, monkeypatch, caplog):
+def test_mujoco_warnings_are_logged_and_lost_visuals_give_one_message(load, tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
     model = mujoco_model(load_robot("planar2"), IDEAL)
     data = mujoco.MjData(model)

@@ -1,4 +1,4 @@
-"""Covers of meshes: nothing of a mesh is outside, hulls have few corners, and a cache keeps what was made."""
+"""Capsules and hulls that cover meshes: they contain every point, have few corners, and are cached."""
 
 from dataclasses import replace
 
@@ -54,7 +54,7 @@ def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=8)
 @given(seeds, st.integers(1, 40), st.integers(1, 4), st.integers(1, 5), st.booleans())
-def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, count, pieces, meshes, hollow):
+def test_every_point_of_a_mesh_is_covered(seed, count, pieces, meshes, hollow):
     whole = triangles(seed, count)
     made = cover(np.array_split(whole, min(meshes, count)), pieces, hollow)
     most = pieces + (meshes - 1 if min(meshes, count) <= pieces else 0)
@@ -70,7 +70,7 @@ def test_every_point_is_in_the_capsule_and_in_the_hull_of_one_part(seed, count, 
 
 @settings(max_examples=8)
 @given(seeds, st.integers(1, 40), st.integers(1, 6))
-def test_triangles_are_shared_out_whole_among_bodies_and_each_is_in_its_own(seed, count, bodies):
+def test_triangles_are_split_among_convex_bodies_without_loss(seed, count, bodies):
     whole, random = triangles(seed, count), np.random.default_rng(seed)
     planes = []
     for centre in random.uniform(-0.3, 0.3, (bodies, 3)):
@@ -88,8 +88,8 @@ def test_triangles_are_shared_out_whole_among_bodies_and_each_is_in_its_own(seed
         assert ((own <= 2e-7) | (own <= np.min(depth, axis=0) + 1e-12)).all()
 
 
-def test_a_ring_is_left_open_and_none_of_it_lost():
-    """A ring of 68 mm within: hulls of its convex parts keep what turns in it with a millimetre of air."""
+def test_a_ring_stays_open_and_is_covered():
+    """Inner radius 68 mm: hulls of its convex parts leave 67.2 mm free."""
     ring = np.array(trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).triangles)
     coarse, fine = cover([ring], 4, 1), cover([ring], 4, 2)
     points = ring.mean(1)[::4]
@@ -102,7 +102,7 @@ def test_a_ring_is_left_open_and_none_of_it_lost():
     assert min(free) > 0 == min(shut)
 
 
-def test_a_capsule_is_close_to_the_smallest_around_a_rod_askew():
+def test_a_capsule_around_a_tilted_rod_is_nearly_the_smallest():
     random = np.random.default_rng(0)
     axis = np.array([1.0, 2.0, 2.0]) / 3
     points = random.uniform(-0.5, 0.5, (300, 1)) * axis
@@ -113,7 +113,7 @@ def test_a_capsule_is_close_to_the_smallest_around_a_rod_askew():
     assert volume(capsule) <= 1.02 * np.pi * 0.05**2 * (4 / 3 * 0.05 + 1.0)
 
 
-def test_an_angle_is_cut_where_it_bends_and_a_plate_in_halves():
+def test_an_l_shape_is_split_at_its_bend_and_a_plate_in_half():
     """One capsule around two rods that meet at a right angle is a fat ball, two are nearly the rods."""
     rods = np.concatenate([box(0.5, 0.02, 0.02, (0.25, 0, 0)), box(0.02, 0.5, 0.02, (0, 0.25, 0))])
     one, two = cover([rods], 1), cover([rods], 2)
@@ -123,7 +123,7 @@ def test_an_angle_is_cut_where_it_bends_and_a_plate_in_halves():
     assert sum(volume(part.capsule) for part in two) < 0.8 * volume(one.capsule)
 
 
-def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
+def test_a_few_meshes_of_a_link_are_covered_one_by_one():
     """A column with a shoulder and a head: planes that save more volume would close the gap between these."""
     meshes = [box(0.4, 0.3, 0.5), *(box(0.1, 0.1, 0.1, (0.25, 0, z)) for z in (-0.2, 0.2))]
     in_the_gap = np.array([[0.27, 0.0, z] for z in (-0.1, 0.0, 0.1)])
@@ -135,7 +135,7 @@ def test_meshes_of_a_link_are_parts_of_their_own_where_they_are_not_too_many():
 
 @settings(max_examples=20)
 @given(seeds, st.integers(5, 400), st.sampled_from([1e-5, 1e-3, 1e-2]))
-def test_a_thinned_hull_tells_how_far_the_rest_sticks_out(seed, count, tolerance):
+def test_a_thinned_hull_states_how_far_the_dropped_points_stick_out(seed, count, tolerance):
     points = on_sphere(count, seed)
     kept, rounding = thinned(points, tolerance)
     assert len(kept) <= count
@@ -153,14 +153,14 @@ def arm_file(tmp_path, monkeypatch):
     return tmp_path / "robot.urdf"
 
 
-def assert_same_shapes(one, other):
-    assert one.digest == other.digest
+def assert_same_shapes(arm, other):
+    assert arm.digest == other.digest
     for name in ("a", "b", "radius", "core"):
-        assert np.array_equal(getattr(one.capsules, name), getattr(other.capsules, name))
-    assert np.array_equal(one.capsules.pieces.corners, other.capsules.pieces.corners)
+        assert np.array_equal(getattr(arm.capsules, name), getattr(other.capsules, name))
+    assert np.array_equal(arm.capsules.pieces.corners, other.capsules.pieces.corners)
 
 
-def test_shapes_come_from_the_cache_and_are_made_again_where_it_is_broken(arm_file, monkeypatch):
+def test_shapes_are_cached_and_a_damaged_cache_is_rebuilt(arm_file, monkeypatch):
     made = load_robot(arm_file)
     with monkeypatch.context() as patched:
         patched.setattr(covering, "cover", None)  # nothing is made again
@@ -172,7 +172,7 @@ def test_shapes_come_from_the_cache_and_are_made_again_where_it_is_broken(arm_fi
     assert_same_shapes(load_robot(arm_file), made)
 
 
-def test_the_digest_knows_meshes_and_places_but_no_fitted_numbers(arm_file):
+def test_the_digest_depends_on_meshes_and_origins_not_on_fitted_numbers(arm_file):
     arm = load_robot(arm_file)
     digests = [arm.digest]
     trimesh.creation.box((0.1, 0.2, 0.8)).export(arm_file.with_name("box.stl"))
@@ -185,7 +185,7 @@ def test_the_digest_knows_meshes_and_places_but_no_fitted_numbers(arm_file):
     assert digest_of(numbers, some) == digest_of(numbers, shaken)
 
 
-def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free(tmp_path, monkeypatch):
+def test_a_ring_around_a_rod_is_refined_until_the_rod_is_free(tmp_path, monkeypatch):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
     trimesh.creation.annulus(0.10, 0.12, 0.1, sections=24).export(tmp_path / "ring.stl")
     trimesh.creation.box((0.05, 0.05, 0.4)).export(tmp_path / "rod.stl")  # passes by the ring's wall
@@ -203,9 +203,7 @@ def test_a_ring_around_a_rod_is_cut_until_the_rod_is_free(tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize(("radius", "refused"), [(0.0668, False), (0.0677, True)])
-def test_what_turns_within_a_ring_is_free_or_shapes_that_refuse_it_are_reported(
-    load, tmp_path, caplog, radius, refused
-):
+def test_a_ball_in_a_ring_is_free_or_too_coarse_shapes_are_reported(load, tmp_path, caplog, radius, refused):
     trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).export(tmp_path / "ring.stl")
     trimesh.creation.icosphere(2, radius).export(tmp_path / "ball.stl")
     place = 'xyz="0 0 0" rpy="0 0 0"'

@@ -11,7 +11,7 @@ from sidegan.robot.arm import digest_of
 from .urdf import INERTIA, joint, link, more, one_joint, two_joints
 
 
-def test_a_fixed_joint_hands_its_load_to_the_link_that_carries_it(load):
+def test_links_behind_fixed_joints_are_lumped_into_their_parent(load):
     bare = load(one_joint())
     loaded = load(more(one_joint(), joint("grip", "arm", "tool", "fixed", 'xyz="0 0 0.5"'), link("tool")))
     assert loaded.joints == 1
@@ -19,7 +19,7 @@ def test_a_fixed_joint_hands_its_load_to_the_link_that_carries_it(load):
     assert (bare.tip.tolist(), loaded.tip.tolist()) == ([0, 0, 0], [0, 0, 0.5])
 
 
-def test_what_a_description_may_leave_out(load):
+def test_optional_parts_of_a_description(load):
     assert np.abs(load(one_joint(inertial="")).inertial_parameters).max() == 0.0
     assert load(one_joint(inertial=INERTIA.replace("1.5", "0"))).inertial_parameters[0, 0] == 0.0
     for effort in ("", 'effort="0"'):
@@ -45,19 +45,19 @@ CHANGES = [
 
 
 class TestDigest:
-    def test_does_not_know_names_or_paths(self, load):
-        one = load(one_joint(), name="one.urdf")
+    def test_ignores_names_and_paths(self, load):
+        arm = load(one_joint(), name="one.urdf")
         other = load(one_joint(name="another").replace("turn", "rotate"), name="other.urdf")
-        assert one.name != other.name
-        assert one.digest == other.digest == load(one_joint(), name="one.urdf").digest
+        assert arm.name != other.name
+        assert arm.digest == other.digest == load(one_joint(), name="one.urdf").digest
 
     @pytest.mark.parametrize(("old", "new"), CHANGES)
-    def test_knows_every_number(self, load, old, new):
+    def test_depends_on_every_number(self, load, old, new):
         text = one_joint()
         assert old in text
         assert load(text).digest != load(text.replace(old, new)).digest
 
-    def test_of_the_built_in_arms_is_the_one_that_artifacts_carry(self):
+    def test_of_the_built_in_arms_is_unchanged(self):
         assert {name: load_robot(name).digest for name in built_in_robots()} == {
             "kuka_lwr4": "ac8f005317e3349fe3371916674b3207a84acd6ad35499d52e8b4c6e62b50325",
             "planar2": "782716eca7baafb26ac6dc57887f35d6df963518e909723f28e8cd421602c45f",

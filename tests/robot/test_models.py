@@ -18,7 +18,7 @@ def test_inertias_of_the_lwr_are_those_of_the_table(arm):
     np.testing.assert_allclose(arm.inertial_parameters, figures, rtol=0, atol=1e-12)
 
 
-def test_a_flat_plate_is_consistent():
+def test_a_flat_plate_is_physically_consistent():
     plate = np.array([[1.0, 0.0, 0.0, 0.0, 0.01, 0.0, 0.02, 0.0, 0.0, 0.03]], dtype=float)
     assert inconsistent_links(random_chain(1, 0)[0], plate) == []
 

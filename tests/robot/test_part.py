@@ -59,12 +59,13 @@ PARTS = {  # what is asked for, and where the joints stand that do not move
 
 
 @pytest.mark.parametrize(("setup", "locked"), PARTS.values(), ids=PARTS)
-def test_torque_is_that_of_the_reduced_model(load, setup, locked):
+def test_torque_equals_pinocchios_reduced_model(load, setup, locked):
     arm, whole = load(PERSON, setup), pin.buildModelFromXML(PERSON)
     stand = pin.neutral(whole)
     for name, value in locked.items():
-        one = whole.joints[whole.getJointId(name)]
-        stand[one.idx_q : one.idx_q + one.nq] = [value] if one.nq == 1 else [math.cos(value), math.sin(value)]
+        joint_model = whole.joints[whole.getJointId(name)]
+        at = slice(joint_model.idx_q, joint_model.idx_q + joint_model.nq)
+        stand[at] = [value] if joint_model.nq == 1 else [math.cos(value), math.sin(value)]
     oracle = pin.buildReducedModel(whole, [whole.getJointId(name) for name in locked], stand)
     assert {*arm.joint_names, "universe"} == {*oracle.names}
     data, random = oracle.createData(), np.random.default_rng(0)
@@ -73,16 +74,18 @@ def test_torque_is_that_of_the_reduced_model(load, setup, locked):
     expected = []
     for q, dq, ddq in zip(*states):
         at, v, a = pin.neutral(oracle), np.zeros(oracle.nv), np.zeros(oracle.nv)
-        for one, x, *rates in zip(order, q, dq, ddq):
-            at[one.idx_q : one.idx_q + one.nq] = [x] if one.nq == 1 else [math.cos(x), math.sin(x)]
-            v[one.idx_v], a[one.idx_v] = rates
+        for joint_model, x, *rates in zip(order, q, dq, ddq):
+            at[joint_model.idx_q :][: joint_model.nq] = (
+                [x] if joint_model.nq == 1 else [math.cos(x), math.sin(x)]
+            )
+            v[joint_model.idx_v], a[joint_model.idx_v] = rates
         torque = pin.rnea(oracle, data, at, v, a)
-        expected.append([torque[one.idx_v] for one in order])
+        expected.append([torque[joint_model.idx_v] for joint_model in order])
     found = RigidBody(arm).torque(*(x for x in states))
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)  # N·m
 
 
-def test_what_stands_still_is_reported_and_stays_in_the_collision_model(load):
+def test_locked_parts_are_reported_and_stay_in_the_collision_model(load):
     arm = load(PERSON, Setup(tip="left_lower", locked={"waist": 0.25}))
     notes = "; ".join(arm.notes)
     assert "right_shoulder at 0.25 rad" in notes and "left_thumb at 0.25 m" in notes
@@ -116,7 +119,7 @@ REMEDIES = {
 
 
 class TestWhichChain:
-    def test_branches_are_refused_with_tips_that_work(self, load):
+    def test_a_branching_description_is_refused_with_tips_that_work(self, load):
         with pytest.raises(RobotError, match="expected one chain") as caught:
             load(PERSON)
         tips = re.findall(r"robot\.tip=(\w+) \((\d) joint", str(caught.value))
@@ -124,7 +127,7 @@ class TestWhichChain:
         for tip, joints in tips:
             assert load(PERSON, Setup(tip=tip)).joints == int(joints)
 
-    def test_a_gripper_is_left_out_by_its_name_and_a_finger_that_mimics_with_it(self, load):
+    def test_a_gripper_and_its_mimic_finger_are_locked(self, load):
         finger = joint("other", "arm", "right", "prismatic", extra='<mimic joint="gripper"/>')
         gripper = joint("gripper", "arm", "left", "prismatic"), link("left"), finger, link("right")
         arm = load(more(one_joint(), *gripper))
@@ -132,14 +135,14 @@ class TestWhichChain:
         assert "locked gripper at 0.25 m, other at 0.25 m" in arm.notes
 
     @pytest.mark.parametrize(("text", "words", "remedy", "left"), REMEDIES.values(), ids=REMEDIES)
-    def test_a_refusal_names_a_remedy_that_works(self, load, text, words, remedy, left):
+    def test_a_refusal_suggests_a_setting_that_works(self, load, text, words, remedy, left):
         with pytest.raises(RobotError, match=words):
             load(text)
         assert " ".join(load(text, remedy).joint_names) == left
 
 
 class TestLimits:
-    def test_a_continuous_joint_may_turn_by_half_a_turn_from_home(self, load):
+    def test_a_continuous_joint_has_half_a_turn_either_way_from_home(self, load):
         text = one_joint(kind="continuous", limit=ENDLESS)
         arm = load(text, home=[0.5])
         assert arm.position_lower.item() == pytest.approx(0.5 - math.pi)
@@ -149,7 +152,7 @@ class TestLimits:
         assert (wider.position_lower.item(), wider.position_upper.item()) == (-80, 80)
         assert wider.notes == ()
 
-    def test_all_that_is_missing_is_asked_for_at_once(self, load):
+    def test_all_missing_limits_are_asked_for_at_once(self, load):
         text = two_joints(limit='<limit lower="1" upper="-1"/>').replace('velocity="2.5"', 'velocity="0"')
         with pytest.raises(RobotError) as caught:
             load(text, Setup(limits=Limits(effort={"first": 3.0})))
@@ -166,10 +169,10 @@ class TestLimits:
         assert "lower of first -1.6 instead of -1.5 rad; upper of first 3 instead of 2 rad" in caplog.text
         assert "effort of first 41 instead of 40 N·m" in caplog.text and "velocity of" not in caplog.text
 
-    def test_higher_limits_are_in_the_digest_where_there_are_any(self, load):
+    def test_acceleration_and_jerk_limits_are_part_of_the_digest(self, load):
         three, four = {"first": 3.0}, {"first": 3.5}
         kinds = [(three, None), (four, None), ({"second": 3.0}, None), (None, three), (three, three)]
-        given = [Setup(limits=Limits(acceleration=one, jerk=other)) for one, other in kinds]
+        given = [Setup(limits=Limits(acceleration=acceleration, jerk=jerk)) for acceleration, jerk in kinds]
         bare, *arms = (load(two_joints(), setup) for setup in (None, *given))
         assert len({bare.digest, *(arm.digest for arm in arms)}) == 6 and bare.higher_limits == {}
         assert load(two_joints(), given[-1]).digest == arms[-1].digest

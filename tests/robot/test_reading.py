@@ -1,4 +1,4 @@
-"""What descriptions of the field say in other ways than most: floors, units, limits, lost files."""
+"""Descriptions that say things unusually: floors, units, limits, missing files."""
 
 import json
 from dataclasses import replace
@@ -51,7 +51,7 @@ FLOORS = {  # what the base is made of, where it stands [m], and whether that is
 
 
 @pytest.mark.parametrize(("base", "height", "known"), FLOORS.values(), ids=FLOORS)
-def test_a_floor_is_where_shapes_show_it_or_else_a_reported_guess(load, block, base, height, known):
+def test_the_floor_height_follows_the_base_or_is_reported_as_a_guess(load, block, base, height, known):
     pillar = link("pillar", visual('<box size="0.1 0.1 0.1"/>', 'xyz="3 0 0.5"'))
     glued = more(arm_of(base=base), joint("glue", "base", "pillar", "fixed", "", limit=""), pillar)
     for text in (arm_of(base=base), glued) if base else (arm_of(base=base),):
@@ -97,18 +97,18 @@ PLANES = {  # what stands in the world beside the arm, gravity, and the planes t
 
 
 @pytest.mark.parametrize(("world", "gravity", "planes", "said"), PLANES.values(), ids=PLANES)
-def test_planes_of_a_scene_are_its_floor_and_its_walls(load, world, gravity, planes, said):
+def test_mjcf_planes_become_floor_and_walls(load, world, gravity, planes, said):
     option = f'<option gravity="{gravity}"/>' if gravity else ""
     arm, desk = load(mjcf(world=world, option=option), SPEED, name="a.xml"), workspace(choice="desk")
     found = desk.shapes(arm)
-    assert said in desk.notes(arm) and all(isinstance(one, Plane) for one in found)
+    assert said in desk.notes(arm) and all(isinstance(region, Plane) for region in found)
     if not gravity:
-        np.testing.assert_allclose([(*one.unit, one.offset) for one in found], planes, atol=1e-9)
+        np.testing.assert_allclose([(*plane.unit, plane.offset) for plane in found], planes, atol=1e-9)
     else:  # what was up is level, and gravity has no part of it
         (wall,) = found
         assert abs(wall.unit[2]) < 1e-9 and abs(wall.offset) < 1e-9
     own = workspace("{plane: {normal: [0, 0, 1], offset: -0.5}}", choice="desk").shapes(arm)
-    assert [one.offset for one in own if one.unit[2] > 0.7] == [-0.5]
+    assert [plane.offset for plane in own if plane.unit[2] > 0.7] == [-0.5]
 
 
 def box(unit):
@@ -122,7 +122,7 @@ UNITS = [(MILLIMETRES, 1e-3), ('<unit meter="0.0254" name="inch"/>', 0.0254), ("
 
 
 @pytest.mark.parametrize(("unit", "metres"), UNITS)
-def test_meshes_are_in_the_unit_that_their_file_states(load, tmp_path, unit, metres):
+def test_mesh_files_are_scaled_by_the_unit_that_they_state(load, tmp_path, unit, metres):
     file = tmp_path / "box.dae"
     file.write_text(box(unit))
     scale = " ".join([str(0.001 / metres)] * 3)
@@ -136,7 +136,7 @@ def test_meshes_are_in_the_unit_that_their_file_states(load, tmp_path, unit, met
             np.testing.assert_allclose(np.ptp(region.points, axis=0), np.array([0.2, 0.1, 0.05]) * factor)
 
 
-def test_a_unit_that_is_none_is_refused(load, tmp_path):
+def test_an_invalid_mesh_unit_is_refused(load, tmp_path):
     (tmp_path / "box.dae").write_text(box('<unit meter="-1"/>'))
     with pytest.raises(RobotError, match=r"box\.dae has the unit '-1', expected a number of metres"):
         load(arm_of({1: inertial() + mesh("box.dae")}))
@@ -153,7 +153,7 @@ ORDERS = {  # metres per unit that a description says of a mesh of 0.2 m, which 
 
 
 @pytest.mark.parametrize(("scale", "said"), ORDERS.values(), ids=ORDERS)
-def test_shapes_of_another_order_than_the_arm_are_refused(load, tmp_path, scale, said):
+def test_shapes_of_implausible_size_are_refused(load, tmp_path, scale, said):
     trimesh.creation.box((0.2, 0.1, 0.05)).export(tmp_path / "box.stl")
     with pytest.raises(RobotError) as refused:
         load(arm_of({1: inertial() + mesh("box.stl", scale=scale)}))
@@ -177,7 +177,7 @@ SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range i
 
 
 @pytest.mark.parametrize("given", SOFT)
-def test_soft_limits_are_the_limits_where_they_are_tighter(load, given):
+def test_tighter_soft_limits_apply(load, given):
     lower, upper, said = SOFT[given]
     text = arm_of().replace(LIMIT, LIMIT + SAFETY.format(given), 1)
     arm, wide = load(text), load(text, Setup(limits=Limits(position={"joint0": (-2.0, 2.0)})))
@@ -186,7 +186,7 @@ def test_soft_limits_are_the_limits_where_they_are_tighter(load, given):
     assert wide.position_upper[0] == 2 and not any("soft" in note for note in wide.notes)
 
 
-def test_accelerations_and_jerks_of_a_description_are_limits_with_or_without_a_namespace(load, tmp_path):
+def test_acceleration_and_jerk_limits_are_read_from_a_urdf(load, tmp_path):
     ours = LIMIT.replace("/>", ' drake:acceleration="1.5" jerk="70" deceleration="1.25"/>')
     for head in ("<robot", '<robot xmlns:drake="http://drake.mit.edu"'):
         arm = load(arm_of(limit=ours).replace("<robot", head, 1))
@@ -199,7 +199,7 @@ def test_accelerations_and_jerks_of_a_description_are_limits_with_or_without_a_n
     assert stated.acceleration_limit.tolist() == [1.25, 9, 1.25, 1.25]
 
 
-def test_one_number_is_a_limit_of_all_joints(load):
+def test_a_single_number_sets_the_limit_of_every_joint(load):
     given = Limits(2.0, 1.5, 3.0, 70.0, 9.0)
     arm = load(arm_of(), Setup(limits=given))
     found = arm.position_upper, arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit, arm.torque_limit
@@ -244,13 +244,13 @@ BAD = {
 
 
 @pytest.mark.parametrize(("text", "said"), BAD.items())
-def test_a_joint_limits_yaml_that_is_none_is_refused(load, tmp_path, text, said):
+def test_an_invalid_joint_limits_yaml_is_refused(load, tmp_path, text, said):
     (tmp_path / "limits.yaml").write_text(text)
     with pytest.raises(RobotError, match=said):
         load(arm_of(), Setup(limits=Limits(file=str(tmp_path / "limits.yaml"))))
 
 
-def test_an_arm_without_torque_limits_is_reported_in_one_line(load, caplog):
+def test_missing_torque_limits_give_one_warning(load, caplog):
     load(arm_of(limit=LIMIT.replace('effort="50"', 'effort="0"')))
     (line,) = [record.message for record in caplog.records if "torque" in record.message]
     assert "has no torque limits" in line and "'robot.limits.effort={joint0: …, joint1: …" in line
@@ -267,7 +267,7 @@ HULL = '<geom type="mesh" mesh="hull"/>'
 
 
 @pytest.mark.parametrize("pointer", [False, True])
-def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog, pointer):
+def test_an_mjcf_loads_without_its_mesh_files(load, tmp_path, caplog, pointer):
     (tmp_path / "meshes").mkdir()
     if pointer:
         (tmp_path / "meshes" / "hull.stl").write_text(POINTER)
@@ -282,7 +282,7 @@ def test_an_mjcf_loads_without_meshes_that_are_not_there(load, tmp_path, caplog,
         load(mjcf(asset=ASSET, geom=HULL, inertial=""), SPEED, name="c.xml")
 
 
-def test_a_mesh_that_is_empty_or_not_there_is_a_link_without_a_shape(load, tmp_path, caplog):
+def test_links_with_empty_or_missing_meshes_are_reported(load, tmp_path, caplog):
     (tmp_path / "empty.dae").write_text(box("").partition("<library_geo")[0] + "</COLLADA>")
     (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
     arm = load(arm_of({1: mesh("empty.dae"), 2: mesh("empty.stl"), 3: mesh("package://gone/box.stl")}))
@@ -291,7 +291,7 @@ def test_a_mesh_that_is_empty_or_not_there_is_a_link_without_a_shape(load, tmp_p
     assert f"unnoticed: link1, link2, link3 (not found: {said};" in caplog.text
 
 
-def test_files_that_a_xacro_file_includes_are_relative_to_it(tmp_path, monkeypatch):
+def test_xacro_includes_are_relative_to_the_including_file(tmp_path, monkeypatch):
     pytest.importorskip("xacrodoc")
     head, folder = '<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">', tmp_path / "parts"
     folder.mkdir()
@@ -303,15 +303,17 @@ def test_files_that_a_xacro_file_includes_are_relative_to_it(tmp_path, monkeypat
     assert load_robot(tmp_path / "arm.urdf.xacro").joints == 4
 
 
-def test_an_exported_urdf_of_an_mjcf_says_all_that_its_readers_ask_for(load, tmp_path):
+def test_a_urdf_exported_from_an_mjcf_is_complete(load, tmp_path):
     arm = load(mjcf(), SPEED, name="a.xml")
     write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
     again, text = load_robot(tmp_path / "out.urdf"), (tmp_path / "out.urdf").read_text()
     assert "<capsule" not in text and again.velocity_limit.tolist() == [1.5] * 3
     q = np.random.default_rng(0).random((200, 3)).astype(float) * 5.6 - 2.8
-    one, other = (Constraints(x).at_rest(q)["collision"].min(1) for x in (arm, again))
-    assert (one < 0).any() and (one > 0).any()
-    np.testing.assert_allclose(np.minimum(one, 0.02), np.minimum(other, 0.02), rtol=0, atol=2e-4)  # facets
+    ours, exported = (Constraints(x).at_rest(q)["collision"].min(1) for x in (arm, again))
+    assert (ours < 0).any() and (ours > 0).any()
+    np.testing.assert_allclose(
+        np.minimum(ours, 0.02), np.minimum(exported, 0.02), rtol=0, atol=2e-4
+    )  # facets
 
 
 def reach(arm):
@@ -321,7 +323,7 @@ def reach(arm):
     return np.max([heights.max(0) + float(pieces.radius[k]) for k, heights in zip(rows, each)], axis=0)
 
 
-def test_shapes_of_an_exported_mjcf_collide_as_the_arms_do(load, tmp_path):
+def test_an_exported_mjcf_collides_like_the_original(load, tmp_path):
     tool = more(
         arm_of({1: inertial() + mesh("ball.stl", 'xyz="0 0 0.15"')}),
         joint("glue", "link3", "tool", "fixed", 'xyz="0 0 0.3"', limit=""),
@@ -338,6 +340,6 @@ def test_shapes_of_an_exported_mjcf_collide_as_the_arms_do(load, tmp_path):
         reach(again) >= reach(arm) - 1e-6
     ).all() and arm.capsules.pieces.radius.max() > 1e-4  # single precision
     q = np.random.default_rng(0).random((400, 4)).astype(float) * 5 - 2.5
-    one, other = (x.at_rest(q)["collision"].min(1) for x in (before, after))
-    assert (one < 0).any() and (one > 0).any()
-    assert ((one < 0) <= (other < 0)).all() and ((one < 0) != (other < 0)).astype(float).mean() < 0.03
+    ours, exported = (x.at_rest(q)["collision"].min(1) < 0 for x in (before, after))
+    assert ours.any() and not ours.all()
+    assert (ours <= exported).all() and (ours != exported).astype(float).mean() < 0.03

@@ -28,13 +28,13 @@ EXACT = [
 
 
 @pytest.mark.parametrize(("words", "ends", "radius"), EXACT)
-def test_spheres_and_both_ways_to_write_a_capsule_are_exact(load, words, ends, radius):
+def test_spheres_and_capsules_are_exact(load, words, ends, radius):
     capsules = load(one_joint(collision=words)).capsules
     np.testing.assert_allclose(np.concatenate([capsules.a, capsules.b]), ends, atol=1e-15)
     assert capsules.radius.tolist() == [radius] and capsules.names == ("arm",)
 
 
-def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
+def test_boxes_and_cylinders_keep_their_shape_inside_their_capsules(load):
     arm = load(one_joint(collision=BOX + collision(ROD) + ball(0.2)))
     pieces = arm.capsules.pieces
     box, cylinder, sphere = np.split(pieces.corners, pieces.start[1:-1])
@@ -51,7 +51,7 @@ def test_a_box_and_a_cylinder_stay_what_they_are_inside_of_their_capsules(load):
     assert load(one_joint()).capsules.a.shape == (0, 3)
 
 
-def test_a_mesh_is_inside_its_capsule_however_it_is_marked(load, tmp_path):
+def test_a_mesh_is_inside_its_capsule(load, tmp_path):
     """A box of 100 x 200 x 700 mm, in millimetres, in a package beside the URDF."""
     file = tmp_path / "arm_description" / "meshes" / "box.stl"
     file.parent.mkdir(parents=True)

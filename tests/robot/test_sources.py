@@ -84,7 +84,7 @@ def assert_same_extent(arm, q, points, link, model, data, geom):
 
 class TestMjcf:
     @pytest.mark.parametrize("gravity", ["0 0 -9.81", "9.81 0 0", "1 -3 2", "0 0 0"])
-    def test_torque_is_that_of_mujoco(self, mjcf, gravity):
+    def test_torque_equals_mujocos(self, mjcf, gravity):
         mjcf.write_text(MJCF.replace("<default>", f'<option gravity="{gravity}"/><default>'))
         arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03}))
         assert arm.joint_names == ("one", "two", "slide")
@@ -123,7 +123,7 @@ class TestMjcf:
             corners = np.concatenate([pieces.corners[pieces.start[k] : pieces.start[k + 1]] for k in rows])
             assert_same_extent(arm, q, corners, int(arm.capsules.link[rows[0]]), model, data, geom)
 
-    def test_a_dent_of_a_mesh_without_a_file_is_no_part_of_its_shapes(self, mjcf):
+    def test_an_inline_mesh_keeps_its_dent(self, mjcf):
         """A tetrahedron of 1 l, one face of which has a dent that takes away 0.4 of it."""
         corners, dent = "0 0 0  0.1 0 0  0 0.2 0  0 0 0.3", "0.02 0.04 0.06"
         faces = "0 2 1  0 1 3  0 3 2  1 2 4  2 3 4  3 1 4"
@@ -135,7 +135,7 @@ class TestMjcf:
         file = link.find("collision/geometry/mesh").get("filename")
         assert abs(trimesh.load(file).volume) == pytest.approx(0.6e-3, rel=1e-5)
 
-    def test_limits_and_what_is_left_out(self, mjcf):
+    def test_limits_and_notes_about_what_is_ignored(self, mjcf):
         with pytest.raises(RobotError, match=r"'robot\.limits\.velocity=\{one: 1, two: 1, slide: 0.1\}'"):
             load_robot(mjcf)
         arm = load_robot(mjcf, Setup(limits=SPEEDS))
@@ -152,7 +152,7 @@ class TestMjcf:
 
     @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
     @pytest.mark.parametrize("more", MOTORS)
-    def test_limits_of_torque_are_what_mujocos_actuators_give(self, mjcf, own, more):
+    def test_torque_limits_are_what_mujocos_actuators_can_give(self, mjcf, own, more):
         """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""
         motors = f'<motor joint="two" gear="-2" forcerange="-20 25"/>{more}</actuator>'
         text = MJCF.replace("</actuator>", motors).replace('<joint name="two"', f'<joint name="two" {own}')
@@ -218,7 +218,7 @@ def known(tmp_path, monkeypatch):
         yield tmp_path
 
 
-def test_a_name_is_looked_up(known):
+def test_a_robot_descriptions_name_is_looked_up(known):
     assert load_robot("toy").urdf == load_robot("toy_description").urdf == known / "toy.urdf"
 
 
@@ -239,7 +239,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("what", REFUSED)
-def test_a_source_that_cannot_be_used_is_refused(known, monkeypatch, what):
+def test_an_unusable_source_is_refused(known, monkeypatch, what):
     case, words = REFUSED[what]
     if what == "no xacrodoc":
         monkeypatch.setitem(sys.modules, "xacrodoc", None)

@@ -32,7 +32,7 @@ def file(tmp_path):
     return tmp_path / "two.urdf"
 
 
-def test_shapes_are_where_the_description_has_them(file):
+def test_visuals_are_where_the_description_has_them(file):
     parts = visual_parts(load_robot(file))
     assert [part.link for part in parts] == [-1, 0, 1, 1]
     box, rod, plate, sphere = parts
@@ -47,7 +47,7 @@ def test_shapes_are_where_the_description_has_them(file):
     np.testing.assert_allclose(np.linalg.norm(sphere.vertices - centre, axis=1), 0.03, atol=1e-9)
 
 
-def test_a_file_that_is_gone_is_no_reason_to_fail(file, caplog):
+def test_a_deleted_description_leaves_only_collision_shapes(file, caplog):
     arm = load_robot(file)
     file.unlink()
     assert visual_parts(arm) == [] and "is shown with its collision shapes only" in caplog.text

@@ -37,7 +37,7 @@ def assert_written(arm, path):
 
 
 @pytest.mark.parametrize("name", [*built_in_robots(), "ur10e/reference.urdf"])
-def test_what_is_written_reads_back_to_the_same_torques_and_only_inertias_change(name, tmp_path):
+def test_writing_changes_only_inertias_and_reads_back_to_the_same_torques(name, tmp_path):
     arm = load_robot(name if name in built_in_robots() else real(name))
     assert_written(arm, tmp_path / "out.urdf")
     before, after = (ET.parse(path).getroot() for path in (arm.urdf, tmp_path / "out.urdf"))
@@ -60,7 +60,7 @@ inertias = st.sampled_from([INERTIA, "", "<!-- > -->"])
         lambda chain: any(kind != "fixed" for kind, *_ in chain)
     )
 )
-def test_any_chain_is_what_pinocchio_reads_and_is_written_as_it_is(load, tmp_path, chain):
+def test_any_chain_reads_and_writes_as_pinocchio_does(load, tmp_path, chain):
     def words(v):
         return " ".join(map(repr, v))
 
@@ -75,7 +75,7 @@ def test_any_chain_is_what_pinocchio_reads_and_is_written_as_it_is(load, tmp_pat
     assert_written(arm, tmp_path / "out.urdf")
 
 
-def test_comments_extras_and_another_alphabet_stay(load, tmp_path):
+def test_comments_extra_elements_and_unicode_are_kept(load, tmp_path):
     extra = '<!-- <inertial> größer > kleiner --><gazebo reference="arm"><inertial/></gazebo>'
     assert_written(
         load('<?xml version="1.0" encoding="utf-8"?>' + more(one_joint(), extra)), tmp_path / "out.urdf"
@@ -85,7 +85,7 @@ def test_comments_extras_and_another_alphabet_stay(load, tmp_path):
     assert '<gazebo reference="arm"><inertial />' in written
 
 
-def test_friction_goes_where_dynamics_are_or_should_be_and_is_never_below_nothing(load, tmp_path):
+def test_written_friction_replaces_dynamics_and_is_never_negative(load, tmp_path):
     known = joint("j0", "l0", "l1", extra='<dynamics damping="9"/>')
     arm = load(robot(*(link(f"l{i}", INERTIA) for i in range(3)), known, joint("j1", "l1", "l2")))
     own = np.array([[0.5, 0.25], [1.5, 2.5], [0.1, 0.1]])

@@ -1,4 +1,4 @@
-"""Builders of the room: segments, arms with hulls, trajectories that are critical in one constraint alone."""
+"""Builders that validity tests share: segments, arms with hulls, trajectories near their limits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -8,6 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array, split
 from sidegan.kernels.chain import Chain, Shapes
 from sidegan.motion.arrays import chain_of, shapes_of
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Capsules, load_robot
 from sidegan.robot.arm import Pieces
@@ -92,6 +93,14 @@ def only(capsules: Capsules, which: Array) -> Capsules:
 
 def thick(arm: Arm, factor: float) -> Arm:
     return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
+
+
+def holding(planar: Arm, share: float) -> Arm:
+    """The planar arm, for which holding its links level takes a share of its torque limits."""
+    level = np.array([[np.pi / 2, 0.0]])
+    return replace(
+        planar, torque_limit=np.abs(RigidBody(planar).torque(level, 0 * level, 0 * level)[0]) / share
+    )
 
 
 def limited(arm: Arm, names: Sequence[str], share: float = 1.0) -> Arm:

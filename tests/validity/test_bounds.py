@@ -25,9 +25,11 @@ _STEP = 1e-5  # [rad or m] of differences
 @pytest.fixture
 def chain(request: pytest.FixtureRequest, arm: Arm) -> Arm:
     """A random chain, or the LWR; in the longest chain slides reach far, and mostly downwards."""
-    one = random_chain(request.param, 0)[0] if request.param else arm
-    mirrored = {"position_lower": -one.position_upper, "position_upper": -one.position_lower}
-    return replace(one, translation=0.1 * one.translation, **mirrored) if one.joints == 9 else one
+    chain = random_chain(request.param, 0)[0] if request.param else arm
+    if chain.joints < 9:
+        return chain
+    lower, upper = -chain.position_upper, -chain.position_lower
+    return replace(chain, translation=0.1 * chain.translation, position_lower=lower, position_upper=upper)
 
 
 def bounds(arm: Arm, *rates: Array) -> np.ndarray:
@@ -63,7 +65,7 @@ def shifted(states: Sequence[Array], time: Array) -> list[Array]:
 
 
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
-def test_torques_change_no_faster_than_their_bounds(chain: Arm) -> None:
+def test_torque_rates_stay_within_their_bounds(chain: Arm) -> None:
     """From gravity alone to inertia alone."""
     q, dq, ddq = random_states(chain, 300, chain.joints)
     size = np.logspace(-2, 2, 300)[:, None]
@@ -78,7 +80,7 @@ def test_torques_change_no_faster_than_their_bounds(chain: Arm) -> None:
 
 
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
-def test_no_point_of_a_capsule_moves_faster_than_its_reach(chain: Arm) -> None:
+def test_capsule_points_move_no_faster_than_their_reach(chain: Arm) -> None:
     q = random_states(chain, 200)[0].T
     reach = capsule_reach(chain)
     for joint in range(chain.joints):

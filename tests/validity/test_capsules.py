@@ -21,8 +21,8 @@ from .critical import random_segments, segments_as_capsules
 
 def segment_distance(a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
     """Distance [m], (N,), of segments with end points (3, N)."""
-    one = np.arange(a1.shape[1])
-    pairs = np.stack([one, one + len(one)], 1)
+    first = np.arange(a1.shape[1])
+    pairs = np.stack([first, first + len(first)], 1)
     chain, shapes = segments_as_capsules([a1, a2], [b1, b2], pairs, pairs[:0])
     return clearances(chain, shapes, np.zeros((1, 2)))[0][0]
 
@@ -35,7 +35,7 @@ def point_to_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def exact_distance(*ends: Array) -> np.ndarray:
-    """The nearest points are an end and a segment, or lie on the common normal: the least of all cases."""
+    """Distance in extended precision: of an end from a segment or along the common normal, the least."""
     a1, b1, a2, b2 = (x.astype(np.longdouble) for x in ends)
     at_ends = [(a1, a2, b2), (b1, a2, b2), (a2, a1, b1), (b2, a1, b1)]
     distance = np.minimum.reduce([point_to_segment(*case) for case in at_ends])
@@ -50,7 +50,7 @@ def exact_distance(*ends: Array) -> np.ndarray:
 
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-12, 0.0])
 def test_nearly_parallel_segments(angle: float) -> None:
-    """A hand apart, and such that cross."""
+    """Segments 0.1 m apart, and segments that cross."""
     a, b, shift, wobble = random_segments(20_000, 1, 2)
     for length in (1e-3, 1.0):
         along = length * b

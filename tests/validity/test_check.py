@@ -73,7 +73,7 @@ def family(arm: Arm, period: float = 3.0) -> Trajectory:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_violation_is_caught_and_a_comfortable_margin_accepted(kind: str, arm: Arm) -> None:
+def test_violations_are_caught_and_comfortable_margins_accepted(kind: str, arm: Arm) -> None:
     (constraints, name), trajectory = isolated(arm, kind), family(arm)
 
     def least(rate: float, c: Array) -> Array:
@@ -107,9 +107,9 @@ PLANTED = [
 
 
 @pytest.mark.parametrize(("constraint", "moved", "by", "where"), PLANTED)
-def test_failure_says_what_where_when_and_by_how_much(constraint, moved, by, where, planar):
-    one = planar if by < 1 else unhindered(limited(planar, [constraint]))
-    constraints, trajectory = Constraints(one, [DESK], torque=False), Trajectory(2, 3, 6.0)
+def test_a_failure_states_constraint_place_time_and_margin(constraint, moved, by, where, planar):
+    limited_arm = planar if by < 1 else unhindered(limited(planar, [constraint]))
+    constraints, trajectory = Constraints(limited_arm, [DESK], torque=False), Trajectory(2, 3, 6.0)
     c = np.zeros((1, *trajectory.shape))
     c[0][moved] = 1.0
     bad = scaled_to(lambda c: smallest(constraints, trajectory, c, 1000.0)[constraint], c, -by, most=40.0)
@@ -128,8 +128,8 @@ def test_result_depends_on_neither_batch_nor_threads(arm):
     c = 0.12 * drawn(trajectory, 300)  # cells enough for three threads
     with on_threads(3):
         whole = check(constraints, trajectory, c)
-    single = [check(constraints, trajectory, one[None]) for one in c[:12]]
-    valid = np.concatenate([one.valid for one in single])
+    single = [check(constraints, trajectory, row[None]) for row in c[:12]]
+    valid = np.concatenate([validity.valid for validity in single])
     clear = np.abs(np.stack(list(whole.margins.values()))[:, :12]).min(0) > 1e-9  # elsewhere rounding decides
     assert clear.sum() > 6 and 0 < valid.sum() < 12
     assert np.array_equal(whole.valid[:12][clear], valid[clear])
@@ -137,7 +137,7 @@ def test_result_depends_on_neither_batch_nor_threads(arm):
         np.testing.assert_allclose(np.concatenate([v.margins[name] for v in single]), margin[:12], atol=1e-9)
 
 
-def test_a_state_on_the_limit_is_not_called_valid(planar: Arm) -> None:
+def test_a_state_on_the_limit_is_not_valid(planar: Arm) -> None:
     """Its margin is zero, but no sample can show that it stays so."""
     trajectory = Trajectory(2, 2, 3.0, home=(2.6, 0.0))
     c = np.zeros((1, *trajectory.shape))
@@ -160,7 +160,7 @@ def test_any_period_can_be_checked(planar: Arm, period: float) -> None:
     assert check(constraints, trajectory, 0.3 * c).valid.all()
 
 
-def test_no_trajectory_at_all_and_absurd_ones(planar: Arm) -> None:
+def test_empty_batches_and_absurd_sizes_are_checked(planar: Arm) -> None:
     constraints, trajectory = Constraints(planar, [DESK, BOX]), Trajectory(2)
     validity = check(constraints, trajectory, np.zeros((0, *trajectory.shape)))
     assert validity.valid.shape == (0,) and all(m.shape == (0,) for m in validity.margins.values())

@@ -29,16 +29,16 @@ FAR = 0.04  # [m]
         ([HULL, DESK], 0.005, 0.005),
     ],
 )
-def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, clearance, apart) -> None:
+def test_margins_are_distances_beyond_the_clearance(arm: Arm, regions, clearance, apart) -> None:
     plain, clear = Constraints(arm, regions), Constraints(arm, regions, clearance=clearance, apart=apart)
     states = random_states(arm, 200)
-    one, other = plain.margins(*states), clear.margins(*states)
-    assert set(one) == set(other)
-    np.testing.assert_allclose(other["position"], one["position"], atol=1e-9)
+    before, after = plain.margins(*states), clear.margins(*states)
+    assert set(before) == set(after)
+    np.testing.assert_allclose(after["position"], before["position"], atol=1e-9)
     if regions and BOX not in regions:  # whose corners keep a little more
-        np.testing.assert_allclose(other["keep_out"], one["keep_out"] - clearance, atol=1e-9)
+        np.testing.assert_allclose(after["keep_out"], before["keep_out"] - clearance, atol=1e-9)
     shared = [clear.labels["collision"].index(x) for x in plain.labels["collision"]]
-    np.testing.assert_allclose(other["collision"][:, shared], one["collision"] - apart, atol=1e-9)
+    np.testing.assert_allclose(after["collision"][:, shared], before["collision"] - apart, atol=1e-9)
     trajectory = Trajectory(7, 6, 16.0, BENT)
     assert_sound(clear, trajectory, 0.4 * moderate(arm, trajectory, 4, seed=1))
     if BOX not in regions:
@@ -47,12 +47,12 @@ def test_margins_are_what_is_left_beyond_the_clearance(arm: Arm, regions, cleara
 
 
 @pytest.mark.parametrize("shape", ["capsules", "hulls"])
-def test_links_with_less_room_keep_less_and_all_others_the_whole(arm: Arm, shape) -> None:
-    one = shaped(arm, shape, seed=0)
-    plain, q = Constraints(one), random_states(arm, 8000)[0]
+def test_tight_pairs_keep_a_smaller_clearance(arm: Arm, shape) -> None:
+    shaped_arm = shaped(arm, shape, seed=0)
+    plain, q = Constraints(shaped_arm), random_states(arm, 8000)[0]
     nearest = plain.at_rest(q)["collision"].min(0).argsort()
     tight = {plain.owners[nearest[0]]: 0.01}
-    clear = Constraints(one, clearance=FAR, tight=tight)
+    clear = Constraints(shaped_arm, clearance=FAR, tight=tight)
     shared = [clear.pairs.tolist().index(pair) for pair in plain.pairs.tolist()]
     gaps = np.array([tight.get(links, FAR) for links in plain.owners])
     before, after = plain.at_rest(q)["collision"], clear.at_rest(q)["collision"][:, shared]
@@ -62,11 +62,11 @@ def test_links_with_less_room_keep_less_and_all_others_the_whole(arm: Arm, shape
     trajectory = Trajectory(7, 6, 16.0, BENT)
     c = 0.4 * moderate(arm, trajectory, 8, seed=1)
     assert_sound(clear, trajectory, c, exact=shape != "hulls")
-    near = Constraints(one, clearance=FAR, tight=dict.fromkeys(plain.owners, 0.01))
+    near = Constraints(shaped_arm, clearance=FAR, tight=dict.fromkeys(plain.owners, 0.01))
     assert "collision" in assert_bounded(near, trajectory, c, half=0.05)
 
 
-def test_what_is_inside_of_capsules_keeps_less_as_well(load) -> None:
+def test_hulls_of_tight_pairs_keep_a_smaller_clearance(load) -> None:
     plate = inertial() + collision('<box size="0.25 0.02 0.22"/>', 'xyz="0 0 0.15"')
     arm = load(arm_of({k: plate for k in range(4)}))
     owners = Constraints(arm).owners
@@ -78,11 +78,11 @@ def test_what_is_inside_of_capsules_keeps_less_as_well(load) -> None:
     assert 0.1 < valid.astype(float).mean() < 0.9
 
 
-def test_boxes_keep_the_clearance_and_a_little_more_at_their_edges(arm: Arm) -> None:
+def test_the_clearance_of_boxes_is_a_little_larger_at_edges(arm: Arm) -> None:
     box = Box((0.4, -0.3, 0.1), (0.8, 0.3, 0.5))
     q = random_states(arm, 2000)[0]
-    one, other = (Constraints(arm, [box], clearance=x).at_rest(q)["keep_out"] for x in (0.0, FAR))
-    lost = one - other - FAR
+    before, after = (Constraints(arm, [box], clearance=x).at_rest(q)["keep_out"] for x in (0.0, FAR))
+    lost = before - after - FAR
     assert (lost >= -1e-9).all() and (lost <= (3**0.5 - 1) * FAR / 2 + 1e-9).all()
 
 
@@ -93,7 +93,7 @@ def offered(refused: InfeasibleError) -> float:
     return found
 
 
-def test_what_can_never_be_kept_is_refused_by_name(arm: Arm, planar: Arm) -> None:
+def test_an_impossible_clearance_is_refused_with_the_pair(arm: Arm, planar: Arm) -> None:
     with pytest.raises(InfeasibleError, match="is too large, these are always closer") as refused:
         Constraints(planar, clearance=0.6)
     assert "base – forearm" in str(refused.value) and "may_touch" not in str(refused.value)
@@ -106,7 +106,7 @@ def test_what_can_never_be_kept_is_refused_by_name(arm: Arm, planar: Arm) -> Non
     assert "kept clear" not in Constraints(arm).described()
 
 
-def test_links_that_never_have_it_from_a_plane_merely_keep_out(planar: Arm) -> None:
+def test_links_always_near_a_plane_only_keep_out_of_it(planar: Arm) -> None:
     low, q = Plane((0, 0, 1), 0.35), random_states(planar, 300)[0]
     plain, clear = Constraints(planar, [low]), Constraints(planar, [low], clearance=0.2, apart=0.1)
     assert plain.labels["keep_out"] == ("upper_arm in region 0", "forearm in region 0")

@@ -14,7 +14,7 @@ from tests.chains import random_states
 from .critical import BENT, DESK, limited, only
 
 
-def test_what_is_excepted_is_stated(arm: Arm) -> None:
+def test_exempt_pairs_are_stated(arm: Arm) -> None:
     said = Constraints(arm, [DESK]).described()
     assert "20 of 21 pairs of links (may touch: link_5 – link_7 (the wrist, touch in 100 %))" in said
     assert "6 of 7 links against 1 region (always inside: link_1 in region 0)" in said
@@ -22,14 +22,14 @@ def test_what_is_excepted_is_stated(arm: Arm) -> None:
     assert "without a shape" in Constraints(bare).described()
 
 
-def test_links_that_cannot_leave_a_region_are_exempt_from_it_alone(arm: Arm) -> None:
+def test_links_always_inside_a_region_are_exempt_from_that_region_only(arm: Arm) -> None:
     """The base does not move, and link 1 only turns in place."""
     constraints = Constraints(arm, [DESK, Box((1.0, -0.1, 0.0), (1.2, 0.1, 0.4))])
     assert constraints.guarded.tolist() == [[0, k] for k in range(2, 8)] + [[1, k] for k in range(1, 8)]
     assert constraints.labels["keep_out"][0] == "link_2 in region 0"
 
 
-def test_margins_of_limits_are_what_is_left(planar: Arm) -> None:
+def test_margins_are_distances_from_the_limits(planar: Arm) -> None:
     q, dq, ddq = random_states(planar, 50)
     margins = Constraints(planar).margins(q, dq, ddq)
     left = np.minimum(q - np.array([-2.6, -2.9]), np.array([2.6, 2.9]) - q)
@@ -47,7 +47,7 @@ def test_margins_of_the_upright_planar_arm(planar: Arm) -> None:
     assert margins["keep_out"][0].tolist() == pytest.approx([0.5 - 0.05 - 0.1, 0.9 - 0.04 - 0.1])
 
 
-def test_torque_counts_only_where_it_is_limited_and_wanted(planar: Arm) -> None:
+def test_torque_is_constrained_only_where_limited_and_requested(planar: Arm) -> None:
     free = replace(planar, torque_limit=np.array([np.inf, np.inf]))
     half = replace(planar, torque_limit=np.array([np.inf, 3.0]))
     assert "torque" in Constraints(planar).labels
@@ -72,7 +72,7 @@ def test_arms_with_few_capsules_have_few_constraints(planar: Arm, count: int) ->
 
 
 @pytest.mark.parametrize("beyond", [1e-6, -1e-6])
-def test_a_home_may_come_near_a_limit_and_no_further(planar: Arm, beyond: float) -> None:
+def test_a_home_may_be_close_to_a_limit_but_not_beyond(planar: Arm, beyond: float) -> None:
     home, constraints = [float(planar.position_upper[0]) + beyond, 0.0], Constraints(planar)
     if beyond > 0:
         with pytest.raises(InfeasibleError, match=r"position of .*: margin -1e-06$"):
@@ -81,7 +81,7 @@ def test_a_home_may_come_near_a_limit_and_no_further(planar: Arm, beyond: float)
         constraints.refuse_home(home)
 
 
-def test_limits_of_acceleration_and_jerk_are_constraints_where_there_are_any(arm: Arm) -> None:
+def test_acceleration_and_jerk_limits_are_constraints(arm: Arm) -> None:
     constraints = Constraints(limited(arm, ["acceleration", "jerk"]))
     said = constraints.described()
     assert said.startswith("position and velocity of 7 joints, acceleration of 5, jerk of 5, torque of 7; ")

@@ -1,4 +1,4 @@
-"""Where an arm rests and how hard it works when nobody says so; straight ways that are called free are."""
+"""Default home position and effort, and the check of straight paths."""
 
 import math
 from dataclasses import replace
@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.errors import ConfigError, InfeasibleError
-from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
 from sidegan.validity.home import refuse_degrees
 from sidegan.validity.straight import require_straight
+
+from .critical import holding
 
 
 def bent_arm(lower: float = 0.5) -> Arm:
@@ -25,16 +26,16 @@ def bent_arm(lower: float = 0.5) -> Arm:
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_zeros_are_left_alone_where_they_are_feasible(name):
+def test_a_feasible_zero_position_stays_home(name):
     assert default_home(Constraints(load_robot(name), [Plane((0, 0, 1), 0.1)])) is None
 
 
 @pytest.mark.parametrize("lower", [0.0, 0.5])
-def test_where_zeros_are_at_a_limit_or_out_of_range_it_is_the_middle(lower):
+def test_home_is_mid_range_where_zero_is_infeasible(lower):
     assert default_home(Constraints(bent_arm(lower))) == pytest.approx(((lower + 1.5) / 2, 0), abs=1e-3)
 
 
-def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same():
+def test_home_is_a_free_position_near_mid_range():
     bent, regions = bent_arm(), [Plane((0, 0, 1), 0.7)]  # the elbow is too low in the middle
     with pytest.raises(InfeasibleError, match="keep_out of forearm"):
         Constraints(bent, regions).refuse_home((1, 0))
@@ -46,7 +47,7 @@ def test_where_the_middle_is_not_free_it_is_near_and_free_and_always_the_same():
 
 
 @pytest.mark.parametrize("positions", [[0.0, -90.0, 90.0, 0.0, 45.0, 0.0, 0.0], [120.0] + 6 * [0.0]])
-def test_positions_in_degrees_are_refused_with_what_they_are_in_radians(arm, positions):
+def test_positions_in_degrees_are_refused_with_radians(arm, positions):
     with pytest.raises(ConfigError, match=r"has -?\d+ for .* are these degrees\?") as told:
         refuse_degrees(arm, positions, "trajectory.home")
     said = str(told.value).rpartition("trajectory.home=[")[2].removesuffix("]'")
@@ -54,12 +55,6 @@ def test_positions_in_degrees_are_refused_with_what_they_are_in_radians(arm, pos
     assert radians == pytest.approx([math.radians(x) for x in positions], abs=1e-3)
     with pytest.raises(ConfigError, match="are these degrees"):
         usual_effort(arm, positions)
-
-
-def holding(planar: Arm, share: float) -> Arm:
-    """The planar arm that holds itself in all of its range with a share of its torque limits, and no less."""
-    out = np.array([[np.pi / 2, 0.0]])
-    return replace(planar, torque_limit=np.abs(RigidBody(planar).torque(out, 0 * out, 0 * out)[0]) / share)
 
 
 @pytest.mark.parametrize(
@@ -74,13 +69,13 @@ def holding(planar: Arm, share: float) -> Arm:
         (0.0, None, 0.8),  # without torque limits
     ],
 )
-def test_a_first_run_uses_less_than_the_limits_where_that_holds_the_arm(planar, share, home, expected):
+def test_a_first_run_uses_reduced_effort_if_that_holds_the_arm(planar, share, home, expected):
     assert usual_effort(holding(planar, share), home) == expected
 
 
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10**6), reach=st.floats(0.1, 1.0))
-def test_the_verdict_is_that_of_a_dense_grid(arm, seed, reach):
+def test_the_straight_path_check_agrees_with_dense_sampling(arm, seed, reach):
     desk = Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)], torque=False)
     generator = np.random.default_rng(seed)
     share = generator.random((2, arm.joints)) - 0.5

@@ -27,13 +27,13 @@ def names(arm: Arm) -> set[frozenset[str]]:
     return {frozenset(arm.capsules.owners[k] for k in pair) for pair in pairs_of(arm).checked.tolist()}
 
 
-def test_neighbours_are_not_kept_apart_and_are_listed(load) -> None:
+def test_neighbouring_links_are_exempt(load) -> None:
     arm = load(chain(0.05))
     assert names(arm) == {frozenset(pair) for pair in (("base", "two"), ("base", "three"), ("one", "three"))}
     assert set(pairs_of(arm).exempt) == {("base", "one"), ("one", "two"), ("three", "two")}
 
 
-def test_what_stands_beside_the_arm_is_no_neighbour(load) -> None:
+def test_a_pillar_on_the_base_is_not_a_neighbour(load) -> None:
     """A pillar on the base is not the link that the first joint hangs on."""
     mount = joint("mount", "base", "pillar", "fixed", 'xyz="0 0.5 0"')
     arm = load(more(chain(0.05), mount, link("pillar", ball(0.05))))
@@ -41,13 +41,13 @@ def test_what_stands_beside_the_arm_is_no_neighbour(load) -> None:
     assert frozenset({"base", "one"}) not in names(arm)
 
 
-def test_links_with_a_bare_one_between_them_are_neighbours_if_one_joint_is(load) -> None:
+def test_a_link_without_shape_still_counts_between_neighbours(load) -> None:
     text = chain(0.05).replace(link("one", ball(0.05)), link("one"))
     arm = load(text)
     assert names(arm) == {frozenset({"base", "two"}), frozenset({"base", "three"})}  # two joints between
 
 
-def test_links_that_always_touch_are_refused_with_a_remedy_that_works(load) -> None:
+def test_links_that_always_touch_are_refused_with_a_setting_that_works(load) -> None:
     text = chain(0.31)
     with pytest.raises(InfeasibleError, match="touch in every one of 4,000") as refused:
         Constraints(load(text))
@@ -65,7 +65,7 @@ def test_links_that_always_touch_are_refused_with_a_remedy_that_works(load) -> N
     assert arm.digest != load(text).digest
 
 
-def test_pairs_that_a_description_itself_names_are_exempt(load) -> None:
+def test_pairs_disabled_by_the_description_are_exempt(load) -> None:
     text = chain(0.22)
     assert frozenset({"base", "two"}) in names(load(text))
     arm = load(more(text, '<disable_collisions link1="two" link2="base" reason="Never"/>'))
@@ -77,7 +77,7 @@ def test_pairs_that_a_description_itself_names_are_exempt(load) -> None:
     assert one.share == pytest.approx(touching)
 
 
-def test_what_never_touches_is_dropped_on_proof_and_only_then(load) -> None:
+def test_pairs_are_dropped_only_if_proven_never_to_touch(load) -> None:
     box = collision('<box size="0.2 0.04 0.04"/>', 'xyz="0.15 0 0"')  # along the links
     text, ones = chain(0.05).replace(ball(0.05), box), np.ones(3)
     arm = load(text)
@@ -89,7 +89,7 @@ def test_what_never_touches_is_dropped_on_proof_and_only_then(load) -> None:
     assert "3 never touch" in Constraints(calm).described()
 
 
-def test_pieces_decide_whether_links_always_touch(load) -> None:
+def test_hulls_decide_whether_links_always_touch(load) -> None:
     """Capsules around flat plates overlap wherever the arm is; the plates do not."""
     plate = collision('<box size="0.7 0.7 0.01"/>')
     text = chain(0.05).replace(ball(0.05), plate).replace('xyz="0.3 0 0"', 'xyz="0 0 0.1"')

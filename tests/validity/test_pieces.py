@@ -37,7 +37,7 @@ def convex(points: np.ndarray) -> coal.ConvexBase:
 
 @settings(max_examples=50)
 @given(seeds)
-def test_distance_of_hulls_is_that_of_coal(seed: int) -> None:
+def test_hull_distances_agree_with_coal(seed: int) -> None:
     random = np.random.default_rng(seed)
     one, other = hull(random), hull(random)
     first, second, still = convex(one), convex(other), coal.Transform3s()
@@ -59,7 +59,7 @@ def test_distance_of_hulls_is_that_of_coal(seed: int) -> None:
 
 @settings(max_examples=25)
 @given(seeds)
-def test_pieces_are_never_nearer_than_their_capsules(seed: int) -> None:
+def test_hulls_are_never_nearer_than_their_capsules(seed: int) -> None:
     constraints = constrained(filled(random_chain(4, seed % 50)[0], seed), ())
     q, dq, ddq = random_states(constraints.arm, 200, seed)
     of_capsules = capsule_distances(constraints.arm, q, constraints.pairs)
@@ -70,7 +70,7 @@ def test_pieces_are_never_nearer_than_their_capsules(seed: int) -> None:
         assert np.array_equal(margins["collision"][:, still], of_capsules[:, still])
 
 
-def test_looking_inside_finds_valid_what_capsules_refuse(arm: Arm) -> None:
+def test_hulls_accept_trajectories_that_capsules_refuse(arm: Arm) -> None:
     full = filled(arm, 1)
     trajectory = Trajectory(7)
     c = moderate(arm, trajectory, 300, 3)

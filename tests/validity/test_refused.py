@@ -90,7 +90,6 @@ REFUSED = {
             lambda _: default_home(Constraints(weak(bent_arm(), 1e-7, 1e-7))),
             r"torque of shoulder(?!.*workspace).*trajectory\.home=.*robot\.effort",
         ),
-        (lambda _: Constraints(thick(ARM, 3.0)), "links of kuka_lwr4 that touch in every one of 4,000"),
         (lambda _: Constraints(thick(ARM, 1000.0)), "are the shapes in metres"),
         (lambda _: Constraints(ARM, [DESK, Plane((0.0, 0.0, 1.0), 5.0)]), "region 1 cannot be avoided"),
         (lambda _: Constraints(ARM, [DESK, HUGE]), "region 1 cannot be avoided"),

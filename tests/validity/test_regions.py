@@ -23,7 +23,7 @@ def margins(region, a, b):
     return clearances(chain, shapes, np.zeros((1, 2)).astype(float))[1][0]
 
 
-def test_plane_measures_the_lower_end() -> None:
+def test_plane_margin_is_that_of_the_lower_end() -> None:
     plane = Plane((0.0, 3.0, 4.0), 2.0)  # the normal becomes (0, 0.6, 0.8)
     a, b = (np.array([x]).T for x in ([1, 5, 0], [1, 0, 5]))
     assert margins(plane, a, b).tolist() == pytest.approx([0.6 * 5 - 2])
@@ -58,7 +58,7 @@ BODIES = {
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_the_margin_is_never_more_than_coals_distance_and_short_by_little(name):
+def test_the_margin_is_at_most_coals_distance_and_not_much_less(name):
     body, place = BODIES[name], coal.Transform3s.Identity()
     if isinstance(body, Sphere):
         shape, place = coal.Sphere(body.radius), coal.Transform3s(np.eye(3), np.array(body.centre))
@@ -81,7 +81,7 @@ def test_the_margin_is_never_more_than_coals_distance_and_short_by_little(name):
     assert apart > 60
 
 
-def test_a_box_at_no_angle_is_a_box_but_for_edges_and_corners():
+def test_an_unrotated_convex_box_agrees_with_a_box():
     plain, straight = Box((-0.2, -0.3, -0.1), (0.2, 0.3, 0.1)), BLOCK
     ours, theirs = (margins(body, *random_segments(300)) for body in (straight, plain))
     inside = theirs < 0

@@ -77,7 +77,7 @@ def test_verdicts_and_margins_on_random_arms(joints, seed, shape, regions, clear
     assert_sound(constraints, trajectory, moderate(arm, trajectory, 12, seed), exact=shape != "hulls")
 
 
-def test_families_of_one_arm_keep_their_own_home(planar: Arm) -> None:
+def test_trajectories_of_one_arm_keep_their_own_home(planar: Arm) -> None:
     constraints = Constraints(planar, [DESK])
     for home in ((0.0, 0.0), (0.4, -0.8), (-0.2, 0.1)):
         trajectory = Trajectory(2, 3, 4.0, home)
@@ -145,7 +145,7 @@ def margins_within(constraints: Constraints, trajectory: Trajectory, c: Array, t
 
 @pytest.mark.parametrize("half", [0.05, 0.0005])
 @pytest.mark.parametrize(("joints", "shape"), [*((n, "capsules") for n in (1, 2, 5, 9, 7)), (5, "hulls")])
-def test_no_margin_falls_further_in_a_cell_than_its_bound(arm: Arm, joints, shape, half) -> None:
+def test_margins_fall_no_further_within_a_cell_than_their_bound(arm: Arm, joints, shape, half) -> None:
     one = shaped(arm if joints == 7 else random_chain(joints, 0)[0], shape, 0)
     one = replace(
         driven(one, scale=100.0),
