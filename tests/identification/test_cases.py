@@ -1,4 +1,4 @@
-"""Recordings that do not belong to their description: what the verdict says of each kind."""
+"""Recordings that do not fit their description: the verdict on each kind."""
 
 import math
 import re
@@ -86,7 +86,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("change", "verdict", "words"), CASES, ids=[words for *_, words in CASES])
-def test_a_fault_of_the_recordings_is_the_first_reason_and_silences_advice(change, verdict, words):
+def test_a_fault_of_the_recordings_comes_first_and_suppresses_advice(change, verdict, words):
     quality = judged(*recordings(change=change)).quality
     assert re.search(words, quality.reasons[0]) and quality.verdict == verdict
     if quality.verdict != GOOD:
@@ -103,25 +103,25 @@ TURNED = [
 
 
 @pytest.mark.parametrize(("direction", "words", "mount"), TURNED, ids=[words for _, words, _ in TURNED])
-def test_gravity_along_another_direction_is_named_with_the_mount_that_mends_it(direction, words, mount):
+def test_gravity_along_another_direction_is_reported_with_the_mount_to_set(direction, words, mount):
     result = judged(*recordings(truth=replace(ARM, gravity=SIZE * np.array(direction))))
     first = result.quality.reasons[0]
     assert result.quality.verdict == BAD and words in first and "reverse" not in first
     assert advice(result).startswith("Use none") and not any("excite it" in x for x in result.quality.reasons)
     said = [float(x) for x in first.partition("robot.mount=[")[2].partition("]")[0].split(",")]
-    turned, truth = (load_robot("kuka_lwr4", Setup(mount=tuple(one))) for one in (said, mount))
+    turned, truth = (load_robot("kuka_lwr4", Setup(mount=tuple(angles))) for angles in (said, mount))
     training, validation = recordings(turned, truth=truth)
     again = identified(turned, [training], [validation], strength=1.0)
     assert again.quality.verdict == GOOD
     assert again.tested["consistent"].nmse_mean < 0.5 * result.tested["consistent"].nmse_mean
 
 
-def test_reversed_torques_are_no_reversed_gravity():
+def test_reversed_torques_are_not_mistaken_for_reversed_gravity():
     every, _ = recordings(change=scaled(*[-1] * 7))
     assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
 
 
-def test_motions_in_each_others_columns_are_named():
+def test_swapped_motion_columns_are_reported():
     order = [0, 3, 2, 1, 4, 5, 6]
 
     def exchanged(made):
@@ -133,7 +133,7 @@ def test_motions_in_each_others_columns_are_named():
     assert quality.verdict == BAD and "look swapped" in quality.reasons[0]
 
 
-def test_one_recording_with_another_load_is_named():
+def test_a_recording_with_another_load_is_reported():
     """With 2 kg in the hand."""
     links = ARM.inertial_parameters.copy()
     links[-1, [0, 3]] += [2.0, 0.2]
@@ -144,7 +144,7 @@ def test_one_recording_with_another_load_is_named():
 
 
 @pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.02, False)])
-def test_a_joint_that_hardly_moves_tells_no_sign(size, told):
+def test_the_sign_of_a_joint_that_hardly_moves_is_unknown(size, told):
     def moved_less(made):
         q, v = (x * [1, 1, 1, 1, 1, size, 1] for x in (made.position, made.velocity))
         torque = RigidBody(ARM).torque(q, v, np.gradient(v, 0.01, axis=0))
@@ -157,11 +157,11 @@ def test_a_joint_that_hardly_moves_tells_no_sign(size, told):
 
 
 @pytest.mark.parametrize(("found", "said"), [(19.9, 0), (20.1, 1), (0.201, 0), (0.199, 1)])
-def test_an_arm_ten_times_as_heavy_as_described_is_named(found, said):
+def test_a_mass_ten_times_off_is_reported(found, said):
     assert [finding.level for finding in implausible_mass(found, 2.0)] == said * [USABLE]
 
 
-def test_links_that_no_arm_has_are_named():
+def test_implausible_links_are_reported():
     links = ARM.inertial_parameters.copy()
     assert implausible_links(ARM, links) == []
     links[3] *= 12

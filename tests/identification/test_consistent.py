@@ -17,7 +17,7 @@ def least_eigenvalues(links, arm):
 
 
 class TestFit:
-    def test_every_link_can_exist_however_short_and_noisy_the_recording_is(self, arm):
+    def test_every_link_is_physical_despite_short_and_noisy_data(self, arm):
         model = model_of(arm)
         found = estimate("consistent", model, recorded(model, 150, noise=3.0))
         assert (least_eigenvalues(model.links_of(found.standard), arm) > 0.9e-4).all()
@@ -25,7 +25,7 @@ class TestFit:
             assert (found.standard[model.standard_slice(name)] > -1e-6).all()
         np.testing.assert_allclose(model.mapping @ found.standard, found.parameters)
 
-    def test_a_tool_that_the_description_lacks_is_found_without_freeing_the_other_links(self, arm):
+    def test_an_undescribed_tool_is_found_with_the_other_links_regularised(self, arm):
         links = arm.inertial_parameters.copy()
         links[-1] += [1.3, 0, 0, 0.104, 0.0113, 0, 0.0113, 0, 0, 0.002]
         other, model = model_of(replace(arm, inertial_parameters=links)), model_of(arm)
@@ -39,7 +39,7 @@ class TestFit:
             worst[setting] = float(np.abs((found.parameters - truth) / found.deviation).max())
         assert worst[None] < 4 < worst[1.0]
 
-    def test_intervals_hold_the_truth_and_know_of_the_description(self, arm):
+    def test_confidence_intervals_contain_the_truth_and_use_the_description(self, arm):
         model, shares, ratios = model_of(arm), [], []
         for seed in range(3):
             random = np.random.default_rng(seed)
@@ -54,7 +54,7 @@ class TestFit:
         ratio = np.concatenate(ratios)
         assert float(ratio.max()) < 1.1 and (ratio < 0.5).mean() > 0.1
 
-    def test_misfit_and_pull_balance_at_the_best_point(self, planar):
+    def test_gradients_of_misfit_and_regularisation_balance_at_the_optimum(self, planar):
         """Where no bound is active the two gradients cancel, each with the weight that the objective has."""
         model = model_of(planar, rotor_inertia=False, viscous=False, coulomb=False, offset=False)
         plain, strength = estimate("weighted", model, recorded(model, 200, noise=1.0)), 2.0

@@ -30,7 +30,7 @@ def both(arm, load):
     return currents(arm, 0 * load, 0), currents(arm, load, 1)
 
 
-def test_gains_come_back_within_their_deviations(arm, load, both):
+def test_gains_are_recovered_within_their_deviations(arm, load, both):
     free, laden = both
     found = drive_gains(model_of(arm), [free], [laden], load)
     assert (np.abs(found.gains - TRUE) < 4 * found.deviation + 1e-3 * TRUE).all()
@@ -38,13 +38,13 @@ def test_gains_come_back_within_their_deviations(arm, load, both):
     assert found.certain.all() and not found.doubts(arm)
 
 
-def test_a_load_that_was_not_there_is_refused(arm, load, both):
+def test_a_load_that_the_currents_do_not_show_is_refused(arm, load, both):
     again = currents(arm, 0 * load, 10)
     with pytest.raises(RecordingError, match=r"the currents do not show the load: its effect .* in loaded"):
         drive_gains(model_of(arm), [both[0]], [again], load)
 
 
-def test_a_gain_that_is_uncertain_is_reported(arm, load):
+def test_an_uncertain_gain_is_reported(arm, load):
     free, laden = currents(arm, 0 * load, 0, 2.0), currents(arm, load, 1, 2.0)
     found = drive_gains(model_of(arm), [free], [laden], load)
     (doubt,) = found.doubts(arm)
@@ -54,7 +54,7 @@ def test_a_gain_that_is_uncertain_is_reported(arm, load):
     )
 
 
-def test_a_current_that_is_counted_the_other_way_round_is_reported(arm, load, both):
+def test_a_current_of_opposite_sign_is_reported(arm, load, both):
     turned = np.array([1, 1, 1, -1, 1, 1, 1])
     data = ([Measurements(*x.states, turned * x.torque)] for x in both)
     found = drive_gains(model_of(arm), *data, load)

@@ -52,16 +52,16 @@ class TestLaws:
 
     @settings(max_examples=25, deadline=None)
     @given(st.sampled_from([0.02, 0.5, 7.0, 100.0]), st.integers(0, 1000), st.sampled_from(PLAIN))
-    def test_parameters_go_with_what_is_added_and_scaled(self, rows, factor, seed, method):
+    def test_parameters_are_equivariant_to_shift_and_scale(self, rows, factor, seed, method):
         shift = np.random.default_rng(seed).normal(size=6)
-        one = fitted(method, rows)
+        original = fitted(method, rows)
         other = fitted(method, (rows[0], factor * rows[1] + rows[0] @ shift))
-        assert_close(other.parameters, factor * one.parameters + shift, 1e-3)
-        assert_close(other.deviation, factor * one.deviation, 1e-2)
+        assert_close(other.parameters, factor * original.parameters + shift, 1e-3)
+        assert_close(other.deviation, factor * original.deviation, 1e-2)
 
     @settings(max_examples=20, deadline=None)
     @given(st.integers(1, 500), st.integers(1, 399), st.sampled_from(PLAIN))
-    def test_neither_pieces_nor_recordings_matter(self, rows, size, cut, method):
+    def test_blocks_and_recordings_do_not_change_the_estimate(self, rows, size, cut, method):
         model = Fixed(rows[0])
         data = model.measurements(rows[1])
         whole = estimate(method, model, data)
@@ -85,21 +85,21 @@ class TestStatedDeviations:
             ("planar2", "weighted", 2000, low_passed, 0.12),
         ],
     )
-    def test_hold(self, name, method, samples, colour, error):
+    def test_cover_the_true_parameters(self, name, method, samples, colour, error):
         model, found = model_of(load_robot(name)), []
         y, truth = model.regressor(*multisine(model.joints, samples, seed=4)), truth_of(model)
         fixed, level = Fixed(y), np.linspace(2.0, 0.2, model.joints)
         for k in range(50):
             noise = colour(white((samples, model.joints), k, 7))
-            one = estimate(method, fixed, fixed.measurements(y @ truth + level * noise))
-            found.append((one.parameters - truth) / one.deviation)
+            result = estimate(method, fixed, fixed.measurements(y @ truth + level * noise))
+            found.append((result.parameters - truth) / result.deviation)
         assert (np.abs(found) <= 3).mean() >= 0.99
         assert np.std(found) == pytest.approx(1.0, abs=error)
 
 
 class TestCorrelation:
     @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
-    def test_of_an_autoregressive_process(self, phi):
+    def test_is_that_of_an_autoregressive_process(self, phi):
         random = np.random.default_rng(1)
         r = np.zeros((20_000, 2))
         for t in range(1, len(r)):
@@ -109,7 +109,7 @@ class TestCorrelation:
 
     @settings(max_examples=30, deadline=None)
     @given(st.integers(1, 60), st.integers(0, 99))
-    def test_is_at_least_one_for_anything(self, samples, seed):
+    def test_is_at_least_one(self, samples, seed):
         r = np.random.default_rng(seed).normal(size=(samples, 3))
         r[:, 2] = 0  # a residual of nothing correlates with nothing
         inflation = inflation_of([r, r[:1]])

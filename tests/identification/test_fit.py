@@ -45,7 +45,7 @@ class TestOracles:
         assert_close(fit.parameters, parameters)
         assert_close(fit.inverse, covariance)
 
-    def test_weights_are_those_of_their_own_residuals(self):
+    def test_weights_are_the_inverse_residual_deviations(self):
         fit = fed(*ROWS, fit=reweighted)
         parameters, inverse = batch(*ROWS, 1e6, fit.weights)
         assert_close(fit.parameters, parameters)
@@ -74,7 +74,7 @@ class TestPoorData:
             np.testing.assert_allclose(y @ fit.parameters, kept @ seen, rtol=0, atol=1e-4)
 
     @pytest.mark.parametrize("decades", [2, 4, 6])
-    def test_ill_conditioned_data(self, decades):
+    def test_ill_conditioned_data_are_fitted_to_rounding(self, decades):
         random = np.random.default_rng(1)
         u = np.linalg.qr(random.normal(size=(900, 8)))[0]
         v = np.linalg.qr(random.normal(size=(8, 8)))[0]
@@ -85,8 +85,8 @@ class TestPoorData:
         assert_close(parameters, true, 1e-15 * 100**decades * 10)
         assert_close(y @ parameters, y @ true, 1e-9)
 
-    def test_units_that_differ_by_ten_decades_are_no_lack_of_excitation(self):
+    def test_units_ten_decades_apart_do_not_matter(self):
         y, tau = ROWS
         unit = np.array([1e-5, 1, 1, 1e5, 1, 1])
-        one, other = fed(y, tau, prior=1e18), fed(y * unit, tau, prior=1e18)
-        assert_close(other.parameters * unit, one.parameters, 1e-7)
+        plain, scaled = fed(y, tau, prior=1e18), fed(y * unit, tau, prior=1e18)
+        assert_close(scaled.parameters * unit, plain.parameters, 1e-7)

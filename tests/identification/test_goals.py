@@ -43,7 +43,7 @@ def known_and_motion(model, seed, samples=200):
 
 
 @pytest.mark.parametrize("identified", [True, False])
-def test_deviations_of_a_tool_are_those_of_the_whole_system_of_equations(arm, identified):
+def test_deviations_of_a_tool_are_those_of_the_full_least_squares_problem(arm, identified):
     """Least squares on runs without and with it, the arm's parameters unknown in both."""
     model = model_of(arm)
     known, motion = known_and_motion(model, 3)
@@ -61,7 +61,7 @@ def test_deviations_of_a_tool_are_those_of_the_whole_system_of_equations(arm, id
     assert tool.names[0] == "tool m" and len(tool.names) == 10
 
 
-def test_of_links_only_their_parameters_count(arm):
+def test_a_goal_on_links_counts_their_parameters_only(arm):
     model = model_of(arm)
     known, motion = known_and_motion(model, 4)
     unit = np.linspace(1, 2, model.count)
@@ -101,17 +101,17 @@ def drawn(problem):
 
 
 @pytest.mark.parametrize("objective", OBJECTIVES, ids=str)
-def test_a_goal_of_design_is_about_the_deviations_that_are_promised(problem, objective):
+def test_the_design_goal_follows_the_predicted_deviations(problem, objective):
     """Beside a trajectory of the set: it falls as they do, as far as it is their mean."""
     problem = replace(problem, samples=160)
     aim, (first, *c) = aim_of(problem, objective), problem.start(13, np.random.default_rng(0), reach=0.5)
     aim.take(problem.trajectory, first)
     values, spread = [], []
-    for one in c:
-        values.append(value(problem, aim, one))
+    for candidate in c:
+        values.append(value(problem, aim, candidate))
         after = aim_of(problem, objective)
         after.take(problem.trajectory, first)
-        after.take(problem.trajectory, one)
+        after.take(problem.trajectory, candidate)
         spread.append(after.deviations)
     if objective == "prediction":
         expected = np.log(np.square(spread).mean(1))
@@ -120,7 +120,7 @@ def test_a_goal_of_design_is_about_the_deviations_that_are_promised(problem, obj
         assert np.corrcoef(values, np.log(spread).mean(1))[0, 1] > 0.8
 
 
-def test_what_is_designed_for_the_rest_is_as_certain_then_as_promised(planar, problem):
+def test_a_follow_up_design_reaches_the_predicted_deviations(planar, problem):
     model, before, data = half_still(planar, NOISE)
     aim, rest = (Uncertain(model, before.covariance, before.certainty, RATE) for _ in range(2))
     c = design_set(problem, aim, 1, SEARCH, seed=0)

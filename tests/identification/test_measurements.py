@@ -2,17 +2,11 @@ import numpy as np
 import pytest
 
 from sidegan.identification import Noise, disturbed, measure
-from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 
 
 def stack(measurements):
     return np.stack([*measurements.states, measurements.torque])
-
-
-@pytest.fixture(scope="module")
-def body(planar):
-    return RigidBody(planar)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +29,7 @@ def test_noise_is_uniform_relative_to_the_signal(body, motion):
     assert share.std() == pytest.approx(0.1 / np.sqrt(3), rel=0.05)
 
 
-def test_only_noisy_signals_have_noise_and_the_same_whatever_else_is_noisy(body, motion):
+def test_the_noise_of_a_signal_does_not_depend_on_other_signals(body, motion):
     clean = measure(body, motion)
     assert all(np.array_equal(x, true.reshape(300, 2)) for x, true in zip(clean.states, motion[1:]))
     torque, state, both = (
@@ -52,5 +46,5 @@ def test_only_noisy_signals_have_noise_and_the_same_whatever_else_is_noisy(body,
 def test_a_batch_is_measured_like_its_trajectories_in_turn(body, motion):
     exact, noise, random = measure(body, motion), Noise(state=True), np.random.default_rng(5)
     whole = stack(disturbed(exact, noise, np.random.default_rng(5), batch=2))
-    parts = [stack(disturbed(one, noise, random)) for one in (exact[:150], exact[150:])]
+    parts = [stack(disturbed(part, noise, random)) for part in (exact[:150], exact[150:])]
     np.testing.assert_array_equal(whole, np.concatenate(parts, 1))

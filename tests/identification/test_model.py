@@ -17,12 +17,11 @@ from tests.identification.recordings import assert_close, model_of, multisine, w
 def model(request):
     """A model with every term, of a built-in arm or of a random chain."""
     built_in = isinstance(request.param, str)
-    one = load_robot(request.param) if built_in else random_chain(*request.param)[0]
-    return model_of(one)
+    return model_of(load_robot(request.param) if built_in else random_chain(*request.param)[0])
 
 
 class TestRegressor:
-    def test_gives_the_torque_of_all_standard_parameters(self, model):
+    def test_gives_the_torque_of_the_standard_parameters(self, model):
         q, dq, ddq = states_within(model.arm, 40, seed=5)
         full = white(model.mapping.shape[1:], 0)
         signals = [ddq, dq, np.tanh(dq / 0.01), np.ones_like(dq)]
@@ -55,12 +54,12 @@ class TestGroupings:
         assert [n for n in model.names if n.startswith("Ia")] == [f"Ia{i}" for i in range(3, 8)]
 
     @pytest.mark.parametrize("tilt", [4e-6, 1e-3], ids=["four digits", "calibrated"])
-    def test_right_angles_that_are_off_split_no_parameter(self, arm, tilt):
+    def test_slightly_tilted_axes_split_no_parameter(self, arm, tilt):
         """What they tell apart are thousandths of a torque, which the grouping neglects."""
         turns = tilt * np.random.default_rng(0).normal(size=(7, 3))
         turns = expm(np.linalg.cross(np.eye(3)[None], turns[:, None]))
         exact, tilted = model_of(arm), model_of(replace(arm, rotation=arm.rotation @ turns))
-        terms, more = (one.names[one.rigid :] for one in (exact, tilted))
+        terms, more = (model.names[model.rigid :] for model in (exact, tilted))
         assert terms == more
         assert tilted.formulas[tilted.names.index("Iyy2")].count("Ia") == 1
         assert sum("Ia2" in formula for formula in tilted.formulas) == 1
@@ -79,7 +78,7 @@ class TestGroupings:
             assert pd.eval(product, local_dict=values) == pytest.approx(expected, rel=1e-3)
 
 
-def test_links_are_believed_to_be_of_typical_size_and_terms_of_their_joints_torque(arm):
+def test_the_prior_has_typical_links_and_friction_of_the_joint_torque(arm):
     model, scale = model_of(arm), np.linspace(5, 20, 7)
     covariance = np.linalg.inv(belief(model, scale))
     links = model.body.base.mapping * typical(arm).ravel()

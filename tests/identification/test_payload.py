@@ -33,7 +33,7 @@ def runs(arm, load, seed, noise, samples=1500, size=1.0):
     return Measurements(q, dq, ddq, torque + noise * white(torque.shape, seed, 5))
 
 
-def test_the_load_comes_back_within_its_deviations(arm, load):
+def test_the_load_is_recovered_within_its_deviations(arm, load):
     free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
     found = identify_payload(model_of(arm), [free], [laden])
     (truth,) = values_of(load[None])
@@ -47,7 +47,7 @@ def test_the_load_comes_back_within_its_deviations(arm, load):
     assert (found.explained[:4] < 0.1 * found.without[:4]).all()
 
 
-def test_deviations_are_those_of_parameters_by_finite_differences(load):
+def test_deviations_follow_by_finite_differences(load):
     """Of correlated errors, through the ratios that centre and inertia are."""
     spread = white((10, 10), 2) / 100
     found = Payload("hand", load, spread @ spread.T, load, np.ones(7), np.ones(7))
@@ -56,7 +56,7 @@ def test_deviations_are_those_of_parameters_by_finite_differences(load):
     np.testing.assert_allclose(found.deviation, np.linalg.norm(slope @ spread, axis=1), rtol=1e-8)
 
 
-def test_the_identified_load_is_consistent_however_noisy(arm, load):
+def test_the_identified_load_is_physical_despite_noise(arm, load):
     """A motion so small that least squares gives a body that cannot exist."""
     free, laden = (runs(arm, x, seed, 3.0, 300, 0.3) for seed, x in enumerate((0 * load, load)))
     found = identify_payload(model_of(arm), [free], [laden])

@@ -21,14 +21,14 @@ def good(planar):
 
 
 class TestScore:
-    def test_is_the_plain_formula(self, good):
+    def test_is_nmse_and_rmse(self, good):
         model, found, _, data = good
         square = np.square(data.torque - model.torque(found.parameters, *data.states)).mean(0)
         result = score(model, found.parameters, [data[:300], data[300:]])
         np.testing.assert_allclose(result.nmse, square / data.torque.var(0))
         np.testing.assert_allclose(result.rmse, np.sqrt(square))
 
-    def test_folds_leave_one_out(self, good):
+    def test_folds_leave_one_recording_out(self, good):
         model, *_ = good
         recordings = [recorded(model, 300, NOISE, seed) for seed in range(3)]
         found = folds("weighted", model, [[recording] for recording in recordings])
@@ -38,7 +38,7 @@ class TestScore:
             np.testing.assert_allclose(found.nmse[k], score(model, parameters, recordings[k]).nmse)
 
 
-def test_an_arm_that_stands_still_tells_nothing(good):
+def test_an_arm_at_rest_identifies_nothing(good):
     model, *_, data = good
     still = replace(data, velocity=0 * data.velocity, acceleration=0 * data.acceleration)
     result = quality_of(model, estimate("ols", model, still), still)
@@ -138,18 +138,18 @@ BOUNDARIES = [
 
 
 @pytest.mark.parametrize(("changes", "verdict", "reason"), BOUNDARIES)
-def test_a_verdict_changes_where_it_should(flawless, changes, verdict, reason):
+def test_the_verdict_changes_at_its_thresholds(flawless, changes, verdict, reason):
     values = {name: x(getattr(flawless, name)) if callable(x) else x for name, x in changes.items()}
     result, words = replace(flawless, **values), reason.removeprefix("no ")
     assert result.verdict == verdict
-    assert any(re.search(words, one) for one in result.reasons) == (words == reason)
+    assert any(re.search(words, reason_given) for reason_given in result.reasons) == (words == reason)
 
 
 SMALL = [(0.24, 0.26, "covers more"), (0.26, 0.24, "is faster")]
 
 
 @pytest.mark.parametrize(("moved", "fast", "words"), SMALL)
-def test_advice_is_about_what_was_small(flawless, moved, fast, words):
+def test_advice_names_range_or_speed_whichever_was_small(flawless, moved, fast, words):
     arm, reach = flawless.arm, flawless.estimate.reach
     span = moved * (arm.position_upper - arm.position_lower)
     reach = reach._replace(range=span, fastest=fast * arm.velocity_limit)
@@ -159,7 +159,7 @@ def test_advice_is_about_what_was_small(flawless, moved, fast, words):
     assert reason.partition("with a motion that ")[2].startswith(words) and " and " not in reason
 
 
-def test_all_about_a_joint_is_one_reason_and_the_gravest_comes_first(flawless):
+def test_each_joint_has_one_reason_the_gravest_first(flawless):
     shaken = np.array([0.2, 0.2])
     weak = {"torque_deviation": shaken, "weak": ("fv1", "fc2", "Ia2")}
     result = replace(flawless, **errors(0.04, 0.31), **weak)

@@ -75,6 +75,6 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("error", "words", "use"), REFUSED, ids=[words for _, words, _ in REFUSED])
-def test_refused(error, words, use):
+def test_is_refused(error, words, use):
     with pytest.raises(error, match=words):
         use()

@@ -7,16 +7,10 @@ import pytest
 
 from sidegan.identification import RIGID, TorqueModel, disturbed, measure, study
 from sidegan.identification.gather import gather
-from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import NOISE, study_settings
 
 EXACT = replace(NOISE, level=0.0)
-
-
-@pytest.fixture(scope="module")
-def body(planar):
-    return RigidBody(planar)
 
 
 @pytest.fixture(scope="module")
@@ -41,29 +35,30 @@ def summed(body, family, settings, randoms):
 
 
 @pytest.mark.parametrize(("name", "duration", "samples"), [("long-6", 16.0, 321), ("seeds", 16.0, 322)])
-def test_there_is_a_row_for_everything(body, families, planar, name, duration, samples):
-    told, random, (sets, tests) = [], np.random.SeedSequence(0), families
-    progress = lambda *done: told.append(done)  # noqa: E731
-    results, facts = study.drawn_errors(body, name, sets[name], tests, study_settings(), random, progress)
+def test_results_have_a_row_per_repeat_weighting_and_joint(body, families, planar, name, duration, samples):
+    progressed, random, (sets, tests) = [], np.random.SeedSequence(0), families
+    results, facts = study.drawn_errors(
+        body, name, sets[name], tests, study_settings(), random, lambda *done: progressed.append(done)
+    )
     rows = itertools.product([name], range(2), (False, True), planar.joint_names)
     found = results[["set", "repeat", "weighted", "joint"]].itertuples(index=False)
     assert set(found) == set(rows) and len(results) == 8
     count = len(sets[name][1])
-    assert told == [(count, count)]
+    assert progressed == [(count, count)]
     assert facts["set"].tolist() == [name] * 2 and facts.repeat.tolist() == [0, 1]
     assert facts.duration.tolist() == [duration] * 2 and facts.samples.tolist() == [samples] * 2
     assert (facts.condition > 1).all() and (facts.covariance_norm > 0).all()
 
 
-def test_noise_is_that_of_the_repeat_and_the_seed(body, families):
+def test_noise_depends_on_repeat_and_seed(body, families):
     sets, tests = families
-    one, again, other = (drawn(body, sets["seeds"], tests, seed)[0] for seed in (0, 0, 1))
-    pd.testing.assert_frame_equal(one, again)
-    assert (one.nmse != other.nmse).all()
-    assert (one[one.repeat == 0].nmse.to_numpy() != one[one.repeat == 1].nmse.to_numpy()).all()
+    first, again, other = (drawn(body, sets["seeds"], tests, seed)[0] for seed in (0, 0, 1))
+    pd.testing.assert_frame_equal(first, again)
+    assert (first.nmse != other.nmse).all()
+    assert (first[first.repeat == 0].nmse.to_numpy() != first[first.repeat == 1].nmse.to_numpy()).all()
 
 
-def test_sums_of_sets_identify_like_the_sets_together(body, families):
+def test_summed_sets_identify_like_the_union(body, families):
     """Without noise on states the sums are those of the samples, in whatever order they were added."""
     sets, tests = families
     exact = study_settings(noise=EXACT, prior=1e12)
@@ -79,7 +74,7 @@ def test_sums_of_sets_identify_like_the_sets_together(body, families):
     assert facts.covariance_norm["both"] < facts.covariance_norm["one"]
 
 
-def test_draws_that_share_a_regressor_have_the_sums_of_each_alone(body, families):
+def test_draws_sharing_a_regressor_have_the_same_sums_as_alone(body, families):
     noisy, draws = study_settings(), np.random.SeedSequence(3).spawn(3)
     together = summed(body, families[0]["seeds"], noisy, draws)
     family, c = families[0]["seeds"]
@@ -90,7 +85,7 @@ def test_draws_that_share_a_regressor_have_the_sums_of_each_alone(body, families
             np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-9)
 
 
-def test_errors_over_many_draws_are_those_expected(body, families):
+def test_mean_errors_over_draws_are_the_expected_ones(body, families):
     sets, (trajectory, c) = families
     tests = trajectory, c[:1]
     settings = study_settings(repeats=150)
@@ -104,7 +99,7 @@ def test_errors_over_many_draws_are_those_expected(body, families):
     assert (nmse.sem() < 0.1 * nmse.mean()).all()  # so that the comparison says something
 
 
-def test_nothing_is_expected_where_states_are_noisy(body, families):
+def test_no_expected_error_with_noisy_states(body, families):
     sets, tests = families
     noise = replace(NOISE, state=True)
     assert study.expected_errors(body, sets["seeds"], tests, study_settings(noise=noise)).empty

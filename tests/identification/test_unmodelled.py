@@ -1,4 +1,4 @@
-"""What models lack: planted misfits are found by their kind and size, and noise is not taken for one."""
+"""Unmodelled effects: planted ones are found with kind and size, and noise is not taken for one."""
 
 import re
 from functools import cache
@@ -60,16 +60,16 @@ def flawed(model):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_each_kind_is_found_where_it_is(flawed, kind):
+def test_each_kind_is_found_at_its_joint(flawed, kind):
     *_, found = flawed(kind)
-    assert {one.joint for one in found.found} == {JOINT}
+    assert {misfit.joint for misfit in found.found} == {JOINT}
     first, *others = found.found
     assert first.kind == kind and 0.2 < first.share <= 1
-    assert all(one.share <= first.share for one in others)
+    assert all(misfit.share <= first.share for misfit in others)
 
 
 @pytest.mark.parametrize("kind", SHOWN)
-def test_the_error_elsewhere_is_that_of_the_identified_model(model, flawed, kind):
+def test_the_predicted_error_is_that_of_the_identified_model(model, flawed, kind):
     """Against the plant itself, without noise, at the states where the model is to hold."""
     _, fitted, found = flawed(kind)
     states = model.usual_states(seed=5)
@@ -80,7 +80,7 @@ def test_the_error_elsewhere_is_that_of_the_identified_model(model, flawed, kind
 
 
 @pytest.mark.parametrize("keep", [0.0, 0.9], ids=["white", "coloured"])
-def test_noise_is_no_misfit(model, keep):
+def test_noise_is_not_taken_for_misfit(model, keep):
     data = recorded(model, np.zeros((model.joints, 14)), keep)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.found == () and (found.error == 0).all()
@@ -88,7 +88,7 @@ def test_noise_is_no_misfit(model, keep):
     assert words.startswith("no known effect explains more of the residual than noise would")
 
 
-def test_bias_and_noise_are_reported_apart_in_words(model, flawed):
+def test_bias_and_noise_are_reported_separately(model, flawed):
     data, fitted, found = flawed(SHOWN[0])
     noise = quality_of(model, fitted, data).torque_deviation
     (said,) = found.sentences(NAMES, noise)
@@ -98,9 +98,9 @@ def test_bias_and_noise_are_reported_apart_in_words(model, flawed):
     assert quiet.endswith("noise dominates")
 
 
-def test_a_joint_that_does_not_move_lacks_nothing(model):
+def test_a_joint_at_rest_shows_no_misfit(model):
     moves = np.array([1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0])
     data = recorded(model, amounts_of(model, SHOWN[0]), moves=moves)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
-    assert np.isfinite(found.error).all() and 2 not in {one.joint for one in found.found}
-    assert next(one.kind for one in found.found if one.joint == JOINT) == SHOWN[0]
+    assert np.isfinite(found.error).all() and 2 not in {misfit.joint for misfit in found.found}
+    assert next(misfit.kind for misfit in found.found if misfit.joint == JOINT) == SHOWN[0]

@@ -28,14 +28,14 @@ def test_every_method_identifies(planar, recordings, method):
     assert result.links.shape == (2, 10)
 
 
-def test_without_validation_recordings_take_turns(planar, recordings):
+def test_without_validation_recordings_are_cross_validated(planar, recordings):
     result = identified(planar, recordings)
     assert result.kind == "each of 3 recordings, predicted from the others"
     assert result.tested["weighted"].nmse.mean() < 2e-3
     assert result.quality.folds is not None
 
 
-def test_one_recording_is_tested_on_itself_and_that_is_stated(planar, recordings):
+def test_a_single_recording_is_tested_in_sample_and_says_so(planar, recordings):
     result = identified(planar, recordings[:1])
     assert result.tested["weighted"].nmse.mean() < 2e-3
     assert result.kind.startswith("in sample") and result.tested is result.trained
@@ -50,7 +50,7 @@ def test_fewer_equations_than_parameters_are_refused(planar, recordings):
         identified(planar, [short])
 
 
-def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
+def test_the_consistent_model_is_preferred_unless_clearly_worse():
     errors = np.array([0.1, 0.01, 1e-3])
     one_joint = np.array([1.25, 0.95, 0.95])  # decides the mean, and nothing else
     for factor, use in ((1.09, CONSISTENT), (1.11, "weighted"), (one_joint, CONSISTENT)):
@@ -58,13 +58,13 @@ def test_a_model_that_can_exist_is_preferred_unless_another_is_clearly_better():
         assert preferred("weighted", tested) == use
 
 
-def test_the_model_to_use_predicts_better(planar):
+def test_the_weighted_model_is_used_if_it_predicts_better(planar):
     """The true arm's second link has a moment of inertia below zero."""
     links = planar.inertial_parameters.copy()
     links[1, 4:] *= -2
     strange = [checked(planar, seed, replace(planar, inertial_parameters=links)) for seed in (0, 1)]
     result = identified(planar, strange[:1], strange[1:])
-    errors = {method: one.nmse_mean for method, one in result.tested.items()}
+    errors = {method: score.nmse_mean for method, score in result.tested.items()}
     assert result.use == "weighted" and errors["weighted"] < errors[CONSISTENT] / 1.1
     assert f"{errors[CONSISTENT]:.4f}" in advice(result)
     assert result.quality.judged is result.tested["weighted"]
