@@ -1,4 +1,4 @@
-"""An arm in its cell: what is around it, how hard it may work, where it rests, and what was decided."""
+"""An arm in its cell: surroundings, effort, home position, and notes on defaults."""
 
 from sidegan.cell.cell import Cell, TrajectoryFamily
 from sidegan.cell.workspace import Cylinder, Mesh, Region, Workspace

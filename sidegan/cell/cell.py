@@ -1,4 +1,4 @@
-"""The arm in its cell, with all that is decided where the user says nothing."""
+"""The arm in its cell, with defaults for what the user does not set."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
 
 _SAMPLES = 60  # time points per period of an optimisation
-_SAME = 1e-9  # [rad or m] to the middle of the limits, that home counts as there
+_SAME = 1e-9  # [rad or m] tolerance of home in the middle of the limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,46 +30,46 @@ class TrajectoryFamily:
 
     harmonics: Size = 6
     period: Seconds = 16.0  # [s]
-    home: list[Number] | None = None  # [rad or m]; null: as described, zeros, or a position that is found
+    home: list[Number] | None = None  # [rad or m]; null: the description's, zeros, or a position found
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choices(TrajectoryFamily):
-    """What a user may choose of a cell, and what is decided otherwise."""
+    """What a user may choose of a cell, and the defaults."""
 
-    # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
+    # share of velocity and torque limits to use; null: 0.8, or 1 if that would hardly hold the arm
     effort: Part | None = None
     clearance: NonNegative | None = None  # [m]; null: the workspace's
 
 
 class Cell:
-    """An arm in its cell: its description, what surrounds it, how hard it may work and where it rests.
+    """An arm in its cell: description, surroundings, effort and home position.
 
-    What is not given is decided, and ``notes`` tells how. Everything is found when it is first asked for,
-    and what will not do is refused then. Units are SI, joints are in the order of the description.
+    Everything not given gets a default, which ``notes`` explains. Properties are computed on first access,
+    and raise then. Units are SI, joints are in the order of the description.
 
     Args:
-        robot: path of a URDF, xacro or MJCF file; the name of a built-in arm (``built_in_robots()``), or one
-            that robot_descriptions knows where that is installed.
-        workspace: what surrounds the arm, and whether torque limits count: a ``Workspace``, or its fields,
+        robot: path of a URDF, xacro or MJCF file, the name of a built-in arm (``built_in_robots()``), or a
+            name from robot_descriptions if that is installed.
+        workspace: surroundings of the arm, and whether torque limits count: a ``Workspace``, or its fields,
             such as ``{"regions": [{"box": {"lower": [0.3, -0.5, 0], "upper": [0.8, 0.5, 0.4]}}]}``. None: the
-            arm keeps above what it stands on.
-        home: joint positions [rad or m], (J,), at which trajectories start and end. None: where the
-            description has it rest, or zeros, or else a position that is found.
-        effort: share of the velocity and torque limits to use, in (0, 1]. None: 0.8, or all of them where
-            that would hardly hold the arm.
-        clearance: distance [m] that links keep from each other and from the regions. None: the workspace's;
-            where that has none either, 2 cm, or what the arm and its home have room for.
+            floor that the arm stands on.
+        home: joint positions [rad or m], (J,), at which trajectories start and end. None: the home position
+            of the description, or zeros, or else a position found by search.
+        effort: share of the velocity and torque limits to use, in (0, 1]. None: 0.8, or 1 if that would
+            hardly hold the arm.
+        clearance: distance [m] that links keep from each other and from the regions. None: the workspace's,
+            or else 2 cm, or what the arm and its home have room for.
         harmonics: number H of Fourier harmonics of the trajectories.
         period: duration of one trajectory [s].
-        **setup: what is to be said beside the description, the fields of ``sidegan.robot.Setup``: ``tip``,
+        **setup: settings in addition to the description, the fields of ``sidegan.robot.Setup``: ``tip``,
             ``locked``, ``mount``, ``limits``, ``may_touch``, ``friction``, ``args``.
 
     Attributes:
-        robot: as it was given.
-        setup: what was said beside the description.
-        workspace: what surrounds the arm.
-        choices: home, effort, clearance, harmonics and period as they were given.
+        robot: as given.
+        setup: settings in addition to the description.
+        workspace: surroundings of the arm.
+        choices: home, effort, clearance, harmonics and period as given.
 
     Raises:
         ConfigError: when a setting is unknown or out of range; names it.
@@ -96,30 +96,30 @@ class Cell:
 
     @cached_property
     def whole_arm(self) -> Arm:
-        """The arm with all of its limits.
+        """The arm with its full limits.
 
         Raises:
-            RobotError: when the description is none of a serial chain with limits; says what helps.
+            RobotError: when the description is not a serial chain with limits; says what helps.
         """
         return load_robot(self.robot, self.setup, self.choices.home)
 
     @cached_property
     def recorded_arm(self) -> Arm:
-        """The arm as its recordings need it: without meshes, and with plain limits where none are stated.
+        """The arm as needed for recordings: without meshes, and with defaults for missing limits.
 
         Raises:
-            RobotError: when the description is none of a serial chain.
+            RobotError: when the description is not a serial chain.
         """
         return load_robot(self.robot, self.setup, self.choices.home, planning=False)
 
     @cached_property
     def arm(self) -> Arm:
-        """The arm, with the share of its limits that may be used."""
+        """The arm with its velocity and torque limits scaled by the effort."""
         return with_effort(self.whole_arm, self.effort)
 
     @cached_property
     def effort(self) -> float:
-        """Share of the velocity and torque limits that may be used."""
+        """Share of the velocity and torque limits to use."""
         given = self.choices.effort
         return usual_effort(self.whole_arm, self.choices.home) if given is None else given
 
@@ -135,22 +135,22 @@ class Cell:
         """Joint positions [rad or m] at which trajectories start and end, (J,).
 
         Raises:
-            InfeasibleError: when none is found where the arm can rest; says what stands in its way.
+            InfeasibleError: when no position is found at which the arm can rest; says why.
         """
         return tuple(self.trajectory.home or ())
 
     @cached_property
     def trajectory(self) -> Trajectory:
-        """The family of the short trajectories: coefficients (B, J, H, 2) [rad/s] to motion and back."""
+        """The family of short trajectories, which turns coefficients (B, J, H, 2) [rad/s] into motion."""
         return Trajectory(self.arm.joints, self.choices.harmonics, self.choices.period, self._home)
 
     @cached_property
     def constraints(self) -> Constraints:
-        """The arm in its workspace, with all that trajectories are checked for.
+        """The constraints of the arm in its workspace, for which trajectories are checked.
 
         Raises:
             ConfigError: when home is in degrees, or a file of the workspace cannot be read.
-            InfeasibleError: when the arm cannot rest at home; says what stands in its way.
+            InfeasibleError: when the arm cannot rest at home; says why.
         """
         refuse_degrees(self.arm, self.home, "trajectory.home")
         around = self.workspace.around(self.arm, self._home or [0.0] * self.arm.joints)
@@ -164,22 +164,22 @@ class Cell:
 
     @property
     def problem(self) -> Problem:
-        """The optimisation of short trajectories with the usual samples, or as many as see all harmonics."""
+        """The optimisation problem of short trajectories, with enough samples for all harmonics."""
         samples = max(_SAMPLES, 2 * self.trajectory.harmonics + 1)
         return Problem(self.constraints, self.trajectory, samples)
 
     @property
     def warnings(self) -> list[str]:
-        """What is suspicious in the description, a sentence each."""
+        """Sentences on what is suspicious in the description."""
         return list(filter(None, notes.doubts(self)))
 
     @property
     def notes(self) -> list[str]:
-        """What the description moves, what was decided for the user, what trajectories are checked for."""
+        """Sentences on the description's joints, defaults, and what trajectories are checked for."""
         return list(filter(None, [described(self.whole_arm), *notes.decisions(self)]))
 
     def check(self, coefficients: ArrayLike) -> Validity:
-        """Whether short trajectories [rad/s], (B, J, H, 2), are valid over their whole period, and why not.
+        """Validity of short trajectories [rad/s], (B, J, H, 2), over their whole period.
 
         Raises:
             ShapeError: when they are not of this family.
@@ -187,23 +187,23 @@ class Cell:
         return check(self.constraints, self.trajectory, np.asarray(coefficients, float))
 
     def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
-        """Torque [N·m or N], (…, J), by the description, with the friction and rotors that it states.
+        """Torque of the description [N·m or N], (…, J), including its friction and rotors.
 
         At positions [rad or m], velocities and accelerations, (…, J) each.
         """
         return self.body.drive_torque(*(np.asarray(x, float) for x in (q, dq, ddq)))
 
     def stamped(self) -> dict[str, Any]:
-        """Plain values by which what is made for this cell is known, beside the arm's own digest."""
+        """Plain values that, with the arm's digest, identify what is made for this cell."""
         home = None if self._home is None else list(self._home)
         family = {"harmonics": self.choices.harmonics, "period": self.choices.period, "home": home}
         middle = (self.arm.position_lower + self.arm.position_upper) / 2
         away = np.nan_to_num(np.abs(middle - np.array(self.home))).max()
-        if away >= _SAME:  # since 2 joints go as far as their limits on either side of home
+        if away >= _SAME:  # since version 2, joints go as far as their limits on either side of home
             family["rooms"] = 2
         return {"workspace": self.workspace.stamped(self.arm), "trajectory": family}
 
 
 def described(arm: Arm) -> str:
-    """What the description of an arm moves and leaves out; empty where nothing is worth telling."""
+    """An arm's notes in one line; empty if there are none."""
     return f"{arm.name}: {'; '.join(arm.notes)}" if arm.notes else ""

@@ -1,4 +1,4 @@
-"""Words on an arm in its cell: what is suspicious in the description, and what was decided for the user."""
+"""Warnings about an arm's description, and notes on defaults of its cell."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def doubts(cell: "Cell") -> Iterator[str]:
-    """Where the description tells suspiciously little or much; some are empty."""
+    """Sentences on what is suspicious in the description; some are empty."""
     arm, constraints = cell.arm, cell.constraints
     yield describe_placeholder_limits(cell.whole_arm)
     if cell.workspace.torque:
@@ -37,7 +37,7 @@ def doubts(cell: "Cell") -> Iterator[str]:
 
 
 def _masses(arm: Arm) -> str:
-    """Links whose masses are doubtful, and the torques that depend on them."""
+    """A sentence on links with doubtful masses, and the torques that depend on them; empty if none."""
     masses = describe_doubtful_links(arm)
     if masses and not arm.inertial_parameters.any():
         return f"{masses}; torques are unknown: torque limits are not checked, peaks are not shown"
@@ -49,19 +49,19 @@ def _masses(arm: Arm) -> str:
 
 
 def _touching(cell: "Cell") -> str:
-    """Links that touch in most configurations; empty where there are none."""
+    """A sentence on links that touch in most configurations; empty if there are none."""
     touching = mostly_touching(cell.constraints.arm)
-    said = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
-    if not said:
+    pairs = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
+    if not pairs:
         return ""
     return (
-        f"links that touch in most configurations: {said}; correct their shapes or, if contact "
+        f"links that touch in most configurations: {pairs}; correct their shapes or, if contact "
         f"is expected, leave them unchecked by {allowed(touching, cell.arm.setup.may_touch)}"
     )
 
 
 def decisions(cell: "Cell") -> Iterator[str]:
-    """Decisions made for the user, and what trajectories are checked for; some are empty."""
+    """Sentences on defaults, and on what trajectories are checked for; some are empty."""
     arm, constraints = cell.arm, cell.constraints
     yield cell.workspace.notes(arm)
     if cell.choices.home is None and (any(cell.home) or arm.home is not None):
@@ -82,7 +82,7 @@ def decisions(cell: "Cell") -> Iterator[str]:
 
 
 def _friction(cell: "Cell") -> str:
-    """What torque limits are checked with, where they are, of friction and rotors; empty otherwise."""
+    """A sentence on friction and rotors in the check of torque limits; empty if there is no such check."""
     if not cell.constraints.torque or not cell.setup.friction:
         return ""
     if cell.arm.drives is None:

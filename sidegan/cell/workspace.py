@@ -1,4 +1,4 @@
-"""Surroundings of the arm: regions, and what the arm stands on."""
+"""Surroundings of the arm: keep-out regions, floor and clearance."""
 
 import math
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
-_UPWARDS = 0.7  # cosine of the angle to the vertical from which on a plane is a floor
+_UPWARDS = 0.7  # cosine of the largest tilt of a floor
 _DROPPED = "workspace=free removes it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
-_USUALLY = (0.02, 0.01, 0.005, 0.0)  # [m] kept clear where nobody says how much: the first that leaves room
-_KEPT = 2 / 3  # share of the distance that is there, that is kept at most: the rest is room to move
-_BESIDE = 1 / _KEPT - 1  # that room beside a distance that is kept, as a share of it
-_STEPS = 1e3  # per metre: what is kept is so many whole ones
+_USUALLY = (0.02, 0.01, 0.005, 0.0)  # [m] default clearances: the first that leaves room applies
+_KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
+_BESIDE = 1 / _KEPT - 1  # that room as a share of the kept distance
+_STEPS = 1e3  # per metre; kept distances are whole steps
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Mesh:
     file: str
     position: Point = (0.0, 0.0, 0.0)  # [m]
     rpy: Point = (0.0, 0.0, 0.0)  # [rad]
-    scale: Positive | None = None  # metres per unit of the file; null: as the file states it, or 1
+    scale: Positive | None = None  # metres per unit of the file; null: as the file states, or 1
 
     @property
     def shape(self) -> Convex:
@@ -67,7 +67,7 @@ class Mesh:
 
 @dataclass(frozen=True)
 class Region:
-    """One keep-out region."""
+    """A keep-out region: exactly one of these shapes."""
 
     plane: Plane | None = None
     box: Box | None = None
@@ -81,16 +81,16 @@ class Region:
 
     @property
     def _given(self) -> list[Any]:
-        return [one for field in fields(self) if (one := getattr(self, field.name)) is not None]
+        return [shape for field in fields(self) if (shape := getattr(self, field.name)) is not None]
 
     @property
     def shape(self) -> validity.Region:
-        """Regions that the arm keeps out of."""
-        (one,) = self._given
-        return one.shape if isinstance(one, Cylinder | Mesh) else one
+        """The region as the check takes it."""
+        (shape,) = self._given
+        return shape.shape if isinstance(shape, Cylinder | Mesh) else shape
 
     def stamped(self) -> dict[str, Any]:
-        """Plain values by which it is known; a file by what is in it."""
+        """Plain values that identify the region; files are identified by their contents."""
         plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
         if self.mesh is not None:
             plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file)}
@@ -102,18 +102,18 @@ class Workspace:
     """Where the arm may move, and whether its torque limits count."""
 
     torque: bool = True
-    regions: list[Region] | None = None  # beside what the arm stands on
-    # height that built-in arms keep above [m]; others: what they stand on; null: neither
+    regions: list[Region] | None = None  # in addition to the floor
+    # height of the floor under built-in arms [m]; others: what they stand on; null: no floor
     desk: float | None = 0.1
-    # that links keep from each other and from the regions [m]; null: 2 cm, or what arm and home have room for
+    # distance of links from each other and from regions [m]; null: 2 cm, or what arm and home have room for
     clearance: NonNegative | None = None
 
     def given(self, arm: Arm) -> list[Region]:
-        """The regions of an arm, as they are configured."""
+        """All regions of an arm: the description's planes or floor, and the configured ones."""
         return [*(Region(plane=plane) for plane in self._found(arm)), *(self.regions or [])]
 
     def _found(self, arm: Arm) -> list[Plane]:
-        """Planes that nobody configured: the description's own, and the floor that the arm stands on."""
+        """The description's planes, and the floor that the arm stands on unless another replaces it."""
         if self.desk is None:
             return []
         own = [plane for plane in planes_of(arm)[0] if not (self._states_floor and _is_floor(plane))]
@@ -124,24 +124,24 @@ class Workspace:
 
     @property
     def _states_floor(self) -> bool:
-        """Whether a plane that faces up is among the regions: it takes the place of the floor."""
+        """Whether an upward plane among the regions replaces the floor."""
         return any(region.plane is not None and _is_floor(region.plane) for region in self.regions or [])
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
-        """Regions that an arm keeps out of; a ConfigError for a file that is none."""
+        """Regions as the check takes them; ConfigError for an unreadable file."""
         return [region.shape for region in self.given(arm)]
 
     def around(self, arm: Arm, home: Sequence[float] | None = None) -> Constraints:
-        """An arm in this workspace; an unstated clearance leaves room to move, at home (J,) [rad or m] too.
+        """Constraints of an arm in this workspace; a default clearance leaves room at home (J,) [rad or m].
 
         Raises:
-            ConfigError: when a file cannot be read, or has shapes that are none.
+            ConfigError: when a file cannot be read or has an invalid shape.
             InfeasibleError: when links cannot be kept apart, or out of a region.
         """
         shapes, arm = self.shapes(arm), with_points(arm)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
-        if arm.capsules.points:  # between points nothing is known
+        if arm.capsules.points:  # distances between points mean nothing
             return Constraints(arm, shapes, self.torque)
         tight = self._tight(arm, home)
         for clearance in _USUALLY:
@@ -152,11 +152,11 @@ class Workspace:
         return Constraints(arm, shapes, self.torque, 0.0, _USUALLY[0], tight)
 
     def home_of(self, arm: Arm, described: Sequence[float] | None = None) -> tuple[float, ...] | None:
-        """The described home [rad or m], (J,), or one that is found and leaves room to move; None for zeros.
+        """The described home [rad or m], (J,), if feasible, or one with room to move; None for zeros.
 
         Raises:
-            ConfigError: when a file cannot be read, or has shapes that are none.
-            InfeasibleError: when links cannot be kept apart, or out of a region, or there is no home.
+            ConfigError: when a file cannot be read or has an invalid shape.
+            InfeasibleError: when links cannot be kept apart, or out of a region, or no home is found.
         """
         if described is not None:
             with suppress(InfeasibleError):
@@ -168,7 +168,7 @@ class Workspace:
         return self._roomy_home(around)
 
     def _roomy_home(self, around: Constraints) -> tuple[float, ...] | None:
-        """A home with as much room as there is anywhere, by the arm with its usual distances."""
+        """A home with the largest default clearance that leaves room anywhere."""
         for most in _USUALLY[:-1]:
             with suppress(InfeasibleError):
                 clearance = min(most, around.clearance)
@@ -178,7 +178,7 @@ class Workspace:
 
     @staticmethod
     def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
-        """Distances [m] that links keep which have no room for the usual one."""
+        """Distances [m] to keep between links that have no room for the default clearance."""
         room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
         if home is not None and len(home) == arm.joints:
             there = Constraints(arm).distances_at(np.array(home, float))
@@ -186,17 +186,17 @@ class Workspace:
         return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
     def stamped(self, arm: Arm) -> dict[str, Any]:
-        """Plain values by which artifacts for an arm are known."""
+        """Plain values that identify artifacts for an arm in this workspace."""
         stamp = {"torque": self.torque, "regions": [region.stamped() for region in self.given(arm)]}
         return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
 
     def notes(self, arm: Arm) -> str:
-        """Notes on what was decided for the user; empty where nothing was."""
+        """Notes on floor and planes that the user did not set; empty if there are none."""
         if self.desk is None or is_built_in(arm):
             return ""
         own, behind = planes_of(arm)
-        notes = [] if self._states_floor else [_told_floor(arm, [one for one in own if _is_floor(one)])]
-        if walls := [one for one in own if not _is_floor(one)]:
+        notes = [] if self._states_floor else [_floor_note(arm, [p for p in own if _is_floor(p)])]
+        if walls := [plane for plane in own if not _is_floor(plane)]:
             notes.append(f"kept out of: {counted(len(walls), 'plane')} of the description other than floors")
         if behind:
             notes.append(f"planes that {arm.name} is nearly always behind are ignored: {behind}")
@@ -208,10 +208,10 @@ def _is_floor(plane: Plane) -> bool:
     return plane.unit[2] > _UPWARDS
 
 
-def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
-    """What the floor of an arm is, of whose description these planes face up, and what says another."""
+def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
+    """Note on an arm's floor, and the setting that changes it; ``own`` are the description's floors."""
     if own:
-        return f"floor at z = {max(one.offset for one in own):g} m, from the description; {_DROPPED}"
+        return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {_DROPPED}"
     floor = floor_under(arm)
     if floor is None and stands(arm):
         return f"no floor: {arm.name} nearly always reaches below what it stands on"
@@ -221,12 +221,12 @@ def _told_floor(arm: Arm, own: Sequence[Plane]) -> str:
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
     guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
     at = floor.offset
-    says = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' states its height"
-    return f"floor at z = {floor.offset:g} m, {guess}: {says}; {_DROPPED}"
+    setting = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' states its height"
+    return f"floor at z = {at:g} m, {guess}: {setting}; {_DROPPED}"
 
 
 def _digest(file: str) -> str:
-    """SHA-256 of a file that a region names; a ConfigError where it cannot be read."""
+    """SHA-256 of a region's file; ConfigError if it cannot be read."""
     try:
         return file_digest(Path(file).expanduser())
     except OSError as error:
