@@ -1,4 +1,4 @@
-"""The arm in MuJoCo under position servos, which may be recorded as a real one is."""
+"""Simulated arm in MuJoCo under position servos, recorded like a real one."""
 
 from sidegan.plant.execute import Executed, Plant, save_recording
 from sidegan.plant.model import mujoco_model

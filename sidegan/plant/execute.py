@@ -1,4 +1,4 @@
-"""Execution of a motion: servos and physics."""
+"""Execution of motions by a simulated arm with servos."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -20,8 +20,8 @@ from sidegan.robot.mujoco_log import mujoco_logged
 if TYPE_CHECKING:
     import mujoco
 
-_POSTURES = 64  # random ones over which a joint's largest inertia is taken
-_OFF_GRID = 1e-3  # share by which a time step may be another: a period may not be a whole number of them
+_POSTURES = 64  # random postures over which the largest joint inertia is computed
+_OFF_GRID = 1e-3  # relative tolerance of time steps, since a period may not be a whole number of them
 _AT_THE_LIMIT = 0.999  # of the torque limit
 
 
@@ -51,11 +51,7 @@ def save_recording(executed: Executed, joint_names: Sequence[str], path: Path) -
 class Plant:
     """An arm in MuJoCo, each joint under a position servo with inverse-dynamics feed-forward.
 
-    The torque is the drives': it moves the rotors and overcomes friction too.
-
-    Args:
-        arm: the arm; its torque limits, where it has any, are the drives'.
-        settings: friction, drives and servos.
+    Torques are the drives', including what rotors and friction need; so are torque limits.
     """
 
     def __init__(self, arm: Arm, settings: PlantSettings) -> None:
@@ -65,7 +61,7 @@ class Plant:
     def gains(self) -> tuple[Array, Array]:
         """Stiffness [N·m/rad] and damping [N·m·s/rad] of the servos, (J,) each.
 
-        A joint that alone moves its largest inertia has the bandwidth and damping ratio of the settings.
+        The settings' bandwidth and damping ratio are those of a single joint with its largest inertia.
         """
         inertia = self.largest_inertia() + self._each("rotor_inertia")
         speed = 2 * np.pi * self._each("bandwidth")
@@ -73,11 +69,11 @@ class Plant:
 
     @cached_property
     def model(self) -> "mujoco.MjModel":
-        """MuJoCo's model with servos."""
+        """MuJoCo model with servos."""
         return mujoco_model(self.arm, self.settings, *self.gains)
 
     def execute(self, motion: Motion, seed: int | np.random.SeedSequence, noise: float) -> Executed:
-        """Signals of a motion as in ``follow``, with Gaussian noise on torques of this deviation [N·m]."""
+        """Signals as of ``follow``, with Gaussian torque noise of this standard deviation [N·m]."""
         true = self.follow(motion)
         draw = np.random.default_rng(seed).standard_normal(true.torque.shape)
         return true._replace(torque=true.torque + noise * draw)
@@ -87,7 +83,7 @@ class Plant:
 
         Args:
             motion: states (B, T, J) at the plant's rate (``Trajectory.times(settings.rate)``); with
-                B > 1, motions that begin and end at rest at one position.
+                B > 1, motions that begin and end at rest at the same position.
 
         Raises:
             ShapeError: when the motion does not fit the arm or the rate, or is not finite.
@@ -106,9 +102,8 @@ class Plant:
     def _simulate(self, reference: Motion) -> tuple[Array, Array, Array]:
         """True position, velocity and torque, (T, J) each.
 
-        The servo's damping acts on the speed at the end of a step (that is what implicit integration
-        means), and so the torque that moved the arm over a step is that of the speed after it; a drive
-        that is at its limit when the step begins stays there.
+        With implicit integration, damping acts on the velocity at the end of a step, so the torque over a
+        step depends on the velocity after it; a drive at its limit when the step begins stays there.
         """
         from mujoco import MjData, mj_getState, mj_stateSize, mjtState, rollout
 
@@ -120,7 +115,7 @@ class Plant:
         spec = mjtState.mjSTATE_FULLPHYSICS
         start = np.empty(mj_stateSize(self.model, spec))
         mj_getState(self.model, data, start, spec)
-        warm = np.zeros(self.model.nv)  # the solver starts from rest, whatever was simulated before
+        warm = np.zeros(self.model.nv)  # results must not depend on what was simulated before
         with mujoco_logged(self.arm.name):
             states, _ = rollout.rollout(self.model, data, start, target[None], initial_warmstart=warm)
         joints = self.arm.joints  # a state is time, positions, velocities
@@ -133,7 +128,7 @@ class Plant:
         return position[:-1], velocity[:-1], torque
 
     def _feed_forward(self, reference: Motion) -> Array:
-        """The controller's model of the torque, (T, J): rigid body and rotors, no friction."""
+        """The controller's torque model, (T, J): rigid body and rotors, no friction."""
         rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
         return self.settings.feed_forward * rigid
 

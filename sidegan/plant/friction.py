@@ -1,4 +1,4 @@
-"""Friction and ripple that no linear model has.
+"""Nonlinear friction and torque ripple, which identified models lack.
 
 The law differs in form from the smooth basis with which ``identification.unmodelled`` explains residuals.
 """
@@ -13,25 +13,25 @@ from sidegan.base.typed import NonNegative, Positive, Share
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionSettings:
-    """Sizes; a size of zero switches its part off."""
+    """Magnitudes of friction and ripple; zero switches a part off."""
 
     # range of the Coulomb friction, as a share of the joint's torque
     coulomb: tuple[Share, Share] = (0.05, 0.2)
-    # range of the viscous friction at top speed, of Coulomb's
+    # range of the viscous friction at top speed, relative to Coulomb friction
     viscous: tuple[NonNegative, NonNegative] = (0.3, 1.0)
     width: Positive = 0.03  # speed [rad/s] at which the smooth sign is at 76 %
-    stribeck: NonNegative = 0.4  # extra friction near rest, of Coulomb's
+    stribeck: NonNegative = 0.4  # extra friction near rest, relative to Coulomb friction
     load: NonNegative = 0.05  # friction per transmitted torque
-    asymmetry: Share = 0.15  # half the difference between the directions, of Coulomb's
-    position: Share = 0.15  # friction that changes with the joint's position, of Coulomb's
-    ripple: NonNegative = 0.01  # of the joint's torque
+    asymmetry: Share = 0.15  # half the difference between directions, relative to Coulomb friction
+    position: Share = 0.15  # position-dependent friction, relative to Coulomb friction
+    ripple: NonNegative = 0.01  # relative to the joint's torque
 
 
 @dataclass(frozen=True, kw_only=True)
 class Law:
-    """Friction of the joints of one plant; every vector is (J,).
+    """Friction law of a plant's joints; every vector is (J,).
 
-    Hess and Soom's curve near rest, a shear-thinning lubricant (Eyring's), saturating load dependence.
+    Hess and Soom's curve near rest, Eyring's shear-thinning lubricant, saturating load dependence.
 
     Source: Hess, Soom 1990; Olsson et al. 1998.
     """
@@ -40,15 +40,15 @@ class Law:
     scale: Array  # torque of the joints [N·m or N]
     coulomb: Array  # [N·m or N]
     viscous: Array  # [N·m·s/rad]
-    speed: Array  # of the curve near rest [rad/s]
+    speed: Array  # scale of the curve near rest [rad/s]
     phase: Array  # (3, J)
-    skew: Array  # −1 … 1, how much the directions differ
+    skew: Array  # asymmetry between directions, −1 … 1
 
     @classmethod
     def drawn(
         cls, settings: FrictionSettings, scale: Array, top: Array, random: np.random.Generator
     ) -> "Law":
-        """Friction of one plant whose joints have a torque of this scale and a top speed."""
+        """A random friction law for joints with these torque scales and top speeds."""
         joints = len(scale)
         coulomb = scale * random.uniform(*settings.coulomb, joints)
         viscous = coulomb / top * random.uniform(*settings.viscous, joints)
@@ -63,7 +63,7 @@ class Law:
         )
 
     def __call__(self, q: Array, dq: Array, load: Array) -> Array:
-        """Friction [N·m or N] against the motion, (…, J), with transmitted torques ``load``."""
+        """Friction against the motion [N·m or N], (…, J), with transmitted torques ``load``."""
         s, size, share = np.tanh(dq / self.settings.width), self.settings, load / self.scale
         rest, thin = 1 / (1 + (dq / self.speed) ** 2), 6 * self.speed
         loaded = load**2 / (np.abs(load) + 0.5 * self.scale) * (1 + 0.3 * s * np.tanh(share))

@@ -1,7 +1,7 @@
-"""Hysteresis of a torque sensor: its strain lags behind the load, whatever the speed.
+"""Rate-independent hysteresis of a torque sensor.
 
-A Prandtl–Ishlinskii operator of a few stops. What a stop holds follows the load up to its radius, and slips
-there: only the order of the load's reversals counts, and a larger swing wipes out what smaller ones left.
+A Prandtl–Ishlinskii operator of a few stops. Each stop follows the load up to its radius, where it slips:
+only the sequence of the load's reversals counts, and larger swings erase the memory of smaller ones.
 
 Source: Brokate, Sprekels 1996, Hysteresis and Phase Transitions.
 """
@@ -10,19 +10,19 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 
-RADII = np.array([0.125, 0.25, 0.5])  # of the stops, in shares of the range: an assumption
+RADII = np.array([0.125, 0.25, 0.5])  # of the stops, as shares of the range: an assumption
 
 
 def lagging(load: Array, full: Array, share: float) -> Array:
-    """A load (B, T, J) from zero on as a sensor of range ±``full``, (J,), tells it, in the load's unit.
+    """Reading of a sensor of range ±``full``, (J,), for a load (B, T, J) that starts from zero, in its unit.
 
-    ``share`` of the range is half the width, at zero, of the loop over all of it, and the largest error.
+    ``share`` of the range is the largest error, half the width at zero of the loop over the whole range.
     """
     bound = (RADII[:, None] * full)[:, None]
-    told, before = np.empty_like(load), np.zeros_like(load[:, 0])
+    reading, before = np.empty_like(load), np.zeros_like(load[:, 0])
     held = np.zeros((len(RADII), *before.shape))
     for i in range(load.shape[1]):
         held = np.clip(held + (load[:, i] - before), -bound, bound)  # of the stops, (R, B, J)
         before = load[:, i]
-        told[:, i] = before - share / RADII.sum() * held.sum(0)
-    return told
+        reading[:, i] = before - share / RADII.sum() * held.sum(0)
+    return reading

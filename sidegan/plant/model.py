@@ -1,4 +1,4 @@
-"""An arm as MuJoCo's model, with servos."""
+"""MuJoCo model of an arm, with servos."""
 
 import math
 import xml.etree.ElementTree as ET
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 def mujoco_model(
     arm: Arm, settings: PlantSettings = IDEAL, stiffness: Array | None = None, damping: Array | None = None
 ) -> "mujoco.MjModel":
-    """MuJoCo's model of an arm, without contacts.
+    """MuJoCo model of an arm, without contacts.
 
     Args:
         arm: the arm.
-        settings: friction, rotor inertia and rate; a rigid body at 1 kHz when it is ideal.
-        stiffness: of position servos [N·m/rad], (J,); no servos when None.
+        settings: friction, rotor inertia and rate; by default a rigid body at 1 kHz.
+        stiffness: of position servos [N·m/rad], (J,); None: no servos.
         damping: of the servos [N·m·s/rad], (J,).
 
     Raises:

@@ -1,4 +1,4 @@
-"""Randomised plants recorded as a robot is: sensors, filters and coloured noise."""
+"""Recordings of randomised plants, with sensors, filters and coloured noise."""
 
 from dataclasses import dataclass
 
@@ -12,12 +12,12 @@ from sidegan.plant.varied import VariedPlant
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors:
-    """Noise of torques, in shares of each sensor's range, and how signals are processed."""
+    """Torque noise relative to each sensor's range, and signal processing."""
 
     noise: NonNegative = 3e-4  # standard deviation
-    correlation: Seconds = 0.03  # time over which noise keeps its sign
-    cutoff: Hertz = 10.0  # of the filter without delay that positions and torques go through
-    rate: Hertz = 50.0  # of the samples that are identified from
+    correlation: Seconds = 0.03  # correlation time of the noise
+    cutoff: Hertz = 10.0  # of the zero-phase low-pass on positions and torques
+    rate: Hertz = 50.0  # sampling rate for identification
 
 
 def recorded(
@@ -27,9 +27,9 @@ def recorded(
     sensors: Sensors,
     random: np.random.Generator | None = None,
 ) -> list[Array]:
-    """Positions, velocities, accelerations and torques of trajectories, (n, S, J) each.
+    """Recorded positions, velocities, accelerations and torques of trajectories, (n, S, J) each.
 
-    Coefficients are (n, J, H, 2) [rad/s]; torques have noise where there are random numbers for it.
+    Coefficients are (n, J, H, 2) [rad/s]; torques have noise if ``random`` is given.
     """
     rate = plant.settings.rate
     clock = np.arange(round(family.period * rate)) / rate
@@ -41,8 +41,8 @@ def recorded(
 
 
 def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> list[Array]:
-    """States and torque (n, S, J) at the sensors' rate, filtered without delay."""
-    from scipy.signal import butter, sosfiltfilt  # takes half a second to import
+    """States and torque (n, S, J) at the sensors' rate, filtered without phase shift."""
+    from scipy.signal import butter, sosfiltfilt  # slow to import
 
     step, sos = round(rate / sensors.rate), butter(2, sensors.cutoff, fs=rate, output="sos")
     q, torque = (sosfiltfilt(sos, x, axis=1) for x in (position, torque))
@@ -54,7 +54,7 @@ def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> 
 
 
 def _noise(torque: Array, full: Array, sensors: Sensors, random: np.random.Generator) -> Array:
-    """Gaussian noise on the torques of one recording, (S, J), that keeps its sign for a while."""
+    """Correlated Gaussian noise of a recording's torques, (S, J)."""
     from scipy.signal import lfilter
 
     keep = np.exp(-1 / (sensors.rate * sensors.correlation))

@@ -1,8 +1,8 @@
-"""Randomised plants that differ from their description: many motions of one plant at once, in MuJoCo.
+"""Randomised plants that differ from their description, simulated in MuJoCo for many motions at once.
 
-Nothing of our own dynamics is in the loop: MuJoCo moves an arm whose links are heavier or lighter than the
-description says, the servos feed forward what the description says, and friction is not of a model's form.
-Torque is told by the motor, or by a sensor behind rotor and gear, as an LWR has it.
+MuJoCo moves an arm whose links are heavier or lighter than described, servos feed forward the described
+torques, and friction does not have an identified model's form. Torque is measured at the motor, or by a
+sensor behind rotor and gear, as in an LWR.
 """
 
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import scipy  # its parts are imported when they are used
+import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
@@ -28,42 +28,42 @@ from sidegan.robot.mujoco_log import mujoco_logged
 if TYPE_CHECKING:
     import mujoco
 
-_STATES = 2_000  # random ones, for the scale of the joints' torques
-_STIFF = 1.5  # steps that friction near rest takes at least to stop a rotor: an explicit step stays stable
+_STATES = 2_000  # random states from which the joints' torque scales are computed
+_STIFF = 1.5  # least steps in which friction near rest stops a rotor, for stable explicit integration
 
 
 @dataclass(frozen=True, kw_only=True)
 class VariedSettings:
-    """Differences of a plant from its description; shares of torque are of ``torque_scale``.
+    """Differences of a plant from its description; torques are relative to ``torque_scale``.
 
-    Those of a torque sensor are of its range: the joint's torque limit where it is at the link.
+    Sensor errors are relative to the sensor's range, which is the joint's torque limit at the link.
     """
 
     rate: Hertz = 500.0  # of the servos and of the physics
     bandwidth: Hertz = 6.0  # of the servos
-    tolerance: Positive = 0.5  # [rad] off the reference at which an execution has failed
-    parameters: Share = 0.2  # by which inertial parameters of a link differ from the description
+    tolerance: Positive = 0.5  # [rad] tracking error at which an execution has failed
+    parameters: Share = 0.2  # largest relative difference of a link's inertial parameters
     tool: NonNegative = 1.0  # largest mass of an unknown tool [kg]
-    rotor: Positive = 0.3  # inertia of a rotor, of the joint's largest inertia
-    floor: Share = 0.02  # of the largest joint's torque, that a small joint's counts as at least
+    rotor: Positive = 0.3  # rotor inertia relative to the joint's largest inertia
+    floor: Share = 0.02  # least torque scale of a joint, relative to the largest
     friction: FrictionSettings = FrictionSettings()
-    compliance: NonNegative = 2e-3  # wind-up of a joint at its torque [rad], which encoders at the motors see
-    backlash: NonNegative = 4e-4  # [rad], which they see too
+    compliance: NonNegative = 2e-3  # wind-up of a joint at its torque [rad], seen by encoders at the motors
+    backlash: NonNegative = 4e-4  # [rad], also seen by the encoders
     encoder: NonNegative = 2.4e-5  # resolution [rad]
-    # where torque is sensed: before friction and rotor, or behind those of motor and gear
+    # place of the torque sensor: before friction and rotor, or behind those of motor and gear
     sensor: Literal["motor", "link"] = "link"
-    # range of the Coulomb friction behind a sensor at the link, of its range
+    # range of the Coulomb friction behind a sensor at the link, relative to its range
     bearings: tuple[Share, Share] = (0.003, 0.013)
-    hysteresis: Share = 0.005  # of the sensor, half the width of its loop
-    offset: Share = 0.008  # of the sensor, at most
+    hysteresis: Share = 0.005  # half the width of the sensor's loop
+    offset: Share = 0.008  # largest sensor offset
     resolution: NonNegative = 5e-4  # of measured torques
     delay: NonNegative = 2e-3  # of torques behind positions [s]
 
 
 def torque_scale(body: RigidBody, floor: float) -> Array:
-    """Root mean square rigid torque of each joint over random states, (J,), not below a share of the largest.
+    """Root mean square rigid torque of each joint over random states, (J,), at least a share of the largest.
 
-    Joints whose links hardly weigh anything would otherwise have no friction to speak of.
+    Without that minimum, joints of very light links would hardly have any friction.
     """
     arm, random = body.arm, np.random.default_rng(0)
     speed, most, size = arm.velocity_limit / 2, arm.velocity_limit, (_STATES, arm.joints)
@@ -76,15 +76,15 @@ def torque_scale(body: RigidBody, floor: float) -> Array:
 
 
 class VariedPlant:
-    """One plant, drawn from a seed.
+    """A random plant.
 
     Attributes:
-        true: the arm that moves.
+        true: the simulated arm.
         law: friction of motors and gears.
         bearings: friction behind the sensors.
-        rotor: inertia at the joints [kg·m²], (J,).
+        rotor: reflected rotor inertia [kg·m²], (J,).
         gains: of the servos, stiffness [N·m/rad] and damping [N·m·s/rad], (J,) each.
-        range: of the torque sensors, which their errors are shares of [N·m or N], (J,).
+        range: of the torque sensors [N·m or N], (J,).
         offset: of the torque sensors [N·m or N], (J,).
     """
 
@@ -115,7 +115,7 @@ class VariedPlant:
 
     @cached_property
     def model(self) -> "mujoco.MjModel":
-        """MuJoCo's model: links and rotors alone, no contacts and no limits."""
+        """MuJoCo model of links and rotors only, without contacts and limits."""
         from mujoco import mjtDisableBit, mjtIntegrator
 
         settings = replace(IDEAL, rate=self.settings.rate, rotor_inertia=self.rotor.tolist())
@@ -126,9 +126,9 @@ class VariedPlant:
         return model
 
     def follow(self, motion: Motion) -> tuple[Array, Array]:
-        """Positions as the encoders see them and torques without noise, (B, T, J), along B motions.
+        """Encoder positions and noise-free measured torques, (B, T, J), along B motions.
 
-        Each begins at rest; the controller feeds forward the description's torques, without friction.
+        Motions begin at rest; the controller feeds forward the described torques, without friction.
 
         Raises:
             ShapeError: when the motion is not at the plant's rate.
@@ -145,7 +145,7 @@ class VariedPlant:
         return self._sensed(q, motor, load)
 
     def simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """Positions, motor torques and those behind the gears, (B, T, J), of servos along references."""
+        """Positions, motor torques and torques behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
 
         (stiffness, damping), limit = self.gains, self.arm.torque_limit
@@ -165,15 +165,15 @@ class VariedPlant:
                 motor = np.minimum(np.maximum(ahead[:, i] + servo, -limit), limit)
                 driven = motor - self.law(position, velocity, load)
                 behind = self.bearings(position, velocity, np.zeros_like(load))
-                for machine, applied, one in zip(machines, pushes, driven - behind):
-                    applied[:] = one
+                for machine, applied, net in zip(machines, pushes, driven - behind):
+                    applied[:] = net
                     mj_step(self.model, machine)
                 load = driven - self.rotor * np.array(qacc)
                 out[:, :, i] = position, motor, load
         return out[0], out[1], out[2]
 
     def _sensed(self, q: Array, motor: Array, load: Array) -> tuple[Array, Array]:
-        """Positions of encoders at the motors, and torques of sensors."""
+        """Positions of encoders at the motors, and torques of sensors, (B, T, J) each."""
         share = load / self.scale
         seen = q + self.settings.compliance * share + self.settings.backlash / 2 * np.tanh(20 * share)
         seen = _rounded(seen, self.settings.encoder)
