@@ -1,4 +1,4 @@
-"""Arms as the arrays that kernels take."""
+"""Arms as arrays for compiled kernels."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from sidegan.base.arrays import Array, flatten
 from sidegan.kernels.chain import Chain, Shapes
 from sidegan.robot import Arm, Capsules
 
-_ROUNDING = 1e-9  # [m] by which the balls around capsules are larger than they need be
+_ROUNDING = 1e-9  # [m] by which spheres around capsules are enlarged
 
 
 def chain_of(arm: Arm) -> Chain:
-    """The chain of an arm."""
+    """The kinematic chain of an arm."""
     eye, slides = np.eye(3), arm.prismatic[:, None, None]
-    spin = np.linalg.cross(arm.axis[:, :, None], eye[None], axis=1)  # of a unit turn, (J, 3, 3)
+    spin = np.linalg.cross(arm.axis[:, :, None], eye[None], axis=1)  # cross-product matrices, (J, 3, 3)
     arrays = [
         arm.prismatic,
         flatten(arm.rotation @ np.where(slides, eye, eye + spin @ spin), 1),
@@ -33,9 +33,9 @@ def shapes_of(
     regions: tuple[Array, ...],
     closer: Array | None = None,
 ) -> Shapes:
-    """Shapes of an arm's capsules and of regions: their numbers (R, 8), kinds (R,) and planes (M, 4).
+    """An arm's capsules and regions: tables of numbers (R, 8), kinds (R,) and planes (M, 4).
 
-    Pairs (P, 2) may come so much closer, (P,) [m]; None: not at all.
+    Pairs (P, 2) may be closer by distances (P,) [m]; None: zero.
     """
     ends, radius = np.stack([capsules.a, capsules.b]), capsules.radius
     size = radius + np.linalg.norm(ends[0] - ends[1], axis=1) / 2 + _ROUNDING
@@ -45,5 +45,5 @@ def shapes_of(
 
 
 def array(x: Array) -> Array:
-    """An array as kernels take it: contiguous, writable, and numbers in float64."""
+    """An array for kernels: contiguous, writable, floats in float64."""
     return np.require(x, float if x.dtype.kind == "f" else None, ["C", "W"])

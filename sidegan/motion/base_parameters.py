@@ -1,4 +1,4 @@
-"""The identifiable combinations of an arm's inertial parameters."""
+"""Base parameters: the identifiable combinations of an arm's inertial parameters."""
 
 from dataclasses import dataclass
 
@@ -12,16 +12,16 @@ from sidegan.robot import Arm
 
 LINK_PARAMETERS = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 _STATES_EACH = 60  # random states per joint
-_MOST_STATES = 720  # of them: 72 rows per column, while the time grows with the cube of the joints
-# Effect below which a column counts as none, or as one of those before it, as a share of the largest.
-# Rounding noise sits near 1e-15, the weakest true effect near 1e-3. A right angle that is written as 1.5708
-# tilts an upright joint by 4e-6, and shows it the weight of all that it turns.
+_MOST_STATES = 720  # in total: 72 rows per column, while computation grows with the cube of the joints
+# Norm, relative to the largest, below which a column counts as zero or as dependent on those before it.
+# Rounding noise is near 1e-15, the weakest true effect near 1e-3. A right angle written as 1.5708 tilts a
+# vertical joint by 4e-6, so that it feels the weight of everything it turns.
 _NO_EFFECT = 1e-5
 
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """The identifiable combinations of the inertial parameters (Gautier 1991)."""
+    """Identifiable combinations of the inertial parameters (Gautier 1991)."""
 
     columns: Array  # indices of the independent columns of the full regressor, ascending, (p,)
     mapping: Array  # base parameters from full ones, (p, 10 J); the full regressor is ``base @ mapping``
@@ -32,12 +32,11 @@ class BaseParameters:
     @classmethod
     @on_threads(1)
     def of(cls, arm: Arm) -> "BaseParameters":
-        """Independent columns and the map onto them, from 60 random states per joint, at most 720.
+        """Base parameters from the regressor of 60 random states per joint, at most 720.
 
-        The columns are the first linearly independent ones in Pinocchio's order, so that the choice is
-        deterministic. Columns that are rounding noise are none, nor is what a joint feels only since the
-        description rounds its angles. On one thread whatever the caller has: two
-        processes that each find them find the same numbers.
+        The columns are the first linearly independent ones in Pinocchio's order. Rounding noise does not
+        count, nor do effects that come only from rounded angles in the description. This runs on one thread,
+        so that all processes find the same numbers.
 
         Raises:
             RobotError: when no parameter has any effect on the torques.
@@ -72,7 +71,7 @@ def _random_rows(arm: Arm) -> Array:
 
 
 def _first_independent(y: Array) -> Array:
-    """Indices of the first linearly independent columns, of length one at most, from left to right."""
+    """Indices of the first linearly independent columns, whose norms are at most 1, from left to right."""
     triangle: Array = np.asarray(np.linalg.qr(y, mode="r"))
     basis, kept = np.zeros((0, len(triangle))), list[int]()
     for k, column in enumerate(triangle.T):

@@ -1,6 +1,6 @@
 """Rigid-body dynamics of batches of states: regressor, torque, base parameters and Gram matrix.
 
-Compiled kernels, imported when they are used, do the work.
+Computed by compiled kernels, which are imported on first use.
 """
 
 from functools import cached_property
@@ -19,7 +19,7 @@ from sidegan.robot import Arm
 
 __all__ = ["LINK_PARAMETERS", "BaseParameters", "RigidBody", "gram"]
 
-_STATES_IN_CACHE = 2_000  # per thread: their regressor stays near the processor
+_STATES_IN_CACHE = 2_000  # per thread, whose regressor fits into the cache
 
 _found: WeakKeyDictionary[Arm, BaseParameters] = WeakKeyDictionary()
 
@@ -40,19 +40,19 @@ class RigidBody:
 
     @property
     def parameters_count(self) -> int:
-        """Number of base parameters p, derived from the robot."""
+        """Number of base parameters p."""
         return len(self.base.values)
 
     @cached_property
     def base(self) -> BaseParameters:
-        """Base parameters of the arm, from the regressor over random states; found once for each arm."""
+        """Base parameters of the arm, computed once for each arm."""
         if self.arm not in _found:
             _found[self.arm] = BaseParameters.of(self.arm)
         return _found[self.arm]
 
     @cached_property
     def chain(self) -> Chain:
-        """The arm as compiled kernels take it."""
+        """The arm's kinematic chain for compiled kernels."""
         return chain_of(self.arm)
 
     def regressor(self, q: Array, dq: Array, ddq: Array) -> Array:
@@ -79,13 +79,13 @@ class RigidBody:
         return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
 
     def drive_torque(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Torque of the drives [N·m], (…, J): ``torque``, and what is known of their friction and rotors."""
+        """Torque of the drives [N·m], (…, J): ``torque`` plus known friction and rotor inertia."""
         return self.torque(q, dq, ddq) + self.arm.known_drives.torque(dq, ddq)
 
     def sums(self, q: Array, dq: Array, ddq: Array, torque: Array) -> Array:
         """Each joint's sums of products of base columns and torque, (J, p + 1, p + 1), over S samples.
 
-        States and torque are (S, J). No regressor is kept.
+        States and torque are (S, J). The regressor is never stored.
         """
         from sidegan.motion import operations
 
@@ -93,7 +93,7 @@ class RigidBody:
         return operations.sums(self.chain, self.base.columns, states, torque)
 
     def _checked(self, q: Array, dq: Array, ddq: Array) -> list[Array]:
-        """The states as kernels take them."""
+        """States as float64 arrays, after a check of their shapes."""
         q, dq, ddq = (np.asarray(x, float) for x in (q, dq, ddq))
         for name, x in (("position", q), ("velocity", dq), ("acceleration", ddq)):
             if x.shape != q.shape or x.shape[-1:] != (self.joints,):
@@ -106,8 +106,8 @@ def gram(
 ) -> Array:
     """Gram matrices YᵀY / T of the base regressor, summed over joints, (B, p, p), at centres of cells.
 
-    Each joint's rows of Y count by its certainty, (J,); None: ones.
-    It works in about 150 MB beside its result, whatever the number of trajectories, samples and joints.
+    Each joint's rows of Y are weighted by its certainty, (J,); None: ones. Takes about 150 MB in addition to
+    the result, whatever the number of trajectories, samples and joints.
     """
     from sidegan.motion import operations
 

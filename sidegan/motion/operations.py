@@ -17,7 +17,7 @@ States = Sequence[Array]
 def rows(chain: Chain, columns: Array, states: States) -> Array:
     """Ascending columns (p,) of the regressor, (S, J, p), of states (S, J).
 
-    A view of an array with the states last, in which products over samples are fast.
+    A view of an array with the states last, for fast products over samples.
     """
     count, joints = states[0].shape
     motion = _states(*(x[None] for x in states))
@@ -31,7 +31,7 @@ def rows(chain: Chain, columns: Array, states: States) -> Array:
 def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) -> Array:
     """Gram matrices YᵀY / T of ascending columns (p,) of the regressor, (B, p, p), of states (B, T, J).
 
-    Each joint's rows of Y count by its certainty, (J,); None: ones.
+    Each joint's rows of Y are weighted by its certainty, (J,); None: ones.
     """
     batch, count, joints = states[0].shape
     size, of_links = len(columns), columns_of_links(columns, joints)
@@ -52,7 +52,7 @@ def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) 
 
 
 def torques(chain: Chain, states: States, parameters: Array) -> Array:
-    """Torques (S, J) of states (S, J) of an arm with inertial parameters (J, 10)."""
+    """Torques (S, J) at states (S, J) of an arm with inertial parameters (J, 10)."""
     count, joints = states[0].shape
     torque = np.empty((1, 1, joints, count))
     sets = array(parameters.reshape(1, 1, -1))
@@ -61,7 +61,7 @@ def torques(chain: Chain, states: States, parameters: Array) -> Array:
 
 
 def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
-    """Each joint's sums of products of columns (p,) and torque, (J, p + 1, p + 1), over S samples (S, J)."""
+    """Each joint's sums of products of columns (p,) and torque, (J, p + 1, p + 1), over states (S, J)."""
     joints = torque.shape[1]
     of_links = columns_of_links(columns, joints)
     size, threads = len(columns) + 1, threads_for(len(torque), len(torque))
@@ -79,13 +79,13 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
 
 
 def columns_of_links(columns: Array, joints: int) -> regressor.Columns:
-    """Ascending columns of the full regressor as kernels take them."""
+    """Ascending columns of the full regressor, for kernels."""
     first = np.searchsorted(columns // 10, np.arange(joints + 1))
     return regressor.Columns(columns % 10, first)
 
 
 def _states(q: Array, dq: Array, ddq: Array) -> Array:
-    """Arrays for kernels, (5, B, J, T), of states (B, T, J)."""
+    """Arrays for kernels, (5, B, J, T), from states (B, T, J)."""
     batch, count, joints = q.shape
     states = np.empty((5, batch, joints, count))
     for row, x in zip(states[2:], (q, dq, ddq)):

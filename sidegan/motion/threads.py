@@ -1,4 +1,4 @@
-"""Work shared among threads: kernels, and eigenpairs."""
+"""Distribution of work among threads, and eigendecompositions on several threads."""
 
 import os
 from collections.abc import Callable
@@ -10,24 +10,24 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.threads import threads
 
-_AS_STATES = 50  # a small matrix is as much work as so many states
-_WORTH_A_THREAD = 1_000  # states: half a millisecond of work
+_AS_STATES = 50  # states that are as much work as a small matrix
+_WORTH_A_THREAD = 1_000  # states, half a millisecond of work
 
 
 def threads_for(tasks: int, states: int) -> int:
-    """How many threads so much work is worth."""
+    """Number of threads worth using for this many tasks and states."""
     return max(1, min(threads(), tasks, states // _WORTH_A_THREAD))
 
 
 def share(work: Callable[[slice], None], batch: int, states: int) -> None:
-    """Do work on slices of a batch, whose every item is as much work as so many states, one per thread."""
+    """Run work on slices of a batch, one per thread; each item is as much work as ``states`` states."""
     threads = threads_for(batch, batch * states)
     cuts = [batch * k // threads for k in range(threads + 1)]
     each(lambda k: work(slice(cuts[k], cuts[k + 1])), threads)
 
 
 def each(work: Callable[[int], None], count: int) -> None:
-    """Do work 0, 1, … at the same time."""
+    """Run work 0, 1, … in parallel."""
     if count == 1:
         work(0)
     else:
@@ -36,15 +36,12 @@ def each(work: Callable[[int], None], count: int) -> None:
 
 @cache
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
-    """Threads that stay, of this process: a fork has none of its parent's."""
+    """Persistent threads of this process; a fork does not inherit its parent's."""
     return ThreadPoolExecutor(threads, "sidegan")
 
 
 def eigh(x: Array) -> tuple[Array, Array]:
-    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices.
-
-    LAPACK takes one matrix after the other; here threads share them.
-    """
+    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices, on several threads."""
     values, vectors = np.empty(x.shape[:2]), np.empty_like(x)
 
     def work(k: slice) -> None:

@@ -1,8 +1,8 @@
-"""Modified Fourier trajectories (Park 2006): coefficients in, joint motion out.
+"""Modified Fourier trajectories (Park 2006): from coefficients to joint motion.
 
-Position, velocity and acceleration are linear in the coefficients, so a roll-out is one matrix
-product with a basis that depends on the time grid alone. The quintic that brings a joint to rest at
-both ends has a closed form on time scaled to [0, 1]; rest is exact at any period.
+Position, velocity and acceleration are linear in the coefficients, so a roll-out is a matrix product with
+a basis that depends only on the time grid. The quintic that brings a joint to rest at both ends has a
+closed form on time scaled to [0, 1]; rest is exact for any period.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ import numpy as np
 from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 
-_CACHED = 1_000_000  # time points × harmonics up to which a basis is kept: 16 MB
-_KEPT = 32  # bases kept: half a gigabyte at worst, a few megabytes for the grids of one run
+_CACHED = 1_000_000  # time points × harmonics up to which a basis is cached: 16 MB
+_KEPT = 32  # cached bases: half a gigabyte at worst, a few megabytes for the grids of a run
 _OUTSIDE = 1e-6  # share of the period by which rounding may put a time outside it
-_SAME = 1e-4  # [rad, rad/s] how far apart ends that are called common may be
+_SAME = 1e-4  # [rad, rad/s] tolerance of common ends
 
 # Quintics over s = t / period, coefficients of s⁰ … s⁵. The first has unit slope at both ends, the second
 # unit curvature; their values and other derivatives up to the second vanish there.
@@ -75,7 +75,7 @@ class Trajectory:
     def times(self, rate: float) -> Array:
         """Uniform time grid [s] over one period with both ends, (T,), at ``rate`` [Hz].
 
-        Where a period is not a whole number of samples, at the nearest rate for which it is.
+        If the period is not a whole number of samples, the nearest rate for which it is applies.
 
         Raises:
             ShapeError: when the rate leaves no sample in a period.
@@ -94,19 +94,19 @@ class Trajectory:
     def basis(self, times: Array, order: int) -> Array:
         """Derivative ``order`` (0: position … 4) of the basis at ``times`` [s], (T, H, 2).
 
-        Those up to the second vanish at both ends. The third, which is continuous in between, does not: the
-        jerk begins and ends with a step.
+        Derivatives up to the second vanish at both ends. The third does not: the jerk begins and ends with a
+        step, and is continuous in between.
         """
         times = np.asarray(times, float)
         make = _basis if len(times) * self.harmonics <= _CACHED else _basis.__wrapped__
-        # A copy: whoever writes to it must not change what the next caller gets.
+        # A copy, so that callers cannot change the cached array.
         return make(self.harmonics, self.period, times.tobytes(), order).copy()
 
     def derivative_bound(self, order: int) -> Array:
         """Upper bound of the absolute derivative ``order``, 4 or more, of each basis function, (H, 2).
 
-        A wave reaches its amplitude; the quintic's fourth derivative is linear, so an end has its peak, and
-        its fifth is constant.
+        A wave's bound is its amplitude. The quintic's fourth derivative is linear, so that its peak is at an
+        end; its fifth is constant.
         """
         w = _frequencies(self.harmonics, self.period)
         peaks = np.abs(_power_derivatives(np.array([0.0, 1.0]), order) @ _QUINTICS).max(0)
@@ -125,11 +125,11 @@ class Trajectory:
 
     def _derivatives(self, c: Array, times: Array, orders: Sequence[int]) -> list[Array]:
         self.check(c)
-        # A basis that is too large to be kept is not held whole either: gigabytes for a long trajectory.
+        # In blocks: the whole basis of a long trajectory would take gigabytes.
         parts: list[list[Array]] = [[] for _ in orders]
-        flat = c.reshape(-1, 2 * self.harmonics)  # one product, not one for each trajectory
+        flat = c.reshape(-1, 2 * self.harmonics)  # a single product for all trajectories
         for block in split(times, max(1, _CACHED // self.harmonics)):
-            for part, order in zip(parts, orders):  # one block after another: all orders have its waves
+            for part, order in zip(parts, orders):  # inner loop, since all orders share a block's waves
                 basis = flatten(self.basis(block, order), 1)
                 part.append((flat @ basis.T).reshape(len(c), self.joints, len(block)).swapaxes(1, 2))
         joined = [np.concatenate(part, 1) for part in parts]
@@ -137,9 +137,9 @@ class Trajectory:
 
 
 def concatenate(motion: Motion) -> Motion:
-    """One motion (1, B·(T−1)+1, J) of B cyclic ones executed in sequence.
+    """A single motion (1, B·(T−1)+1, J) of B cyclic ones executed in sequence.
 
-    The grid must hold both ends (``Trajectory.times``): the shared rest sample is kept once.
+    The grid must include both ends (``Trajectory.times``); the shared sample at rest is kept once.
 
     Raises:
         ShapeError: when there is nothing to join, or the motions do not meet at rest.
@@ -170,7 +170,7 @@ def _basis(harmonics: int, period: float, instants: bytes, order: int) -> Array:
         raise ShapeError(f"times run from {times.min()} to {times.max()} s, expected 0 to {period} s")
     s = times / period
     sine, cosine = _waves(harmonics, s.tobytes())
-    # The waves are sin(kωt)/kω and −cos(kωt)/kω: each derivative turns them by a quarter, times kω.
+    # The waves are sin(kωt)/kω and −cos(kωt)/kω; each derivative shifts them by a quarter period, times kω.
     turned = ((sine, -cosine), (cosine, sine), (-sine, cosine), (-cosine, -sine))[order % 4]
     w = _frequencies(harmonics, period)
     basis = np.stack(turned, -1) * (w ** (order - 1))[:, None]
@@ -182,8 +182,8 @@ def _basis(harmonics: int, period: float, instants: bytes, order: int) -> Array:
 
 @lru_cache(maxsize=1)
 def _waves(harmonics: int, shares: bytes) -> tuple[Array, Array]:
-    """Sine and cosine of each harmonic at shares of the period, (T, H) each; orders differ in neither."""
-    # Whole turns are taken out while they are exact, so that the waves meet the quintic at the very end.
+    """Sine and cosine of each harmonic at shares of the period, (T, H) each; used by all orders."""
+    # Whole turns are removed while that is exact, so that the waves match the quintic at the end.
     angle = 2 * np.pi * (np.frombuffer(shares)[:, None] * np.arange(1, harmonics + 1) % 1.0)
     return np.sin(angle), np.cos(angle)
 
@@ -194,9 +194,9 @@ def _frequencies(harmonics: int, period: float) -> Array:
 
 
 def _quintic_scales(w: Array, period: float, order: int) -> Array:
-    """Factors of the quintics' derivative ``order`` over s, (H, 2).
+    """Factors of the quintics' derivative ``order`` with respect to s, (H, 2).
 
-    Without them a sine wave would leave a velocity of 1 at both ends, a cosine wave an acceleration of kω.
+    The quintics cancel the sine waves' velocity of 1 and the cosine waves' acceleration of kω at both ends.
     """
     return np.stack([np.full_like(w, period ** (1 - order)), w * period ** (2.0 - order)], -1)
 
