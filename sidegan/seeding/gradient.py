@@ -1,4 +1,4 @@
-"""The default optimiser of seeds: compiled descents, one start after the other."""
+"""The default optimiser of seeds: compiled gradient descent from random starts."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ class Gradient(Optimiser):
 
     steps: int  # evaluations per start
     attempts: int  # most rounds of starts
-    # share of each limit that seeds keep free, and twice that share of 0.25 m as clearance. The more, the
-    # easier a generator trained on them stays valid, and the worse they are conditioned
+    # share of each limit that seeds keep in reserve, and twice that share of 0.25 m as clearance; a larger
+    # one makes it easier for a generator to stay valid, but worsens the seeds' conditioning
     reserve: float
 
     def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
-        """Candidates [rad/s], (count, J, H, 2), by as many descents."""
+        """Candidates [rad/s], (count, J, H, 2), each from its own descent."""
         from sidegan.design.goal import Goal
-        from sidegan.design.search import Descent  # compiled: imported when it is used
+        from sidegan.design.search import Descent  # imports compiled code
 
         descent = Descent(problem, Goal(), self.reserve)
         random = np.random.default_rng(source)

@@ -1,4 +1,4 @@
-"""Seed sets and long trajectories, made task by task: parallel, resumable, the same however many workers."""
+"""Seed sets and long trajectories, made in resumable parallel tasks, whatever the number of workers."""
 
 import time
 from dataclasses import replace
@@ -13,8 +13,8 @@ from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
 from sidegan.seeding.result import Optimiser, SeedBatch
 
-_SPARE_ROUNDS = 2  # further rounds of tasks when some starts never became valid
-_SPARE_STARTS = 4  # of a long trajectory, for each that is set, while none is valid
+_SPARE_ROUNDS = 2  # additional rounds of tasks if starts fail
+_SPARE_STARTS = 4  # additional starts of a long trajectory per configured one, while none is valid
 
 
 def make_seeds(
@@ -27,10 +27,10 @@ def make_seeds(
     work: Path,
     workers: int | None = None,
 ) -> SeedBatch:
-    """So many valid seeds, a batch in each task; files in ``work`` are read again after an interrupt.
+    """``count`` valid seeds, a batch per task; files of finished tasks in ``work`` are reused.
 
     Raises:
-        InfeasibleError: when too few starts become valid in three rounds of tasks; says what they violate.
+        InfeasibleError: when too few seeds are valid after three rounds of tasks; says what they violate.
     """
     work.mkdir(parents=True, exist_ok=True)
     batches: list[SeedBatch] = []
@@ -65,9 +65,9 @@ def _task(
 def make_long(
     problem: Problem, method: Optimiser, starts: int, random: np.random.SeedSequence, progress: Report
 ) -> SeedBatch:
-    """One long trajectory, the best of some starts; of more, up to a bound, while none is valid.
+    """A long trajectory, the best of ``starts`` starts, or of more while none is valid.
 
-    The method has one attempt; each start has random numbers of its own.
+    The method should have a single attempt; each start has its own random numbers.
 
     Raises:
         InfeasibleError: when no start becomes valid.

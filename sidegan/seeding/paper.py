@@ -18,38 +18,38 @@ from sidegan.seeding.result import Optimiser
 if TYPE_CHECKING:
     import pygmo
 
-_DISTANCE = 1.0  # [m] clearance that counts like a whole limit
-# First and last step of the compass search, as shares of the box; read from the authors' seeds.
+_DISTANCE = 1.0  # [m] distance that counts like a whole limit
+# First and last step of the compass search, as shares of the box; inferred from the authors' seeds.
 _COMPASS_STEP, _COMPASS_STOP = 0.5, 0.2
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
 
 
 class ConditionProblem:
-    """One trajectory as a pygmo problem: log fitness, and a violated margin above zero per constraint.
+    """A trajectory as a pygmo problem: log fitness, and a violation, positive if violated, per constraint.
 
-    The decision vector is all a, then all b, over the half side of their box, (2 · J · H,), each in [−1, 1].
-    The search moves along its elements in their order, so that more of the a end on the box.
+    The decision vector is all a, then all b, relative to their box, (2 · J · H,), each in [−1, 1]. The search
+    moves along its elements in order, so that more of the a end on the box.
     """
 
     def __init__(self, problem: Problem, box: float) -> None:
-        from sidegan.design.objective import evaluator  # compiled: imported when it is used
+        from sidegan.design.objective import evaluator  # imports compiled code
 
         self.evaluate, self.constraints = evaluator(problem, _DISTANCE), len(problem.constraints.labels)
         self.box, self.shape = box, problem.trajectory.shape
 
     def __deepcopy__(self, memory: dict[int, Any]) -> "ConditionProblem":
-        return self  # pygmo copies its problems; this one never changes, and its room to work is large
+        return self  # pygmo copies its problems; this one is immutable, with large work arrays
 
     def fitness(self, x: Array) -> Array:
         """Log fitness and violations, (1 + G,)."""
         return self.batch_fitness(x)
 
     def batch_fitness(self, x: Array) -> Array:
-        """Fitness and constraints of B decision vectors laid end to end, (B · (1 + G),)."""
+        """Log fitness and violations of B concatenated decision vectors, (B · (1 + G),)."""
         return self.evaluate(self.coefficients(x)).ravel()
 
     def coefficients(self, x: Array) -> Array:
-        """Coefficients [rad/s], (B, J, H, 2), of decision vectors laid end to end."""
+        """Coefficients [rad/s], (B, J, H, 2), of concatenated decision vectors."""
         joints, harmonics, pair = self.shape
         return np.ascontiguousarray(np.moveaxis(self.box * x.reshape(-1, pair, joints, harmonics), 1, -1))
 
@@ -65,18 +65,18 @@ class ConditionProblem:
 
 @dataclass(frozen=True)
 class Paper(Optimiser):
-    """Ant colony, then compass search, one trajectory after the other."""
+    """Ant colony, then compass search, for one trajectory at a time."""
 
     generations: int  # of the colony
     ants: int  # size of the colony
-    evaluations: int  # most of the compass search
+    evaluations: int  # limit of the compass search
     box: float  # largest absolute coefficient [rad/s]
     attempts: int  # most starts per seed
 
-    smallest = 1.0  # seeds are valid as they are found, or given up
+    smallest = 1.0  # candidates are not shrunk to become valid
 
     def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
-        """Candidates [rad/s], (count, J, H, 2), by as many searches from the whole box."""
+        """Candidates [rad/s], (count, J, H, 2), each from its own search of the whole box."""
         udp = ConditionProblem(problem, self.box)
         return np.concatenate([self._search(udp, child) for child in source.spawn(count)])
 
@@ -94,12 +94,12 @@ class Paper(Optimiser):
         refined.push_back(best)
         compass = pg.compass_search(self.evaluations, _COMPASS_STEP, _COMPASS_STOP)
         refined = pg.algorithm(compass).evolve(refined)
-        # Single precision, as a file of seeds keeps them.
+        # Single precision, as in a file of seeds.
         return udp.coefficients(_best(refined)).astype(np.float32).astype(float)
 
 
 def _best(population: "pygmo.population") -> Array:
-    """The feasible decision vector with the least fitness, or the least violating one."""
+    """The feasible decision vector with the least fitness, or else the least infeasible one."""
     values, vectors = population.get_f(), population.get_x()
     violation = np.clip(values[:, 1:], 0, None).sum(1)
     return vectors[np.lexsort((values[:, 0], violation))[0]]

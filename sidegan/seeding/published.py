@@ -1,10 +1,10 @@
-"""Seed sets in the form in which the authors of the paper published theirs.
+"""Seed sets in the format of the paper's authors.
 
 Source: github.com/Instassa/SIDE-GAN-Pytorch, the accompanying code of Jegorova et al. 2020.
 
 An image (2, H + 1, J) holds the coefficients a and b, times ``SCALE``. Its first H rows are the J · H
-coefficients of a channel joint after joint, reshaped without regard to that, so that rows are not harmonics
-and columns are not joints; its last row repeats the first.
+coefficients of a channel in order of joints, but reshaped to (H, J), so that rows are not harmonics and
+columns are not joints; its last row repeats the first.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from sidegan.base.storage import reading
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 
-SCALE = 4.9  # from coefficients [rad/s] to images; the optimiser's box of ±0.2 becomes ±0.98
+SCALE = 4.9  # from coefficients [rad/s] to images: the optimiser's box of ±0.2 becomes ±0.98
 REPOSITORY = "https://github.com/Instassa/SIDE-GAN-Pytorch"
 _MASTER, _FEATURES = "train_trajectory_master*.npy", "diag_master*.npy"
 WEIGHTS = {"predictor": "model_0_SR.pth", "converter": "model_0_50k_epochs.pth"}
@@ -26,7 +26,7 @@ WEIGHTS = {"predictor": "model_0_SR.pth", "converter": "model_0_50k_epochs.pth"}
 
 @dataclass(frozen=True)
 class Layout:
-    """Images of the trajectories of an arm, and back."""
+    """Conversion between an arm's trajectories and images."""
 
     joints: int
     harmonics: int
@@ -37,19 +37,19 @@ class Layout:
         return 2, self.harmonics + 1, self.joints
 
     def image(self, c: Array) -> Array:
-        """Images (B, 2, H + 1, J) float32 of coefficients [rad/s], (B, J, H, 2)."""
+        """Images (B, 2, H + 1, J), float32, of coefficients [rad/s], (B, J, H, 2)."""
         rows = SCALE * c.transpose(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
         return np.concatenate([rows, rows[:, :, :1]], 2).astype(np.float32)
 
     def coefficients(self, image: Array) -> Array:
-        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), whose last row is ignored."""
+        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J); the last row is ignored."""
         rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
         return rows.transpose(0, 2, 3, 1) / SCALE
 
 
 @dataclass(frozen=True)
 class PublishedSeeds:
-    """Seeds in the array ``train_trajectory_master_.npy``, (N, 2, H + 1, J), of a folder or of one below."""
+    """Seeds in an array ``train_trajectory_master_.npy``, (N, 2, H + 1, J), in a folder or its subfolders."""
 
     folder: Path
 
@@ -58,7 +58,7 @@ class PublishedSeeds:
 
     @cached_property
     def file(self) -> Path:
-        """The file of the array; a ConfigError where there is none."""
+        """The array's file; ConfigError if there is none."""
         if found := self._found(_MASTER):
             return found
         raise ConfigError(
@@ -67,7 +67,7 @@ class PublishedSeeds:
         )
 
     def read(self, trajectory: Trajectory) -> Array:
-        """Coefficients [rad/s], (N, J, H, 2); a ConfigError where the file is not of this layout."""
+        """Coefficients [rad/s], (N, J, H, 2); ConfigError if the file does not have this layout."""
         path, layout = self.file, Layout(trajectory.joints, trajectory.harmonics)
         with reading(path, "NumPy", ConfigError):
             images = np.load(path, allow_pickle=False)
@@ -83,12 +83,12 @@ class PublishedSeeds:
         return layout.coefficients(images.astype(float))
 
     def features(self) -> Array | None:
-        """The authors' 35 features of every seed, diag YᵀY of theirs, (N, 35); None without."""
+        """The authors' 35 features of each seed, their diag YᵀY, (N, 35); None if there are none."""
         found = self._found(_FEATURES)
         return np.load(found).astype(float) if found else None
 
     def weights(self, name: str) -> Path:
-        """File of the authors' weights of ``predictor`` or ``converter``; a ConfigError where it is away."""
+        """File of the authors' weights of ``predictor`` or ``converter``; ConfigError if it is missing."""
         if found := self._found(WEIGHTS[name]):
             return found
         raise ConfigError(

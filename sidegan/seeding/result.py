@@ -1,4 +1,4 @@
-"""Result of an optimiser: seeds that provably hold every constraint, and why the others failed."""
+"""Optimisers of seeds and their results: provably valid seeds, and why other starts failed."""
 
 import json
 import time
@@ -19,28 +19,28 @@ from sidegan.kernels import HOPELESS
 from sidegan.validity import Constraints, summarise_faults
 from sidegan.validity.remedies import remedy
 
-_FINER = 3  # the fitness reported is taken at so many times the problem's samples
-_REACH = 0.7  # share of the tightest limit that the first starts use; less in each further round
+_FINER = 3  # ratio of samples for the reported fitness to the problem's samples
+_REACH = 0.7  # share of the tightest limit used by the first starts, and its factor per round
 _ILL = "the condition number"
 
 
 @dataclass(frozen=True)
 class SeedBatch:
-    """Seeds and how they came about."""
+    """Valid seeds, and statistics of their optimisation."""
 
     coefficients: Array  # of valid seeds [rad/s], (n, J, H, 2)
-    fitness: Array  # their condition number of YᵀY, (n,)
+    fitness: Array  # condition numbers of YᵀY, (n,)
     attempts: int = 0  # starts that were optimised
     failed: int = 0  # starts that did not become valid seeds
-    faults: dict[str, int] = field(default_factory=dict)  # how many of the failed starts violated what
-    cpu_seconds: float = 0.0  # failures included
+    faults: dict[str, int] = field(default_factory=dict)  # number of failed starts by violation
+    cpu_seconds: float = 0.0  # including failures
 
     def __len__(self) -> int:
         return len(self.coefficients)
 
     @classmethod
     def join(cls, batches: Iterable["SeedBatch"]) -> "SeedBatch":
-        """One batch of at least one, in order."""
+        """All batches, at least one, joined in order."""
         parts = list(batches)
         return cls(
             np.concatenate([part.coefficients for part in parts]),
@@ -53,25 +53,25 @@ class SeedBatch:
 
     @classmethod
     def of(cls, arrays: Mapping[str, Array]) -> "SeedBatch":
-        """The batch that a file keeps; an ArtifactError where it is no batch."""
+        """A batch from a file's arrays; ArtifactError if they are not a batch."""
         try:
             return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
         except (KeyError, TypeError, ValueError) as error:
             raise ArtifactError(f"the file holds no seeds: {error}") from error
 
     def arrays(self) -> dict[str, Array]:
-        """What a file keeps, numbers and text."""
+        """Arrays for a file, of numbers and text."""
         origin = {name: x for name, x in vars(self).items() if name not in ("coefficients", "fitness")}
         text = np.array(json.dumps(origin))
         return {"coefficients": self.coefficients, "fitness": self.fitness, "origin": text}
 
     def best(self, count: int) -> "SeedBatch":
-        """At most ``count`` seeds, those with the least fitness, in their order."""
+        """The ``count`` seeds with the least fitness, or all, in their order."""
         kept = np.sort(np.argsort(self.fitness)[:count])
         return replace(self, coefficients=self.coefficients[kept], fitness=self.fitness[kept])
 
     def shortfall(self, constraints: Constraints, count: int) -> InfeasibleError:
-        """The error that says why there are fewer than ``count`` seeds."""
+        """Error that says why there are fewer than ``count`` seeds."""
         why = summarise_faults(self.faults) or "no start was finished"
         worst, _, where = max(self.faults, key=self.faults.__getitem__, default="").partition(" of ")
         helps = f", or {remedy(constraints, (worst, where))}" if where else ""
@@ -83,13 +83,13 @@ class SeedBatch:
 
 
 def ship(path: Path, stamp: Mapping[str, Any], batch: SeedBatch) -> None:
-    """Write seeds that took long to make in single precision, with what they were made by."""
+    """Write seeds that took long to make, in single precision, with a stamp of what made them."""
     seeds = replace(batch, coefficients=batch.coefficients.astype(np.float32)).arrays()
     write_arrays(path, {"stamp": np.array(json.dumps(stamp)), **seeds})
 
 
 def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | None:
-    """The first seeds of a file that ``ship`` wrote; None where others or fewer are there, or no file."""
+    """The first ``count`` seeds of a file by ``ship``; None if it is missing, short or has another stamp."""
     if not path.exists():
         return None
     arrays = read_arrays(path)
@@ -105,20 +105,20 @@ def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | Non
 
 
 class Optimiser(ABC):
-    """An optimiser of seeds, which proposes candidates; what is valid of them is proven here."""
+    """Base class of optimisers, which propose candidates; this class proves which are valid."""
 
     attempts: int  # most rounds of proposals
-    smallest = 0.5  # share of its size to which a candidate may shrink to become valid
+    smallest = 0.5  # factor by which a candidate may be shrunk at most to become valid
 
     @abstractmethod
     def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
-        """Candidates [rad/s], (count, J, H, 2), from starts that use a share ``reach`` of the limits."""
+        """Candidates [rad/s], (count, J, H, 2), from starts that use the share ``reach`` of the limits."""
 
     def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
-        """Up to ``count`` seeds; candidates that fail are proposed anew.
+        """Up to ``count`` seeds, in rounds that replace failed candidates.
 
-        Each round starts nearer home than the one before. Two rounds in which nothing becomes valid end it.
-        Where there are more valid candidates than are missing, the best conditioned are kept.
+        Each round starts nearer to home than the last. Two consecutive rounds without a valid candidate end
+        the search. Of surplus valid candidates the best conditioned are kept.
 
         Raises:
             InfeasibleError: when the arm cannot rest at home.
@@ -137,11 +137,8 @@ class Optimiser(ABC):
 
 
 def settle(problem: Problem, c: Array, smallest: float) -> SeedBatch:
-    """The valid ones of candidates [rad/s], (B, J, H, 2), after shrinking towards home where that helps.
-
-    They shrink to no less than a share of their size.
-    """
-    from sidegan.design.search import proven  # compiled: imported when it is used
+    """Valid candidates [rad/s], (B, J, H, 2), shrunk towards home, to ``smallest`` at most, if that helps."""
+    from sidegan.design.search import proven  # imports compiled code
 
     c, valid, verdict = proven(problem, c, smallest)
     fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)

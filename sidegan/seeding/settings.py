@@ -18,7 +18,7 @@ from sidegan.seeding.published import REPOSITORY, PublishedSeeds
 from sidegan.seeding.result import Optimiser
 from sidegan.validity import Constraints
 
-# Settings of single methods: those that they need, and those that they may have.
+# Settings that only some methods require, and those that they accept.
 _NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
 _ALLOWED = {"gradient": set[str](), "paper": {"strongest", "shipped"}, "published": {"box"}}
 _RESERVE = 0.2  # of the gradient method
@@ -27,7 +27,7 @@ _ROUNDING = 1e-6  # of coefficients in single precision
 
 @dataclass(frozen=True, kw_only=True)
 class Seeds:
-    """The conventional optimiser that makes the seed set, or where one that was published lies."""
+    """The conventional optimiser that makes the seed set, or the folder of a published one."""
 
     method: Literal["gradient", "paper", "published"] = "gradient"
     count: Count = 400
@@ -38,12 +38,12 @@ class Seeds:
     reserve: Share | None = None  # gradient only: share of each limit that seeds keep free; null: 0.2
     ants: Size | None = None  # paper only: size of the colony
     evaluations: Count | None = None  # paper only: of the compass search
-    # Largest absolute coefficient [rad/s], of seeds and of generators that learn from them. Not of gradient;
-    # null for published seeds of others, who had none.
+    # Largest absolute coefficient [rad/s], of seeds and of generators trained on them. Not with gradient;
+    # null for published seeds without one.
     box: Positive | None = None
-    strongest: Count | None = None  # eigenvalues that the eigenvalue fitness counts; null: all of them
-    folder: str | None = None  # published only: of the files
-    shipped: str | None = None  # paper only: a file beside the settings, of seeds that they made before
+    strongest: Count | None = None  # number of eigenvalues in the eigenvalue fitness; null: all
+    folder: str | None = None  # published only
+    shipped: str | None = None  # paper only: a file next to the settings, with seeds made by them
 
     def __post_init__(self) -> None:
         if self.method == "gradient" and self.reserve is None:
@@ -57,7 +57,7 @@ class Seeds:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}; seeds.folder=SIDE-GAN-Pytorch")
 
     def stamped(self) -> dict[str, Any]:
-        """Plain values by which artifacts are known; of a folder its contents, not its name."""
+        """Plain values that identify artifacts; folders are identified by their contents."""
         if self.method != "published":
             changes_nothing = ("folder", "shipped")
             settings = {name: x for name, x in asdict(self).items() if name not in changes_nothing}
@@ -70,7 +70,7 @@ class Seeds:
         return PublishedSeeds(Path(self.folder or ""))
 
     def refuse_beyond(self, c: Array) -> None:
-        """Refuse coefficients [rad/s] beyond the box, by a ConfigError that says how far they reach."""
+        """Refuse coefficients [rad/s] beyond the box by a ConfigError."""
         if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
             raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is no box")
 
@@ -82,16 +82,16 @@ class Seeds:
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)
 
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
-        """Problem that the optimiser works on."""
+        """The optimiser's problem."""
         return Problem(constraints, trajectory, self.samples, self.strongest)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Long:
-    """The single long trajectory that the short ones are compared with, by gradients."""
+    """The long trajectory with which short ones are compared, by the gradient method."""
 
     period: Seconds = 560.0
-    harmonics: list[Size] = field(default_factory=lambda: [6, 210])  # one trajectory for each
+    harmonics: list[Size] = field(default_factory=lambda: [6, 210])  # a trajectory for each
     samples: Size = 2800
     steps: Count = 200  # evaluations of each start
     starts: Count = 2  # of which the best is kept
