@@ -1,1 +1,1 @@
-"""Tools of every room: atomic files, typed settings, progress, parallel work."""
+"""Tools for all rooms: atomic files, typed settings, progress, parallel work."""

@@ -1,4 +1,4 @@
-"""Packages that an installation may do without, each of which comes with an extra of ours."""
+"""Optional packages, which come with extras."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,10 +9,10 @@ from sidegan.errors import ConfigError
 
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """Imports in this block are of packages that an extra brings.
+    """Context for imports of packages from an extra.
 
     Raises:
-        ConfigError: where one is not installed, with what installs it.
+        ConfigError: when a package is not installed; says how to install it.
     """
     try:
         yield
@@ -23,10 +23,10 @@ def extra(name: str) -> Iterator[None]:
 
 
 def require(name: str, package: str) -> None:
-    """Refuse to begin without a package that an extra brings; it is not imported, which may take seconds.
+    """Check early that a package from an extra is installed, without importing it, which may take seconds.
 
     Raises:
-        ConfigError: where it is not installed, with what installs it.
+        ConfigError: when it is not installed; says how to install it.
     """
     with extra(name):
         if find_spec(package) is None:

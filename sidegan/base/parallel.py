@@ -1,7 +1,6 @@
-"""A few independent tasks at once, each in a process of its own with one thread, with progress.
+"""Parallel execution of independent tasks in single-threaded processes, with progress.
 
-joblib runs them in worker processes of this machine (loky), or a Dask cluster does. Which it is changes
-nothing about what the tasks give back.
+joblib runs them in worker processes of this machine (loky), or a Dask cluster does, with the same results.
 """
 
 import logging
@@ -23,19 +22,19 @@ from sidegan.errors import ConfigError, SideganError, StorageError
 if TYPE_CHECKING:
     from distributed import Client
 
-_CONNECT = 15  # [s] for a Dask scheduler to answer
-_WATCH = 1.0  # [s] between two looks at whether the parent process still lives
+_CONNECT = 15  # [s] timeout of a Dask scheduler
+_WATCH = 1.0  # [s] between checks that the parent process is alive
 
 _client: "Client | None" = None  # of a Dask cluster; None: worker processes of this machine
-_spent = 0.0  # CPU time of the jobs that this process had done by others [s]
+_spent = 0.0  # CPU time of this process's jobs in workers [s]
 
-Report = Callable[[int, int], None]  # tells that a job has done so many of so many steps
+Report = Callable[[int, int], None]  # reports steps done, and their total
 Job = Callable[[Report], Any]
 
 
 @contextmanager
 def on_cluster(scheduler: str | None) -> Iterator[None]:
-    """Every ``run_jobs`` of this process uses a Dask cluster within the block; none: workers of this machine.
+    """Run all ``run_jobs`` of this process within the block on a Dask cluster; None: on this machine.
 
     Args:
         scheduler: address of the cluster, ``tcp://host:8786``.
@@ -51,14 +50,14 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
     with extra("dask"):
         from distributed import Client
 
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what went wrong comes as an error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # failures raise errors anyway
     try:
         client = Client(scheduler, timeout=_CONNECT)
     except (OSError, ValueError) as error:
         raise SideganError(f"no Dask scheduler answers at {scheduler}: {error}") from error
     with client:
         crowded = [name for name, threads in client.nthreads().items() if threads > 1]
-        if crowded:  # jobs set the threads of their whole process, so none may share one
+        if crowded:  # jobs set their process's number of threads, so they cannot share a process
             names = ", ".join(crowded[:3])
             raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
         _client = client
@@ -69,25 +68,25 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
 
 
 def cores(workers: int | None) -> int:
-    """Number of worker processes: ``workers``, or one per core that this process may use."""
+    """Number of worker processes: ``workers``, or one per available core."""
     from joblib import cpu_count
 
     return workers or cpu_count()
 
 
 def cpu_seconds() -> float:
-    """CPU time of this process and of what ``run_jobs`` had done elsewhere, up to now."""
+    """CPU time of this process and of its jobs in workers so far [s]."""
     return time.process_time() + _spent
 
 
 def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: int = 100) -> list[Any]:
-    """Results of the jobs, in their order, the same wherever they run and whatever the number of workers.
+    """Results of the jobs, in order, independent of where they run and of the number of workers.
 
     Args:
-        description: what they do, for the progress bar and for the SideganError of workers that were lost.
-        jobs: picklable functions that take a ``Report``, which only shows where a job runs here.
-        workers: processes; None: one per core; with one of them jobs run here. A Dask cluster has its own.
-        total: what the bar counts to, in whatever the jobs make together; percent by default.
+        description: of the jobs, for the progress bar and the SideganError if workers are lost.
+        jobs: picklable functions of a ``Report``, which has no effect in workers.
+        workers: number of processes; None: one per core; 1: run in this process. Ignored by a Dask cluster.
+        total: end of the progress bar, in units of what all jobs make together; percent by default.
     """
     global _spent
     most = min(cores(workers), len(jobs))
@@ -117,25 +116,25 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
 def _by_joblib(jobs: Sequence[Job], workers: int) -> Generator[tuple[Any, float], None, None]:
     from joblib import Parallel, delayed, parallel_config
 
-    folder, ends = Path.cwd(), {"initializer": _leave_with, "initargs": (os.getpid(),)}
+    folder, ends = Path.cwd(), {"initializer": _exit_with, "initargs": (os.getpid(),)}
     with parallel_config("loky", inner_max_num_threads=1, **ends), warnings.catch_warnings():
-        # Of workers that had grown and were replaced, and of cancelled tasks: nothing is lost by it.
+        # joblib warns of workers replaced for their memory, and of cancelled tasks; both are harmless
         warnings.filterwarnings("ignore", module="joblib")
         parallel = Parallel(workers, return_as="generator", max_nbytes=None)
         yield from parallel(delayed(_work)(job, folder) for job in jobs)
 
 
 def _by_dask(jobs: Sequence[Job], client: "Client") -> Generator[tuple[Any, float], None, None]:
-    """Results by Dask itself: joblib's backend for it waits for ever where a worker was killed."""
+    """Results by Dask directly, since joblib's Dask backend hangs if a worker was killed."""
     futures = client.map(_work, jobs, folder=Path.cwd(), pure=False)
     try:
         yield from (future.result() for future in futures)
     finally:
-        client.cancel(futures)  # what has not begun, after an error
+        client.cancel(futures)  # pending ones, after an error
 
 
 def _work(job: Job, folder: Path) -> tuple[Any, float]:
-    """Result of a job in a worker, which goes to ``folder`` for relative paths, and its CPU time [s]."""
+    """Result and CPU time [s] of a job in a worker, run in ``folder`` for relative paths."""
     began = time.process_time()
     try:
         os.chdir(folder)
@@ -148,8 +147,8 @@ def _work(job: Job, folder: Path) -> tuple[Any, float]:
         return job(lambda done, total: None), time.process_time() - began
 
 
-def _leave_with(parent: int) -> None:
-    """End this process soon after its parent, which may have been killed without a chance to tell."""
+def _exit_with(parent: int) -> None:
+    """End this process soon after its parent, which may be killed without notice."""
 
     def watch() -> None:
         while os.getppid() == parent:
@@ -160,7 +159,7 @@ def _leave_with(parent: int) -> None:
 
 
 def _lost(error: Exception) -> str:
-    """Why workers were lost for good; empty for an error of a job."""
+    """Why workers were lost; empty for an error in a job."""
     killed = "a worker process was killed, perhaps because it ran out of memory"
     if isinstance(error, BrokenProcessPool):
         return killed

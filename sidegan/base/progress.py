@@ -1,4 +1,4 @@
-"""Progress of long loops: a live bar on a terminal, now and then a log line elsewhere."""
+"""Progress of long loops: a live bar on a terminal, otherwise occasional log lines."""
 
 import logging
 import sys
@@ -9,24 +9,24 @@ from typing import TextIO
 
 log = logging.getLogger(__name__)
 
-_INTERVAL = 15.0  # [s] between two log lines of one loop
+_INTERVAL = 15.0  # [s] between log lines of a loop
 
 
 class ConsoleHandler(logging.StreamHandler[TextIO]):
-    """Log handler for the terminal; a live bar puts itself between it and standard error."""
+    """Log handler that writes to the current standard error, which a live bar redirects."""
 
     def __init__(self) -> None:
         logging.Handler.__init__(self)
 
     @property
     def stream(self) -> TextIO:  # type: ignore[override]
-        """Standard error as it is now."""
+        """The current standard error."""
         return sys.stderr
 
 
 @contextmanager
 def bar(description: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Callback that is told how many steps of the block's loop are done."""
+    """Callback to report the number of completed steps."""
     if not sys.stderr.isatty():
         yield _lines(description, total)
         return
@@ -40,7 +40,7 @@ def bar(description: str, total: int) -> Iterator[Callable[[int], None]]:
 
 
 def _lines(description: str, total: int) -> Callable[[int], None]:
-    """Logs how far a loop is, and how long it may still take."""
+    """Callback that logs progress and the estimated time left."""
     began = logged = time.monotonic()
 
     def show(done: int) -> None:

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and readers that run no code from them."""
+"""Atomic writing of files, and readers that run no code from them."""
 
 import hashlib
 import io
@@ -22,10 +22,10 @@ if TYPE_CHECKING:  # slow to import, as NumPy is, and `--help` must not wait for
 
 @contextmanager
 def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
-    """Path of a new neighbour that takes the place of ``path`` when the block ends well.
+    """Path of a temporary file that replaces ``path`` when the block succeeds.
 
-    The content is on the disk before the name changes. After any failure, an interrupt included, the
-    neighbour is gone and ``path`` is what it was. ``folder``: whether to make its folder where there is none.
+    Content is synced to disk before the file is renamed. After any failure, including an interrupt, the
+    temporary file is removed and ``path`` is unchanged. ``folder``: whether to create a missing folder.
     """
     neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
@@ -44,9 +44,9 @@ def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
 
 @contextmanager
 def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]:
-    """Path of a new folder that takes the place of ``path`` when the block ends well.
+    """Path of a temporary folder that replaces ``path`` when the block succeeds.
 
-    What was in it and is not ``ours`` stays in it. After a failure ``path`` is what it was.
+    Existing contents that are not ``ours`` are kept. After a failure ``path`` is unchanged.
     """
     new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
     with writing(path):
@@ -59,7 +59,7 @@ def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]
         yield new
         with writing(path):
             if path.exists():
-                for kept in (one for one in path.iterdir() if not (one.is_file() and ours(one))):
+                for kept in (entry for entry in path.iterdir() if not (entry.is_file() and ours(entry))):
                     (shutil.copytree if kept.is_dir() else shutil.copy2)(kept, new / kept.name)
                 path.rename(old)
             new.rename(path)
@@ -70,7 +70,7 @@ def replacing_folder(path: Path, ours: Callable[[Path], bool]) -> Iterator[Path]
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Turn the system's refusals to write into a StorageError that names the path."""
+    """Turn the system's errors on writing into a StorageError that names the path."""
     try:
         yield
     except OSError as error:
@@ -92,7 +92,7 @@ def write_bytes(path: Path, content: bytes | memoryview, folder: bool = True) ->
 
 
 def write_json(path: Path, content: Any) -> None:
-    """Write plain values as JSON that any reader accepts; a ShapeError for a number that is not finite."""
+    """Write plain values as standard JSON; ShapeError for a number that is not finite."""
     try:
         text = json.dumps(content, indent=2, allow_nan=False)
     except ValueError as error:
@@ -104,21 +104,21 @@ def write_arrays(path: Path, arrays: "Mapping[str, Array]", folder: bool = True)
     """Write named arrays as ``.npz``; see ``replacing``."""
     import numpy as np
 
-    buffer = io.BytesIO()  # in memory first: a plain write says what a full disk is
+    buffer = io.BytesIO()  # in memory first, since a plain write reports a full disk properly
     np.savez(buffer, **arrays)  # type: ignore[arg-type]  # of its own argument allow_pickle
     write_bytes(path, buffer.getbuffer(), folder)
 
 
 def write_task(path: Path, arrays: "Mapping[str, Array]") -> None:
-    """Write what one of several tasks found, into a folder of work that is there.
+    """Write a task's result into an existing work folder.
 
-    Where it is not, somebody has finished the work, and a worker that was given up must not bring it back.
+    A missing folder means that the work is finished; an abandoned worker must not create it again.
     """
     write_arrays(path, arrays, folder=False)
 
 
 def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
-    """Write a table with page checksums, so that a damaged file is noticed; see ``replacing``."""
+    """Write a table with page checksums, to detect damage; see ``replacing``."""
     import pyarrow.parquet as pq
 
     with replacing(path) as neighbour:
@@ -126,13 +126,13 @@ def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
 
 
 def read_json(path: Path) -> Any:
-    """Plain values of a JSON file; an ArtifactError where it is missing, truncated, or not JSON."""
+    """Plain values of a JSON file; ArtifactError if it is missing, truncated, or not JSON."""
     with reading(path, "JSON"):
         return json.loads(path.read_bytes())
 
 
 def read_arrays(path: Path) -> "dict[str, Array]":
-    """Named arrays of an ``.npz`` file; an ArtifactError for anything else: no code runs."""
+    """Named arrays of an ``.npz`` file without objects; ArtifactError for anything else."""
     import numpy as np
 
     with reading(path, "NumPy"), np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
@@ -140,7 +140,7 @@ def read_arrays(path: Path) -> "dict[str, Array]":
 
 
 def readable(path: Path, read: Callable[[Path], Any] = read_arrays) -> bool:
-    """Whether a file, of arrays by default, is there and whole: a resumed run does not make it again."""
+    """Whether a file, of arrays by default, is complete, so that a resumed run can reuse it."""
     try:
         read(path)
     except ArtifactError:
@@ -149,9 +149,9 @@ def readable(path: Path, read: Callable[[Path], Any] = read_arrays) -> bool:
 
 
 def read_parquet(path: Path) -> Iterator["pa.Table"]:
-    """Tables of a Parquet file's row groups, one without rows where there is none.
+    """Tables of a Parquet file's row groups, or an empty one if there are none.
 
-    They are checked by their pages' checksums; an ArtifactError where the file is not whole.
+    Page checksums are verified; ArtifactError if the file is damaged.
     """
     import pyarrow.parquet as pq
 
@@ -163,7 +163,7 @@ def read_parquet(path: Path) -> Iterator["pa.Table"]:
 
 
 def parquet_rows(path: Path) -> int:
-    """Number of rows of a Parquet file, without reading them; an ArtifactError where it is not whole."""
+    """Number of rows of a Parquet file, without reading them; ArtifactError if it is damaged."""
     import pyarrow.parquet as pq
 
     with reading(path, "Parquet"):
@@ -172,19 +172,19 @@ def parquet_rows(path: Path) -> int:
 
 @contextmanager
 def reading(path: Path, kind: str, refusal: type[SideganError] = ArtifactError) -> Iterator[None]:
-    """Turn what readers answer to a missing or foreign file into our error, with the reason.
+    """Turn readers' errors on a missing or invalid file into our error, with the reason.
 
-    What is neither a file nor a folder is refused before it is read: a pipe or a device may never end.
+    Anything but files and folders is refused before it is read: a pipe or a device may never end.
     """
     try:
         if path.exists() and not (path.is_file() or path.is_dir()):
             raise refusal(f"{path} is neither a file nor a folder")
         yield
-    except SideganError:  # of what was read, told by its reader
+    except SideganError:  # raised by the reader itself
         raise
     except FileNotFoundError as error:
         raise refusal(f"there is no file {path}") from error
-    except Exception as error:  # readers answer a foreign file with anything, a KeyError for instance
+    except Exception as error:  # readers raise anything for an invalid file, such as KeyError
         if isinstance(error, OSError) and error.errno is not None:
             raise StorageError(f"cannot read {path}: {error.strerror or error}") from error
         reason = str(error).split("\n", 1)[0] or type(error).__name__
@@ -192,7 +192,7 @@ def reading(path: Path, kind: str, refusal: type[SideganError] = ArtifactError) 
 
 
 def file_digest(path: Path) -> str:
-    """Hexadecimal SHA-256 of a file; taken once as long as the file stays untouched."""
+    """Hexadecimal SHA-256 of a file, cached until the file changes."""
     status = path.stat()
     return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
 

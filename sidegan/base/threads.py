@@ -1,4 +1,4 @@
-"""How many threads work is shared among."""
+"""Number of threads."""
 
 import os
 import sys
@@ -6,16 +6,16 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 
-_count: list[int] = []  # of the blocks that we are in
+_count: list[int] = []  # stack of the enclosing blocks
 
 
 def limited() -> bool:
-    """Whether this is within a block that says how many threads there are."""
+    """Whether an enclosing block sets the number of threads."""
     return bool(_count)
 
 
 def threads() -> int:
-    """How many threads work may be shared among: as OMP_NUM_THREADS says, or one per core."""
+    """Number of threads to use: from the enclosing block, OMP_NUM_THREADS, or one per core."""
     return _count[-1] if _count else _usual()
 
 
@@ -31,7 +31,7 @@ def _usual() -> int:
 
 @contextmanager
 def on_threads(count: int) -> Iterator[None]:
-    """Within the block kernels, BLAS and, where it is loaded, torch work on so many threads."""
+    """Set the number of threads of kernels, BLAS and, if loaded, torch within the block."""
     from threadpoolctl import threadpool_limits
 
     before = None
@@ -44,13 +44,10 @@ def on_threads(count: int) -> Iterator[None]:
             yield
     finally:
         _count.pop()
-        if torch := sys.modules.get("torch"):  # perhaps loaded within the block
+        if torch := sys.modules.get("torch"):  # may have been loaded within the block
             torch.set_num_threads(before or threads())
 
 
 def one_thread() -> AbstractContextManager[None]:
-    """Within the block no sum depends on the number of cores.
-
-    What one process computes and hands to others is then what they would have computed themselves.
-    """
+    """Use one thread within the block, so that no result depends on the number of cores."""
     return on_threads(1)

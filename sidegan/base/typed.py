@@ -1,7 +1,7 @@
-"""Settings: plain values → dataclasses by pydantic, with complaints that name the setting and the value.
+"""Settings as dataclasses, validated by pydantic, with errors that name the setting and the value.
 
-The dataclasses of the rooms are the schema. A number has its bounds in its type, by the names below; a
-dataclass refuses combinations in ``__post_init__`` by raising ConfigError.
+The rooms' dataclasses are the schema. Types below have bounds; a dataclass refuses invalid combinations in
+``__post_init__`` by a ConfigError.
 """
 
 import dataclasses
@@ -21,29 +21,29 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 Place = tuple[str | int, ...]  # keys and indices that lead to a value
 
-# Beyond 1e12 a number is a mistake, and powers of it are none; below 1e-12 what must not be zero nearly is.
-# A bound refuses what is no finite number too.
+# Numbers beyond 1e12 are mistakes, and their powers overflow; those below 1e-12 are as good as zero. Bounds
+# also refuse numbers that are not finite.
 Number = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
 NonNegative = Annotated[float, Field(ge=0, le=1e12)]
 Share = Annotated[float, Field(ge=0, le=1)]
-Part = Annotated[float, Field(ge=1e-12, le=1)]  # a share that is not nothing
-Open = Annotated[float, Field(ge=1e-12, lt=1)]  # a share that leaves something
-Seconds = Annotated[float, Field(ge=1e-3, le=1e5)]  # of a motion that a person waits for
-Hertz = Annotated[float, Field(ge=1e-12, le=1e5)]  # of sampling
+Part = Annotated[float, Field(ge=1e-12, le=1)]  # in (0, 1]
+Open = Annotated[float, Field(ge=1e-12, lt=1)]  # in (0, 1)
+Seconds = Annotated[float, Field(ge=1e-3, le=1e5)]  # durations of motions
+Hertz = Annotated[float, Field(ge=1e-12, le=1e5)]  # sampling rates and bandwidths
 Natural = Annotated[int, Field(ge=0)]
-Count = Annotated[int, Field(ge=1, le=10**9)]  # how many of something, one after the other
-Size = Annotated[int, Field(ge=1, le=10**5)]  # how many at once: an axis of an array
-Width = Annotated[int, Field(ge=1, le=10**4)]  # both axes of an array: a layer of a network
+Count = Annotated[int, Field(ge=1, le=10**9)]  # number of repetitions
+Size = Annotated[int, Field(ge=1, le=10**5)]  # length of an array's axis
+Width = Annotated[int, Field(ge=1, le=10**4)]  # length of both axes, as of a network's layer
 
 
 def _written(value: object) -> object:
     return str(value).lower() if isinstance(value, int | float) else value
 
 
-Text = Annotated[str, BeforeValidator(_written)]  # may look like a number or a truth value
+Text = Annotated[str, BeforeValidator(_written)]  # may be given as a number or a boolean
 
-_UNKNOWN = "unexpected_keyword_argument"  # as pydantic calls a key that is no setting
+_UNKNOWN = "unexpected_keyword_argument"  # pydantic's error type for an unknown setting
 _SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
 _KINDS = {
     "int_type": "a whole number",
@@ -58,7 +58,7 @@ _KINDS = {
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
-    """A dataclass from nested plain values; a ConfigError has one line for every wrong or missing setting."""
+    """A dataclass from nested plain values; ConfigError with a line for each wrong or missing setting."""
     text = json.dumps(values, default=_plain)
     try:
         return TypeAdapter(kind).validate_json(text, strict=True, extra="forbid")
@@ -69,37 +69,37 @@ def build(kind: type[T], values: Mapping[str, Any]) -> T:
 
 
 def settings_of(kind: type[T], given: T | Mapping[str, Any] | None) -> T:
-    """Settings as they are given: a dataclass, or plain values of its fields; the others have defaults.
+    """Settings given as a dataclass or as plain values of its fields.
 
     Raises:
-        ConfigError: when a value is unknown or out of range; names it.
+        ConfigError: when a setting is unknown or out of range; names it.
     """
     return given if isinstance(given, kind) else build(kind, given or {})  # type: ignore[arg-type]
 
 
 def _plain(value: Any) -> Any:
-    """Arrays, dataclasses and paths as JSON has them."""
+    """Arrays, dataclasses and paths as JSON values."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return dataclasses.asdict(value)
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
 def _problems(kind: type, error: ValidationError, values: Any) -> list[str]:
-    """Complaints, a line for each setting; of alternatives that of which most is right."""
+    """A line for each wrong setting; of alternative types, only errors of the best match."""
     found: dict[Place, list[ErrorDetails]] = {}
-    for one in error.errors():
-        found.setdefault(_place(one, values), []).append(one)
-    misspelt = {place[:-1] for place, (one, *_) in found.items() if one["type"] == _UNKNOWN}
+    for detail in error.errors():
+        found.setdefault(_place(detail, values), []).append(detail)
+    misspelt = {place[:-1] for place, (detail, *_) in found.items() if detail["type"] == _UNKNOWN}
     lines = []
     for place, errors in found.items():
-        missing = errors[0]["type"] == "missing" and place[:-1] in misspelt  # it may be the misspelt one
+        missing = errors[0]["type"] == "missing" and place[:-1] in misspelt  # may be what was misspelt
         if not missing and not any(other != place and other[: len(place)] == place for other in found):
             lines.append(_line(kind, place, errors))
     return lines
 
 
 def _place(error: "ErrorDetails", values: Any) -> Place:
-    """The keys that lead to the value; pydantic names the alternatives of types in between."""
+    """Keys that lead to the value, without the names of alternative types that pydantic inserts."""
     place: list[str | int] = []
     for key in error["loc"]:
         keys = values if isinstance(values, dict) else range(len(values)) if isinstance(values, list) else ()
@@ -111,8 +111,8 @@ def _place(error: "ErrorDetails", values: Any) -> Place:
 
 def _line(kind: type, place: Place, errors: "list[ErrorDetails]") -> str:
     name = _name(place)
-    error = next((one for one in errors if one["type"] == "value_error"), errors[0])
-    if error["type"] == "value_error":  # a dataclass's own
+    error = next((detail for detail in errors if detail["type"] == "value_error"), errors[0])
+    if error["type"] == "value_error":  # raised by a dataclass
         return f"{name}: {error['ctx']['error']}".removeprefix(": ")
     if error["type"] == "missing":
         return f"{name} is missing"
@@ -129,7 +129,7 @@ def _expected(error: "ErrorDetails") -> str:
 
 
 def suggest(kind: type, place: Place) -> str:
-    """Setting that may have been meant by one that is not there: "; did you mean …?" or nothing."""
+    """Suggestion for an unknown setting, "; did you mean …?", or nothing."""
     for depth, key in enumerate(place):
         names = names_in(kind, place[:depth])
         if names and key not in names:
@@ -140,16 +140,16 @@ def suggest(kind: type, place: Place) -> str:
 
 
 def names_in(kind: Any, group: Sequence[str | int]) -> list[str]:
-    """Names of the settings of a group, by the keys that lead to it; none where it is no group."""
+    """Names of a group's settings; ``group`` are the keys that lead to it. Empty if it is not a group."""
     found: list[str] = []
-    for one in get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,):
-        settings = get_type_hints(one) if dataclasses.is_dataclass(one) else {}
+    for option in get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,):
+        settings = get_type_hints(option) if dataclasses.is_dataclass(option) else {}
         if not group:
             found += settings
         elif group[0] in settings:
             found += names_in(settings[str(group[0])], group[1:])
-        elif get_origin(one) in (dict, list):
-            found += names_in(get_args(one)[-1], group[1:])
+        elif get_origin(option) in (dict, list):
+            found += names_in(get_args(option)[-1], group[1:])
     return found
 
 
