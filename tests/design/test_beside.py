@@ -16,7 +16,7 @@ from sidegan.validity import Constraints, check
 from tests.validity.critical import BALL, BOX, HULL, drawn
 
 
-def test_the_planar_arms_kernels_are_those_of_every_arm(arm):
+def test_kernels_compiled_for_the_planar_arm_serve_every_arm(arm):
     beside._compile()
     family = Trajectory(7)
     for regions in ([], [BOX, BALL, HULL]):
@@ -33,7 +33,7 @@ def test_the_planar_arms_kernels_are_those_of_every_arm(arm):
 
 
 @pytest.mark.parametrize(("open_", "processes", "started"), [(True, 2, 1), (True, 1, 0), (False, 2, 0)])
-def test_it_is_begun_where_there_is_a_core_for_it_and_nobody_has(open_, processes, started, monkeypatch):
+def test_compilation_starts_if_a_core_is_free_and_it_is_not_done(open_, processes, started, monkeypatch):
     calls = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **_: calls.append(command))
     monkeypatch.setattr(beside, "cores", lambda _: processes)

@@ -11,7 +11,7 @@ from sidegan.validity import Constraints
 from tests.validity.critical import limited
 
 
-def test_length_is_the_mean_square_of_the_shares_of_the_limits(planar_problem, random):
+def test_squared_length_is_the_mean_square_use_of_the_limits(planar_problem, random):
     coordinates = Coordinates.of(planar_problem)
     x = random.standard_normal((4, 2, 6))
     c = coordinates.coefficients(x)
@@ -45,7 +45,7 @@ def test_each_joint_of_a_start_uses_the_reach(planar_problem, random, reach, nam
         assert (wider**2).sum() > (x**2).sum()
 
 
-def test_a_joint_may_go_as_far_as_its_limits_on_either_side_of_home(planar):
+def test_limit_use_is_relative_to_the_room_on_either_side_of_home(planar):
     high = planar.position_upper
     problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0, (0.7 * high).tolist()), 24)
     c = np.random.default_rng(0).standard_normal((20, 2, 3, 2)) * 1e-3

@@ -27,7 +27,7 @@ def test_spectrum_trace_and_diagonal_are_those_of_the_full_regressor(joints, arm
     np.testing.assert_allclose(excitation.diagonal, diagonal[:, body.base.columns])
 
 
-def test_fitnesses_are_ratios_of_extremes():
+def test_fitness_is_the_ratio_of_largest_to_smallest():
     spectrum = np.array([[2.0, 3.0, 8.0], [1e-9, 1.0, 1.0]])
     diagonal = np.array([[5.0, 1.0, 2.0], [7.0, 3.5, 7.0]])
     excitation = Excitation(spectrum, diagonal)

@@ -123,7 +123,7 @@ SEEN = {
 
 
 @pytest.mark.parametrize("name", SEEN)
-def test_every_cheat_is_seen_by_a_measure_that_the_seeds_other_half_passes(name):
+def test_every_kind_of_poor_set_is_detected_by_a_measure(name):
     x, seen = SEEN[name]
     assert {key: measure(x) for key, measure in MEASURES.items()} == GOOD | seen
 
@@ -136,7 +136,7 @@ def test_density_and_coverage_by_hand():
     assert density_and_coverage(np.array([[11.0]]), other) == (0.0, 0.0)
 
 
-def test_rows_without_a_direction():
+def test_mean_cosine_of_parallel_and_zero_rows():
     assert mean_cosine(np.array([[1.0, 0.0], [-2.0, 0.0], [0.0, 3.0]])) == pytest.approx(-1 / 3)
     assert mean_cosine(np.zeros((3, 2))) == 0.0
 
@@ -170,12 +170,12 @@ def test_effective_rank_does_not_depend_on_scale_or_basis():
     assert effective_rank(1e-7 * x @ turn - 5.0) == pytest.approx(effective_rank(x), rel=1e-6)
 
 
-def test_a_single_trajectory_has_nothing_to_differ_from():
-    one = np.zeros((1, 2, 3, 2))
-    assert diversity(one, np.ones((1, 8))) == {}
+def test_a_single_trajectory_has_no_diversity():
+    single = np.zeros((1, 2, 3, 2))
+    assert diversity(single, np.ones((1, 8))) == {}
 
 
-def test_a_sample_of_a_large_set_tells_nearly_the_same(monkeypatch):
+def test_a_sample_of_a_large_set_gives_nearly_the_same_measures(monkeypatch):
     x = np.random.default_rng(0).standard_normal((3000, 2, 3, 2))
     exact = nearest_distance(x), mean_distance(x)
     monkeypatch.setattr(fidelity, "_EXACT", 2999)

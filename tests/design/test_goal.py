@@ -136,7 +136,7 @@ def assert_defined_so(problem, goal, seed, use=1.2):
 
 
 @pytest.mark.parametrize("case", [case for case in CASES if "pieces" not in case])
-def test_value_and_gradient_are_those_of_the_definition_and_of_finite_differences(arm, case):
+def test_value_and_gradient_agree_with_definition_and_finite_differences(arm, case):
     problem = Problem(*CASES[case](arm), samples=40)
     for goal in goals(problem).values() if case == "all" else [Goal()]:
         assert assert_defined_so(problem, goal, seed=2) > 0  # something is violated
@@ -150,7 +150,7 @@ def test_an_arm_of_two_joints_and_few_parameters(planar):
 
 
 @pytest.mark.parametrize("chain", [(3, 0), (4, 2)], ids=["five parameters", "many parameters"])
-def test_sliding_joints_are_no_exception(chain):
+def test_prismatic_joints(chain):
     """Nor is an arm with no more parameters than the condition number looks at eigenvalues."""
     arm, regions = random_chain(*chain)[0], (Plane((0, 0, 1), -0.3), Box((0.2, -0.4, -0.5), (0.6, 0.1, 0.4)))
     assert arm.prismatic.any() and not arm.prismatic.all()

@@ -27,7 +27,7 @@ def test_information_has_the_spectrum_of_the_full_regressor(joints, equal, arm):
     assert (np.abs(found - expected) <= 1e-9 * expected + 1e-12 * expected[:, -1:]).all()
 
 
-def test_the_condition_number_is_numpys_and_infinite_where_a_direction_is_not_excited():
+def test_the_condition_number_is_numpys_or_infinite_if_unexcited():
     for matrix in semidefinite(0, 5):
         assert condition_of(matrix) == pytest.approx(float(np.linalg.cond(matrix)), rel=1e-6)
     for matrix in (np.ones((3, 3)), np.zeros((3, 3))):

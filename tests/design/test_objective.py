@@ -60,7 +60,7 @@ def assert_same(problem, c):
 
 
 @pytest.mark.parametrize("samples", [511, 512, 700])
-def test_long_trajectories_are_taken_in_blocks_of_samples(planar, samples):
+def test_long_trajectories_are_evaluated_in_blocks_of_samples(planar, samples):
     problem = Problem(Constraints(planar, []), Trajectory(2, 40, 96.0), samples)
     assert_same(problem, candidates(problem, 8))
 
@@ -76,7 +76,9 @@ def test_long_trajectories_are_taken_in_blocks_of_samples(planar, samples):
     names=st.sets(st.sampled_from(["acceleration", "jerk"])),
     strongest=st.sampled_from([None, 1, 5, 99]),
 )
-def test_both_agree_on_random_arms(joints, seed, regions, samples, limit, torque, names, strongest):
+def test_compiled_evaluation_agrees_on_random_arms(
+    joints, seed, regions, samples, limit, torque, names, strongest
+):
     limits = np.full(joints, limit)
     limits[::2] = 150.0
     arm = limited(replace(random_chain(joints, seed)[0], torque_limit=limits), sorted(names), share=0.2)
@@ -87,13 +89,13 @@ def test_both_agree_on_random_arms(joints, seed, regions, samples, limit, torque
     assert_same(problem, candidates(problem, 4, seed))
 
 
-def test_an_arm_that_does_not_move_has_a_hopeless_fitness(lwr_problem):
+def test_an_arm_at_rest_has_a_hopeless_fitness(lwr_problem):
     evaluation, still = evaluator(lwr_problem, DISTANCE), np.zeros((1, *lwr_problem.trajectory.shape))
     np.testing.assert_allclose(evaluation(still), by_definition(lwr_problem, still), atol=1e-9)
     assert evaluation(still)[0, 0] == pytest.approx(np.log(HOPELESS))
 
 
-def test_rest_that_feels_no_torque_is_the_worst_there_is(planar):
+def test_rest_without_gravity_has_infinite_cost(planar):
     """Without gravity: all eigenvalues of its Gram matrix are equal, which is not the best ratio of them."""
     arm = replace(planar, gravity=0 * planar.gravity)
     problem, gradient = Problem(Constraints(arm), Trajectory(2, 3, 8.0)), np.ones((2, 6))

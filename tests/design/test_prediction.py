@@ -38,7 +38,7 @@ def equal(problem, level=0.1):
     return TorqueNoise.proportional(level, np.ones(problem.body.joints))
 
 
-def test_errors_under_the_papers_noise_are_those_of_identification(problem):
+def test_errors_with_the_papers_noise_are_those_of_identification(problem):
     c, tests = random_motions(problem, 9, seed=1), random_motions(problem, 3, 0.8, seed=2)
     settings = study_settings(noise=PAPER, rate=20.0)
     family = problem.trajectory
@@ -49,18 +49,18 @@ def test_errors_under_the_papers_noise_are_those_of_identification(problem):
     np.testing.assert_allclose(predicting_ours.nmse(*sums)[0], expected, rtol=1e-7, atol=0)
 
 
-def test_errors_under_constant_noise_fall_with_the_number_of_measurements_and_by_the_share(problem):
+def test_errors_with_constant_noise_scale_with_noise_and_measurements(problem):
     c, tests = random_motions(problem, 12, seed=1), random_motions(problem, 3, 0.8, seed=2)
-    one, coarse = (TorqueNoise.constant(problem.body, share) for share in (0.01, 0.02))
-    information, noise = predicting(problem, tests, one).informations(c)
+    fine, coarse = (TorqueNoise.constant(problem.body, share) for share in (0.01, 0.02))
+    information, noise = predicting(problem, tests, fine).informations(c)
     np.testing.assert_allclose(information, noise)  # weighted by one over the deviation
-    errors = [predicting(problem, tests, x).of_draws(c, 12, 1) for x in (one, coarse)]
+    errors = [predicting(problem, tests, x).of_draws(c, 12, 1) for x in (fine, coarse)]
     np.testing.assert_allclose(errors[1], 4 * errors[0], rtol=1e-4, atol=0)
-    twice = predicting(problem, tests, one).of_draws(np.tile(c, (2, 1, 1, 1)), 24, 1)
+    twice = predicting(problem, tests, fine).of_draws(np.tile(c, (2, 1, 1, 1)), 24, 1)
     np.testing.assert_allclose(twice, errors[0] / 2, rtol=1e-4, atol=0)
 
 
-def test_few_samples_stand_for_many(lwr_problem):
+def test_few_samples_predict_the_error_of_many(lwr_problem):
     c, tests = random_motions(lwr_problem, 35, seed=1), random_motions(lwr_problem, 3, 0.8, seed=2)
     for noise in (equal(lwr_problem), TorqueNoise.constant(lwr_problem.body, 0.01)):
         fine = predicting(lwr_problem, tests, noise, 100.0)
@@ -69,7 +69,7 @@ def test_few_samples_stand_for_many(lwr_problem):
         np.testing.assert_allclose(coarse.of_draws(c, 35, 1), fine.of_draws(c, 35, 1), rtol=0.02, atol=0)
 
 
-def test_what_nothing_excites_is_not_known(planar_problem):
+def test_without_excitation_the_error_is_that_of_the_prior(planar_problem):
     """A set that rests has the error of no estimate at all, with the prior alone; copies of it as well."""
     tests = random_motions(planar_problem, 3, 0.8, seed=2)
     ours = predicting(planar_problem, tests, equal(planar_problem))
@@ -93,19 +93,19 @@ def test_the_slope_of_the_error_agrees_with_finite_differences(problem, constant
     size = len(mean)
     np.testing.assert_allclose(directions.T @ mean @ directions, np.eye(size), rtol=0, atol=1e-6)
 
-    def error(step, one):
-        nmse = ours.nmse((mean + step * one)[None], mean_noise[None])[0]
+    def error(step, own):
+        nmse = ours.nmse((mean + step * own)[None], mean_noise[None])[0]
         return float(np.log(nmse).mean() + np.log(nmse.mean())) / 2
 
     parts = np.einsum("pk,bpq,qk->bk", directions, information[:4], directions) @ shares
-    for one, part in zip(information, parts):
-        slope = (error(1e-5, one) - error(-1e-5, one)) / 2e-5
+    for own, part in zip(information, parts):
+        slope = (error(1e-5, own) - error(-1e-5, own)) / 2e-5
         assert slope == pytest.approx(-2 * float(part), rel=0.02 if not constant else 1e-4)
     assert float(shares.sum()) == pytest.approx(1, rel=0.02 if not constant else 1e-6)
     assert (np.diff(shares) <= 0).all()
 
 
-def test_an_arm_without_limits_has_noise_of_a_share_of_its_largest_torques(arm):
+def test_without_torque_limits_noise_scales_with_the_largest_torques(arm):
     free = replace(arm, torque_limit=np.full_like(arm.torque_limit, np.inf))
     deviation = TorqueNoise.constant(RigidBody(free), 0.01).deviation
     assert (deviation > 0).all() and deviation.min() >= 0.02 * deviation.max() * (1 - 1e-12)
@@ -113,7 +113,7 @@ def test_an_arm_without_limits_has_noise_of_a_share_of_its_largest_torques(arm):
     np.testing.assert_allclose(stated, 0.01 * arm.torque_limit)
 
 
-def test_sets_are_drawn_without_replacement_and_a_small_pool_has_none(planar_problem):
+def test_sets_are_drawn_without_replacement(planar_problem):
     c = random_motions(planar_problem, 6, seed=1)
     ours = predicting(planar_problem, c[:3], equal(planar_problem))
     whole = ours.of_draws(c, 6, 3)

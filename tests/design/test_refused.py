@@ -49,13 +49,13 @@ NUMBERS = [
 
 
 @pytest.mark.parametrize(("work", "words"), NUMBERS)
-def test_numbers_that_cannot_be_are_refused(work, words):
+def test_invalid_arrays_and_counts_are_refused(work, words):
     with pytest.raises(ShapeError, match=words):
         work()
 
 
 @pytest.mark.parametrize("measure", [excite, information_of])
-def test_coefficients_that_cannot_be_are_refused(planar, measure):
+def test_invalid_coefficients_are_refused(planar, measure):
     body, (trajectory, c) = RigidBody(planar), trajectories(2)
     for wrong, words in ((c[0], "coefficients are"), (spoilt(c.shape, 3, NAN), "trajectory 3")):
         with pytest.raises(ShapeError, match=words):
@@ -65,18 +65,18 @@ def test_coefficients_that_cannot_be_are_refused(planar, measure):
 
 
 @pytest.mark.parametrize("noise", [[1.0], [1.0, 0.0], [1.0, NAN], [1.0] * 3])
-def test_noise_that_cannot_be_is_refused(planar_problem, random, noise):
+def test_invalid_noise_is_refused(planar_problem, random, noise):
     c = planar_problem.start(2, random)
     with pytest.raises(ShapeError, match="expected 2 positive deviations"):
         information_of(planar_problem.body, planar_problem.trajectory, c, noise=noise)
 
 
-def test_a_score_without_noise_is_refused_one():
+def test_noise_is_refused_for_a_score_without_noise():
     with pytest.raises(ConfigError, match="greedy score ignores noise"):
         Selection(noise=[3.0, 0.5])
 
 
-def test_samples_that_cannot_be_are_refused(planar_problem):
+def test_too_few_samples_are_refused(planar_problem):
     for harmonics in (1, 2, 6, 9):
         problem = partial(replace, planar_problem, trajectory=Trajectory(2, harmonics))
         assert problem(samples=2 * harmonics + 1).samples

@@ -95,26 +95,26 @@ def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
 
 @pytest.mark.parametrize("evaluations", [1, 7])
 @pytest.mark.parametrize("case", ["desk", "bodies", "pieces", "pieces apart"])
-def test_the_shortest_search_is_proven(problem_of, case, evaluations):
+def test_the_shortest_search_returns_a_valid_trajectory(problem_of, case, evaluations):
     assert_valid(problem_of(case), searched(problem_of(case), evaluations=evaluations).coefficients)
 
 
-def test_an_arm_of_two_joints_keeps_everything(planar):
+def test_the_planar_arm_keeps_every_constraint(planar):
     arm = limited(planar, ["acceleration", "jerk"], 0.2)
     regions = Sphere((1.4, 0.0, 1.1), 0.2), Box((1.2, -1, 0.9), (1.6, 1, 1.2)), Plane((0, 0, 1), 0.1)
     problem = Problem(Constraints(slow(arm), regions, clearance=0.01), Trajectory(2, 3, 8.0))
     assert_valid(problem, searched(problem, evaluations=10).coefficients)
 
 
-def test_more_starts_are_never_worse_and_an_answer_is_the_same_again(problem_of):
+def test_more_starts_are_never_worse_and_results_repeat(problem_of):
     problem = problem_of("desk")
-    one, other, again = (searched(problem, evaluations=n) for n in (60, 180, 180))
-    assert other.value <= one.value
+    short, other, again = (searched(problem, evaluations=n) for n in (60, 180, 180))
+    assert other.value <= short.value
     assert np.array_equal(other.coefficients, again.coefficients)
     assert problem.fitness(other.coefficients[None])[0] < 400
 
 
-def test_a_deadline_is_kept_and_what_is_proven_by_then_comes_back(problem_of):
+def test_a_deadline_is_kept_and_the_best_so_far_returned(problem_of):
     problem, reads = problem_of("box"), count()
 
     def clock():
@@ -131,7 +131,7 @@ def test_a_deadline_is_kept_and_what_is_proven_by_then_comes_back(problem_of):
 
 @pytest.mark.parametrize("gap", [0.0005, 0.003])
 @pytest.mark.parametrize("evaluations", [6, 12])
-def test_a_home_with_hardly_any_room_is_answered(planar, gap, evaluations):
+def test_a_home_close_to_a_wall_still_gets_a_trajectory(planar, gap, evaluations):
     """A wall so close to home that any motion is in the reserve that is kept elsewhere."""
     home, wall = (0.3, 0.4), Plane((1.0, 0.0, 0.0), -5.0)
     rest = np.array([home])
@@ -149,7 +149,7 @@ def test_a_home_that_is_not_feasible_is_refused(arm):
         searched(Problem(Constraints(arm), Trajectory(7, home=home)))
 
 
-def test_what_violates_a_constraint_however_small_is_reported(planar, monkeypatch):
+def test_a_constraint_that_no_motion_keeps_is_reported(planar, monkeypatch):
     problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0))
     still = replace(planar, velocity_limit=0 * planar.velocity_limit)
     monkeypatch.setattr(
@@ -162,7 +162,7 @@ def test_what_violates_a_constraint_however_small_is_reported(planar, monkeypatc
         searched(problem)
 
 
-def test_each_goal_is_served_best_by_what_was_searched_for_it(problem_of, random):
+def test_each_goal_is_met_best_by_its_own_search(problem_of, random):
     problem = problem_of("desk")
     prior, targets = 100 * problem.gram(problem.start(1, random))[0], np.eye(43)
     goals = {
@@ -177,11 +177,11 @@ def test_each_goal_is_served_best_by_what_was_searched_for_it(problem_of, random
         assert min(values, key=values.__getitem__) == name, values
 
 
-def test_a_set_is_designed_one_after_another_for_the_whole(problem_of):
+def test_a_set_is_designed_greedily(problem_of):
     problem = problem_of("desk")
     c = design_set(problem, ConditionGoal(problem), 3, SETTINGS, seed=0)
-    for one in c:
-        assert_valid(problem, one)
+    for trajectory in c:
+        assert_valid(problem, trajectory)
     assert np.array_equal(c[0], search(problem, Goal(), SETTINGS, 0).coefficients)
     grams = problem.gram(c)
     subspace = problem.body.base.subspace

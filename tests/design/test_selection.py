@@ -50,7 +50,7 @@ def in_words(diagonals, count):
         ([[0, 0, 0]] * 4, [0, 1, 2, 3]),
     ],
 )
-def test_by_hand(rows, expected):
+def test_greedy_picks_worked_out_by_hand(rows, expected):
     assert greedy(np.array(rows, dtype=float), len(expected)).tolist() == expected
 
 
@@ -63,7 +63,7 @@ real = st.builds(lambda x, size: np.random.default_rng(x).lognormal(size=size), 
 
 @settings(max_examples=60)
 @given(whole | real, st.data())
-def test_the_rule_of_the_paper(rows, data):
+def test_greedy_follows_the_papers_rule(rows, data):
     count = data.draw(st.integers(1, len(rows)))
     rows = np.array(rows, dtype=float)
     assert greedy(rows, count).tolist() == in_words(rows, count)
@@ -91,15 +91,15 @@ def reached(kind, matrices, chosen):
 def assert_greedy(kind, matrices, order):
     """Every choice is the best that is left, up to rounding."""
     assert len({*order}) == len(order)
-    for k, one in enumerate(order):
+    for k, chosen in enumerate(order):
         left = [i for i in range(len(matrices)) if i not in order[:k]]
         values = {i: reached(kind, matrices, [*order[:k], i]) for i in left}
-        assert values[one] >= max(values.values()) - 1e-7
+        assert values[chosen] >= max(values.values()) - 1e-7
 
 
 @settings(deadline=None, max_examples=40)
 @given(seeds, kinds, st.integers(3, 6), st.integers(4, 40) | st.just(1500), st.data())
-def test_every_choice_is_the_best_that_is_left(seed, kind, rank, number, data):
+def test_every_choice_is_the_best_remaining(seed, kind, rank, number, data):
     matrices = candidates(seed, number, rank=rank)
     count = data.draw(st.integers(1, min(number, 10) if number < 1000 else 2))
     order = PICKS[kind](matrices, count).tolist()
@@ -109,7 +109,7 @@ def test_every_choice_is_the_best_that_is_left(seed, kind, rank, number, data):
 
 @settings(deadline=None, max_examples=15)
 @given(seeds, st.sampled_from([2.0**-30, 0.3, 2.0**40]))
-def test_the_size_of_the_noise_does_not_matter_nor_the_basis_to_the_determinant(seed, scale):
+def test_noise_scale_and_basis_do_not_change_optimal_designs(seed, scale):
     matrices = candidates(seed, 40)
     turn = np.random.default_rng(seed).standard_normal((4, 4))
     turn = turn + 3 * np.eye(4)  # not orthogonal: units and mixtures of parameters
@@ -120,7 +120,7 @@ def test_the_size_of_the_noise_does_not_matter_nor_the_basis_to_the_determinant(
 
 
 @pytest.mark.parametrize("pick", PICKS.values())
-def test_the_first_of_equals_wins(pick):
+def test_ties_go_to_the_first(pick):
     assert pick(np.tile(np.eye(4), (150, 1, 1)), 7).tolist() == list(range(7))
     order = pick(np.tile(candidates(6, 20), (2, 1, 1)), 10).tolist()
     assert all(i < 20 or i - 20 in order[: order.index(i)] for i in order)
