@@ -37,12 +37,12 @@ def command(tmp_path, monkeypatch):
     """The command within this process, in a folder of its own: arguments → exit code."""
     monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
     monkeypatch.chdir(tmp_path)
-    handling = {one: signal.getsignal(one) for one in (signal.SIGTERM, signal.SIGINT)}
+    handling = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
 
     def call(*arguments, tracking="off"):
-        chosen = [] if any("experiment=" in one for one in arguments) else ["+experiment=exp1"]
-        flags = [one for one in arguments if one.startswith("-")]
-        settings = [one for one in arguments if not one.startswith("-")]
+        chosen = [] if any("experiment=" in word for word in arguments) else ["+experiment=exp1"]
+        flags = [word for word in arguments if word.startswith("-")]
+        settings = [word for word in arguments if not word.startswith("-")]
         monkeypatch.setattr(sys, "argv", ["sidegan", *flags, *chosen, *settings, f"tracking={tracking}"])
         try:
             return main()
@@ -50,8 +50,8 @@ def command(tmp_path, monkeypatch):
             return leave.code
 
     yield call
-    for one, handler in handling.items():
-        signal.signal(one, handler)
+    for number, handler in handling.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")

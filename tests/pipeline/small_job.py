@@ -33,8 +33,8 @@ def run(root, method=METHOD, workers=1):
     return Store(Path(root)).produce(artifact)
 
 
-def same(one, other):
+def same(first, other):
     """Whether two artifacts hold the same to the last bit."""
-    left, right = read_arrays(one / "seeds.npz"), read_arrays(other / "seeds.npz")
-    reports = [json.loads((folder / "report.json").read_text()) for folder in (one, other)]
+    left, right = read_arrays(first / "seeds.npz"), read_arrays(other / "seeds.npz")
+    reports = [json.loads((folder / "report.json").read_text()) for folder in (first, other)]
     return all(np.array_equal(left[key], right[key]) for key in right) and reports[0] == reports[1]

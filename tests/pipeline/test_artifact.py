@@ -26,14 +26,14 @@ CHANGES += [{"settings": {"epochs": 51, "weights": {"fitness": 0.1}}}]
 
 
 @pytest.mark.parametrize("change", CHANGES)
-def test_whatever_an_artifact_depends_on_changes_its_digest(change):
+def test_every_dependency_changes_the_digest(change):
     assert dataclasses.replace(EIGEN, **change).digest != EIGEN.digest
 
 
-def test_a_raised_version_changes_the_maker_and_all_that_follows(monkeypatch):
+def test_a_raised_version_changes_its_maker_and_dependents(monkeypatch):
     def digests():
         seeds, random = artifact({}, "seeds"), artifact({}, "random")
-        return [one.digest for one in (seeds, random, artifact(SETTINGS, inputs={"seeds": seeds}))]
+        return [made.digest for made in (seeds, random, artifact(SETTINGS, inputs={"seeds": seeds}))]
 
     before, raised = digests(), versions() | {"seeds": versions()["seeds"] + 1}
     monkeypatch.setattr("sidegan.pipeline.artifact.versions", lambda: raised)
@@ -50,7 +50,7 @@ def test_every_maker_is_in_a_stage_that_can_be_run():
     assert {stage_of(maker) for maker in versions()} <= STAGES.keys()
 
 
-def test_the_digest_does_not_depend_on_the_order_of_settings_nor_on_names_for_people():
+def test_the_digest_ignores_order_and_titles():
     turned = dict(reversed(SETTINGS.items()))
     assert dataclasses.replace(EIGEN, settings=turned, title="other", alone=True).digest == EIGEN.digest
 
@@ -62,17 +62,17 @@ def test_a_difference_names_the_key_and_both_values():
 
 
 @given(st.text(), st.text(max_size=400))
-def test_no_name_leads_out_of_the_outputs(maker, label):
-    one = dataclasses.replace(artifact({}, label=label), maker=f"gan{maker}")
+def test_no_label_escapes_the_outputs_folder(maker, label):
+    renamed = dataclasses.replace(artifact({}, label=label), maker=f"gan{maker}")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sidegan.pipeline.artifact.version", lambda name: 1)
-        path = Path("/outputs", one.folder)
+        path = Path("/outputs", renamed.folder)
     assert path.parent.parent == Path("/outputs") and ".." not in path.parts and "\0" not in str(path)
     name = folder_name(label)
     assert 0 < len(name.encode()) <= 100 and not name.startswith(".") and folder_name(name) == name
 
 
-def test_folder_names_stay_readable_and_long_ones_apart():
+def test_folder_names_are_readable_and_distinct():
     assert folder_name("gan=eigen,seed=1") == "gan=eigen,seed=1"
     assert folder_name("robot.name=/home/me/arm.urdf") == "robot.name=_home_me_arm.urdf"
     assert folder_name("x" * 200 + "a") != folder_name("x" * 200 + "b")

@@ -53,7 +53,7 @@ def found_for(context):
     return search(context.cell.problem, ConditionGoal(context.cell.problem).next(), context.cfg.search)
 
 
-def test_links_with_a_constant_gap_keep_a_part_of_it_and_the_set_moves(excited):
+def test_links_with_a_constant_gap_keep_part_of_it(excited):
     context = excited(GAP)
     constraints = context.cell.constraints
     assert constraints.tight == {("base", "link1"): 0.006} and constraints.apart == 0.02
@@ -62,7 +62,7 @@ def test_links_with_a_constant_gap_keep_a_part_of_it_and_the_set_moves(excited):
     assert found.share == 1 and np.median(context.cell.problem.limit_use(found.coefficients[None])) > 0.7
 
 
-def test_a_home_that_is_looked_for_has_room_beside_what_is_kept(excited):
+def test_an_automatic_home_has_room_beyond_the_clearance(excited):
     beside = arm_of(base=rod('xyz="0 0 0.02"') + ball(0.05, "0.112 0 1.15"))  # 22 mm from link 3 at zeros
     cell = excited(beside).cell
     assert any(cell.home) and not any(excited(beside, "workspace.clearance=0.02").cell.home)
@@ -70,7 +70,7 @@ def test_a_home_that_is_looked_for_has_room_beside_what_is_kept(excited):
     assert cell.constraints.distances_at(q)["base", "link3"] >= 0.03 and not cell.constraints.tight
 
 
-def test_many_harmonics_have_as_many_samples(excited):
+def test_samples_grow_with_the_harmonics(excited):
     assert excited(GAP, "trajectory.harmonics=40").cell.problem.samples == 81
 
 
@@ -88,11 +88,11 @@ def test_many_harmonics_have_as_many_samples(excited):
         (("position", "joint3"), "'robot.limits.position={joint3: …}'"),
     ],
 )
-def test_each_constraint_has_a_remedy(excited, where, said):
+def test_every_constraint_has_a_suggested_setting(excited, where, said):
     assert said in remedy(excited(GAP).cell.constraints, where)
 
 
-def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
+def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
     context = excited(GAP, "robot.limits.velocity={joint0: 0.2, joint1: 0.2, joint2: 0.2, joint3: 0.2}")
     c = found_for(context).coefficients[None]
     said = describe_weak_set(context.cell, ConditionGoal(context.cell.problem), 0.05 * c, 1e7)
@@ -114,9 +114,7 @@ def test_what_stands_in_the_way_of_a_set_is_named_with_what_helps(excited):
     ],
     ids=["touching", "weak", "sticky", "alike"],
 )
-def test_what_is_wrong_with_a_description_is_reported_before_anything_is_designed(
-    excited, caplog, text, said
-):
+def test_description_problems_are_reported_before_the_design(excited, caplog, text, said):
     excited(text).log_decisions()
     assert re.search(said, caplog.text)
     caplog.clear()
@@ -124,7 +122,7 @@ def test_what_is_wrong_with_a_description_is_reported_before_anything_is_designe
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
-def test_placeholders_are_no_links_to_start_from(excited):
+def test_placeholder_masses_are_replaced(excited):
     arm = excited(ALIKE).cell.whole_arm
     start = possible_links(arm)
     assert placeholder_links(arm) and not inconsistent_links(arm, start)
@@ -132,7 +130,7 @@ def test_placeholders_are_no_links_to_start_from(excited):
     assert placeholder_links(excited(arm_of()).cell.whole_arm) == []
 
 
-def test_leftovers_of_a_search_are_searched_again_and_left_out(excited, monkeypatch, caplog):
+def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeypatch, caplog):
     context, calls = excited(GAP, "search.evaluations=60"), []
 
     def spoiled(bad, problem, goal, settings, seed):
@@ -186,7 +184,7 @@ def postures(*names, value=0.3):
         (["home"], 2.8, None),  # at the end of the joint's range
     ],
 )
-def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names, value, home):
+def test_home_is_read_from_an_srdf(excited, caplog, names, value, home):
     context = excited(arm_of(), arm_srdf=postures(*names, value=value))
     assert context.cell.home == (home or (0,) * len(HOME))
     with caplog.at_level(logging.INFO):
@@ -195,7 +193,7 @@ def test_home_is_where_an_srdf_has_the_arm_rest_if_it_can(excited, caplog, names
     assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
 
 
-def test_home_is_the_keyframe_of_an_mjcf(tmp_path):
+def test_home_is_read_from_an_mjcf_keyframe(tmp_path):
     bodies, ends = "", ""
     for k, axis in enumerate(("0 0 1", "0 1 0", "0 1 0", "0 0 1")):
         bodies += (

@@ -66,7 +66,7 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
         *((override, set) for override in EVERYTHING),
     ],
 )
-def test_a_setting_changes_what_depends_on_it_and_nothing_else(stamps, override, expected):
+def test_a_setting_changes_the_stamps_of_its_dependents_only(stamps, override, expected):
     before, after = stamps(), stamps(override)
     changed = {key for key in before if before[key] != after.get(key)}
     assert changed == (expected(before.keys()) if callable(expected) else expected)
@@ -76,38 +76,38 @@ IRRELEVANT = ["parallel.workers=2", "tracking=local", "outputs=elsewhere"]
 IRRELEVANT += ["robot.gains=[1,1]", "workspace.clearance=0", "condition.name=other"]
 
 
-def test_what_changes_no_result_changes_no_stamp(stamps):
+def test_irrelevant_settings_change_no_stamp(stamps):
     assert stamps(*IRRELEVANT) == stamps()
 
 
-def test_every_artifact_has_a_stamp_of_its_own_and_variants_and_trainings_keep_the_others(stamps):
+def test_stamps_are_unique_and_shared_across_variants_and_trainings(stamps):
     made, eigen, three = stamps(), stamps("gan=eigen"), stamps("trainings=[0,1,2]")
     assert len(set(made.values())) == len(made)
     assert {*eigen.values()} <= {*made.values()} <= {*three.values()}
     assert len({three[f"gan/eigen-{k}"] for k in range(3)}) == 3
 
 
-def test_readings_share_what_they_measure_alike(context):
+def test_readings_share_measurements(context):
     """The seeds' measurements are as noisy in the reading of seeds as where all are."""
-    one, names = context(experiment="exp2"), ("all", "seeds", "torques", "seeds_states")
-    digests = ([sums(one, pool, name).digest for pool in whole_sets(one)] for name in names)
+    made, names = context(experiment="exp2"), ("all", "seeds", "torques", "seeds_states")
+    digests = ([sums(made, pool, name).digest for pool in whole_sets(made)] for name in names)
     both, seeds, torques, states = digests
     assert both[0] == seeds[0] == states[0] and both[1] != seeds[1]
     assert not {*torques} & {*both} and states[1:] == torques[1:]
-    assert len({replication(one, name).digest for name in names}) == 4
+    assert len({replication(made, name).digest for name in names}) == 4
 
 
-def test_random_numbers_differ_by_purpose_and_seed(context):
-    one, same, other = (context(f"seed={seed}") for seed in (0, 0, 1))
-    assert one.number("gan eigen") == same.number("gan eigen") != other.number("gan eigen")
+def test_random_seeds_differ_by_purpose_and_seed(context):
+    first, same, other = (context(f"seed={seed}") for seed in (0, 0, 1))
+    assert first.number("gan eigen") == same.number("gan eigen") != other.number("gan eigen")
     purposes = ["seeds", "gan eigen", "gan diagonal", "tests", "labels 0", "labels 1"]
-    assert len({one.number(purpose) for purpose in purposes}) == len(purposes)
+    assert len({first.number(purpose) for purpose in purposes}) == len(purposes)
 
 
 PART = "robot.limits.position={shoulder: [0.5, 1.5]}"
 
 
-def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(context):
+def test_home_is_given_or_chosen(context):
     given = context("trajectory.home=[0.1, 0.2]")
     assert given.cell.trajectory.shape == (2, 3, 2) and given.cell.trajectory.home == (0.1, 0.2)
     long = long_family(given, 12)
@@ -118,11 +118,11 @@ def test_trajectories_rest_at_the_home_that_is_given_or_where_the_arm_can(contex
     assert seed_set(found).digest == seed_set(same).digest != seed_set(context()).digest
 
 
-def test_a_clearance_is_part_of_the_stamp_where_there_is_one(context):
+def test_a_clearance_is_part_of_the_stamp(context):
     none, some, more = (context(f"workspace.clearance={x}") for x in (0, 0.02, 0.03))
-    stamps = [one.cfg.workspace.stamped(one.cell.arm) for one in (none, some)]
+    stamps = [made.cfg.workspace.stamped(made.cell.arm) for made in (none, some)]
     assert "clearance" not in stamps[0] and stamps[1]["clearance"] == 0.02
-    assert len({seed_set(one).digest for one in (none, some, more)}) == 3
+    assert len({seed_set(made).digest for made in (none, some, more)}) == 3
     assert (
         some.cell.constraints.clearance == 0.02 and "0.02 m kept clear" in some.cell.constraints.described()
     )
@@ -131,7 +131,7 @@ def test_a_clearance_is_part_of_the_stamp_where_there_is_one(context):
 
 
 @pytest.mark.parametrize(("room", "kept"), [(0.031, 0.02), (0.016, 0.01), (0.012, 0.005), (0.001, 0.0)])
-def test_what_leaves_home_room_to_move_is_kept_where_nobody_says_how_much(context, caplog, room, kept):
+def test_the_default_clearance_leaves_home_room_to_move(context, caplog, room, kept):
     ball = f"workspace.regions=[{{sphere: {{centre: [{0.15 + room}, 0, 0.85], radius: 0.1}}}}]"
     rest = ["clearance=null", "trajectory.home=[0.0, 0.0]", ball]
     made = context(*rest)

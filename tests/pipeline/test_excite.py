@@ -54,7 +54,7 @@ def percent(cell):
     return float(cell.split("%")[0])
 
 
-def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
+def test_every_trajectory_is_valid_and_written_exactly(folder):
     arm = with_effort(load_robot("planar2"), 0.8)
     chosen = Library.load(folder / "library.parquet", arm)
     family = Trajectory(2, 3, 8.0)
@@ -67,7 +67,7 @@ def test_every_trajectory_is_valid_and_is_written_as_it_is(folder):
     np.testing.assert_allclose(whole[whole.time % 9 >= 8][STATES], 0, atol=1e-7)
 
 
-def test_the_least_demanding_comes_first_and_has_a_goal_for_ros(folder):
+def test_the_least_demanding_comes_first_with_a_ros_goal(folder):
     table = pd.read_csv(folder / "set.csv")
     assert list(table.trajectory) == [1, 2, 3, 4, 5, 6] and table["energy [J]"].is_monotonic_increasing
     assert (table["peak velocity"].map(percent) <= 100).all() and (table["clearance [m]"] >= 0.02).all()
@@ -83,9 +83,9 @@ def test_a_first_run_is_slower(ran, folder):
     assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
     said = (slow_folder / "set.md").read_text()
     assert said.startswith("6 trajectories of 16 s,") and "50% of the speed" in said
-    fast, table = (pd.read_csv(one / "set.csv") for one in (folder, slow_folder))
+    fast, table = (pd.read_csv(source / "set.csv") for source in (folder, slow_folder))
     for column, factor in (("peak acceleration", 4), ("peak jerk", 8)):
-        once_and_slow = [one[column].str.split().str[0].astype(float) for one in (fast, table)]
+        once_and_slow = [source[column].str.split().str[0].astype(float) for source in (fast, table)]
         assert (factor * once_and_slow[1]).to_list() == pytest.approx(once_and_slow[0].to_list(), rel=0.01)
     arm = load_robot("planar2")
     for k, row in table.iterrows():
@@ -98,7 +98,7 @@ def test_a_first_run_is_slower(ran, folder):
         assert row["energy [J]"] == pytest.approx(work, rel=0.01)
 
 
-def test_an_arm_that_motion_helps_to_hold_is_not_slowed_down(ran, tmp_path, monkeypatch):
+def test_a_slow_run_is_checked_at_its_own_speed(ran, tmp_path, monkeypatch):
     """Where holding takes more torque than there is, at the planned speed the arm may still get through."""
     refused = []
 
@@ -129,7 +129,7 @@ SPARE = "robot.limits.effort={shoulder: 18}"  # N·m, of 16.3 that gravity asks 
 
 
 @pytest.mark.parametrize(("option", "effort"), [("seed=0", 0.8), (SPARE, 1.0), ("robot.effort=0.4", 0.4)])
-def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(ran, context, caplog, option, effort):
+def test_default_effort_leaves_a_fifth_of_the_limits_if_possible(ran, context, caplog, option, effort):
     made = context(option, experiment="excite")
     whole, used = made.cell.whole_arm, made.cell.arm
     assert made.cell.effort == effort and context().cell.effort == 1.0  # as the paper has it
@@ -146,7 +146,7 @@ def test_a_first_run_leaves_a_fifth_of_the_limits_to_an_arm_that_has_it(ran, con
         assert (speed <= used.velocity_limit + 1e-6).all()
 
 
-def test_accelerations_and_jerks_keep_their_limits_and_their_peaks_are_reported(ran, caplog):
+def test_acceleration_and_jerk_limits_are_kept_and_peaks_reported(ran, caplog):
     limits = "robot.limits.acceleration={shoulder: 2.0, elbow: 3.0}", "robot.limits.jerk={elbow: 9}"
     with caplog.at_level("INFO"):
         folder = ran(*limits)
@@ -170,7 +170,7 @@ def sections(folder):
     return re.findall(r'<p class="small">(.*?)</p>\s*<pre>(.*?)</pre>', text, re.DOTALL)
 
 
-def test_the_page_says_what_to_send_in_order_the_slow_set_first(ran, folder):
+def test_the_page_lists_the_commands_to_send_slow_set_first(ran, folder):
     fast = ran(START, "goal.count=2")
     (slowly, command), (then, send), _ = sections(fast)
     assert slowly.startswith("First slowly") and "speed=0.25" in command and "start=[0.4,-0.3]" in command
@@ -188,7 +188,7 @@ def test_the_page_says_what_to_send_in_order_the_slow_set_first(ran, folder):
     assert then.startswith("This set, at 25% of the planned speed")
 
 
-def test_a_run_replaces_what_another_one_left_and_nothing_else(ran):
+def test_a_run_replaces_files_of_an_earlier_run_only(ran):
     first = ran(START, "goal.count=10", "controllers.rehearse=true", "controllers.formats=[csv,ros2]")
     assert {"01.yaml", "approach.yaml"} < {path.name for path in (first / "trajectories").iterdir()}
     (first / "trajectories" / "log.csv").write_text("mine")
@@ -201,14 +201,14 @@ def test_a_run_replaces_what_another_one_left_and_nothing_else(ran):
     assert "send 1\n" in send and "01" not in send and "1 … 3 (32 s each)" in then
 
 
-def test_a_slow_run_has_a_slow_way(ran):
+def test_the_approach_of_a_slow_run_is_slow(ran):
     slow = ran(START, "goal.count=2", "controllers.speed=0.05")
     speed = [course(slow, name)[STATES[2:4]].abs().max() for name in ("approach", 1)]
     assert (speed[0] <= 0.05 * 0.2 * load_robot("planar2").velocity_limit).all()
     assert (speed[1] > 0).all()
 
 
-def test_what_a_shell_cannot_pass_on_comes_from_standard_input(ran, monkeypatch):
+def test_a_goal_too_long_for_the_shell_is_read_from_stdin(ran, monkeypatch):
     monkeypatch.setattr(sending, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
     (_, send) = sections(ran("goal.count=1"))[1]
     assert "--stdin < $1.yaml" in send and "Jazzy" in send and "cat" not in send

@@ -48,7 +48,7 @@ def die_once(marker, task):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, undisturbed):
+def test_a_killed_worker_is_reported_and_a_rerun_continues(tmp_path, undisturbed):
     deadly, redone = Watched(partial(die_once, tmp_path / "died")), []
     with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*the same command continues"):
         small_job.run(tmp_path, deadly, workers=2)
@@ -57,7 +57,7 @@ def test_loky_tells_of_a_killed_worker_and_the_rerun_loses_nothing(tmp_path, und
     assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
 
 
-def test_an_interrupt_in_the_middle_stops_the_workers_and_says_nothing_else(monkeypatch, recwarn):
+def test_an_interrupt_stops_the_workers_quietly(monkeypatch, recwarn):
     failed = []
 
     def nap(report):  # defined here, so that workers need not import what this file does
@@ -90,7 +90,7 @@ def disk(tmp_path):
     subprocess.run(["umount", "--lazy", str(folder)], check=True)
 
 
-def test_a_disk_that_fills_up_is_reported_and_the_rerun_goes_on(disk, undisturbed):
+def test_a_full_disk_is_reported_and_a_rerun_continues(disk, undisturbed):
     ballast, free, filled = disk / "ballast", shutil.disk_usage(disk).free, []
 
     def fill(task):
@@ -110,7 +110,7 @@ def test_a_disk_that_fills_up_is_reported_and_the_rerun_goes_on(disk, undisturbe
     assert shutil.disk_usage(disk).free > free - 2**16
 
 
-def test_a_search_that_ends_at_what_is_no_number_costs_starts_and_no_more(tmp_path, monkeypatch):
+def test_a_search_that_ends_at_nan_is_started_again(tmp_path, monkeypatch):
     run, runs = Descent.run, []
 
     def half(self, *start):

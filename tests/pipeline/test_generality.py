@@ -25,7 +25,7 @@ def test_one_command_compares_arms(command, tmp_path):
     assert "arms=[planar2]" in page and "| planar2 | 2 | 0 |" in page and len(page.split()) < 600
 
 
-def test_an_arm_has_the_artifacts_of_a_run_of_its_own(context):
+def test_compared_arms_share_artifacts_with_single_runs(context):
     shared = GIVEN[2:]
     compared = RunContext(validate(composed(*GIVEN)), context().store, GIVEN)
     own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
@@ -35,7 +35,7 @@ def test_an_arm_has_the_artifacts_of_a_run_of_its_own(context):
         assert found[one.digest] == f"planar2 {one.title}"
 
 
-def test_errors_are_over_those_of_the_seeds():
+def test_errors_are_relative_to_the_seeds():
     rows = {"name": ["seeds", "eigen", "eigen", "timing"], "valid_share": [None, 0.9, 1.0, 1.0]}
     rows |= {"valid": [1.0, None, None, None], "cosine": [0.0, 0.1, 0.3, 0.0]}
     rows |= {key: [2.0, 1.0, 3.0, 9.0] for key in ("condition", "distance", "rank_uncentred")}

@@ -56,7 +56,7 @@ def once(tmp_path_factory, files):
     return identified(tmp_path_factory.mktemp("outputs"), *given(*files))
 
 
-def test_everything_is_left_in_the_runs_folder(once):
+def test_all_results_are_in_the_run_folder(once):
     verdict, folder = once
     left = {path.name for path in folder.iterdir()}
     assert left >= {*FILES.split(), "planar2.urdf", "planar2.xml"}
@@ -123,14 +123,14 @@ def by_python(folder, _):
 
 
 @pytest.mark.parametrize(("read", "apart"), [(by_python, 1e-9), (by_pinocchio, 1e-9), (by_mujoco, 1e-6)])
-def test_what_others_load_gives_the_consistent_models_torques(once, consistent, read, apart):
+def test_exported_models_give_the_consistent_torques(once, consistent, read, apart):
     model, torque, states = consistent
     found = read(once[1], model)
     for row, *state in zip(torque, *states):
         np.testing.assert_allclose(found(*state), row, rtol=0, atol=apart)  # N·m
 
 
-def test_the_python_class_takes_batches_and_refuses_what_are_none(once, consistent):
+def test_the_python_class_takes_batches_and_refuses_bad_shapes(once, consistent):
     model, (_, torque, states) = python_class(once[1]), consistent
     batch = [x.reshape(2, -1, 2) for x in states]
     np.testing.assert_allclose(model.torque(*batch), torque.reshape(batch[0].shape), rtol=0, atol=1e-9)
@@ -138,7 +138,7 @@ def test_the_python_class_takes_batches_and_refuses_what_are_none(once, consiste
         model.torque(*np.zeros((3, 3)))
 
 
-def test_the_python_class_knows_the_parts_of_its_torque(once, consistent):
+def test_the_python_class_splits_its_torque(once, consistent):
     verdict, folder = once
     model = python_class(folder)
     assert model.joints == ["shoulder", "elbow"]
@@ -151,9 +151,7 @@ def test_the_python_class_knows_the_parts_of_its_torque(once, consistent):
     np.testing.assert_allclose(model.torque(q, 0 * dq, 0 * ddq), resting, rtol=0, atol=1e-9)
 
 
-def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its_run(
-    once, files, consistent, root, monkeypatch
-):
+def test_a_repeated_run_is_reused_and_loads_in_mlflow(once, files, consistent, root, monkeypatch):
     import mlflow
 
     first, (_, torque, states) = once[1], consistent
@@ -176,16 +174,16 @@ def test_the_same_again_is_reused_and_mlflow_loads_it_from_its_folder_and_by_its
             model.predict(table.drop(columns="q_elbow"))
 
 
-def test_another_recording_of_the_same_name_is_another_model(context, files, tmp_path):
+def test_a_changed_recording_gives_another_model(context, files, tmp_path):
     copy = tmp_path / files[2].name
     copy.write_text("".join(files[2].read_text().splitlines(keepends=True)[:-1]))
-    one, other = (
+    first, other = (
         identify.model(context(*given(*files[:2], last), experiment="identify")) for last in (files[2], copy)
     )
-    assert one.digest != other.digest
+    assert first.digest != other.digest
 
 
-def test_the_python_class_is_the_weighted_model_where_that_predicts_better(planar, tmp_path):
+def test_the_python_class_uses_the_weighted_model_if_better(planar, tmp_path):
     """An arm whose second link has moments of inertia below zero, as unmodelled effects may make it look."""
     links = planar.inertial_parameters.copy()
     links[1, 4:] *= -2
@@ -205,7 +203,7 @@ def test_the_python_class_is_the_weighted_model_where_that_predicts_better(plana
     mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
 
 
-def test_a_check_fits_nothing(files, tmp_path, capsys):
+def test_stage_check_identifies_nothing(files, tmp_path, capsys):
     words = f"outputs={tmp_path}", f"recordings=[{files[0]}]", "stages=[check]"
     run_stages(tiny(*words, experiment="identify"), tmp_path / "check", "check")
     (checked,) = json.loads((tmp_path / "check" / "check.json").read_text())
@@ -225,14 +223,14 @@ def odd(files, tmp_path_factory, planar):
     return *identified(folder / "deep" / "outputs", *words), folder
 
 
-def test_the_last_part_of_a_recording_can_be_held_out(odd):
+def test_the_end_of_a_recording_can_be_held_out(odd):
     verdict, folder, _ = odd
     assert verdict["validation"]["kind"] == "held out" and verdict["validation"]["nmse_mean"] < 5e-3
     assert verdict["validation"]["recordings"] == ["a.csv, last 30%"]
     assert "validation=0.3" in (folder / "report.html").read_text()
 
 
-def test_a_robots_name_leads_nowhere_else(odd):
+def test_a_robot_name_cannot_escape_the_run_folder(odd):
     _, run, folder = odd
     assert not [path for path in folder.rglob("*evil*") if run.parents[1] not in path.parents]
     assert (run / "evil.urdf").is_file()

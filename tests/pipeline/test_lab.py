@@ -44,7 +44,7 @@ def files(arm, load, tmp_path_factory):  # noqa: F811
     return folder
 
 
-def test_the_gains_command_tells_a_setting(files, tmp_path):
+def test_the_gains_command_finds_the_drive_gains(files, tmp_path):
     given = f"recordings=[{files / 'free.csv'}]", f"loaded=[{files / 'laden.csv'}]"
     place = ",".join(map(str, CENTRE))
     known = (f"load.mass={MASS}", f"load.centre=[{place}]", "load.inertia=[0.006,0,0.005,0,0,0.003]")
@@ -71,7 +71,7 @@ def poor(planar, tmp_path_factory):
     return q, ran(folder, "identify", "robot=planar2", f"recordings=[{folder / 'poor.csv'}]")
 
 
-def test_what_to_do_next_is_a_command_whose_trajectories_move_what_hardly_moved(poor, tmp_path):
+def test_the_suggested_next_set_moves_the_joint_that_hardly_moved(poor, tmp_path):
     q, known = poor
     report = (known / "report.html").read_text()
     assert "+experiment=excite robot.name=planar2" in report and "known=FOLDER" in report
@@ -83,7 +83,7 @@ def test_what_to_do_next_is_a_command_whose_trajectories_move_what_hardly_moved(
     assert np.ptp(table.q_elbow) > 5 * np.ptp(q[:, 1])
 
 
-def test_a_model_of_another_arm_is_refused(poor, arm, planar, tmp_path):
+def test_a_known_model_of_another_arm_is_refused(poor, arm, planar, tmp_path):
     text, placed = planar.urdf.read_text(), '<origin xyz="0 0 0.4"/>'  # from shoulder to elbow
     assert placed in text
     (tmp_path / "longer.urdf").write_text(text.replace(placed, '<origin xyz="0 0 0.45"/>', 1))

@@ -23,7 +23,7 @@ def composed(launcher):
 
 
 @pytest.mark.parametrize("name", PLUGINS)
-def test_a_launcher_whose_plugin_is_missing_is_reported(name, monkeypatch):
+def test_a_missing_launcher_plugin_is_reported(name, monkeypatch):
     composed("basic")  # registers the plugins
     store = ConfigStore.instance().repo["hydra"]["launcher"]
     for known in [key for key in store if key.startswith(("joblib", "submitit"))]:
@@ -40,7 +40,7 @@ def sweep(folder, *words):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["processes", "submitit_local"])
-def test_a_sweep_runs_elsewhere_and_leaves_with_the_worst_code(tmp_path, launcher):
+def test_a_sweep_on_another_launcher_returns_the_worst_exit_code(tmp_path, launcher):
     pytest.importorskip(PLUGINS.get(launcher, PLUGINS["slurm"])[0])
     words = "+experiment=exp1", *TINY, "stages=[seeds]", "seeds.count=4", "trajectory.home=[0,0],[4,0]"
     done = sweep(tmp_path, *words, f"hydra/launcher={launcher}")
@@ -50,7 +50,7 @@ def test_a_sweep_runs_elsewhere_and_leaves_with_the_worst_code(tmp_path, launche
     assert len(list((tmp_path / "outputs" / "seeds").glob("planar2-*"))) == 1
 
 
-def test_slurm_on_a_machine_without_it_is_one_line(tmp_path, monkeypatch):
+def test_missing_slurm_is_reported_in_one_line(tmp_path, monkeypatch):
     pytest.importorskip(PLUGINS["slurm"][0])
     monkeypatch.setenv("PATH", str(tmp_path))
     done = sweep(tmp_path, "hydra/launcher=slurm", "tracking=off", "seed=0,1")

@@ -87,7 +87,7 @@ def folder(tmp_path_factory, planar):
 @pytest.mark.parametrize(
     ("error", "experiment", "overrides", "words"), [*((ConfigError, *row) for row in SETTINGS), *OTHERS]
 )
-def test_nothing_is_made_of_what_cannot_be(folder, tmp_path, error, experiment, overrides, words):
+def test_invalid_settings_are_refused_before_any_work(folder, tmp_path, error, experiment, overrides, words):
     given = overrides.replace("FOLDER", str(folder)).split()
     with pytest.raises(error, match=re.escape(words)):
         config = tiny.tiny(f"outputs={tmp_path}", *given, experiment=experiment)
@@ -100,7 +100,7 @@ def test_nothing_is_made_of_what_cannot_be(folder, tmp_path, error, experiment, 
     ("key", "value", "words"),
     [("experiment", "../up", "'../up' names a folder"), ("gan", {}, "gan is empty")],
 )
-def test_what_an_experiment_file_may_get_wrong_is_refused_too(key, value, words):
+def test_invalid_experiment_files_are_refused(key, value, words):
     cfg = tiny.composed("+experiment=exp1")
     cfg[key] = value
     with pytest.raises(ConfigError, match=words):
@@ -127,7 +127,7 @@ OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has pos
         ("seed==", "Error parsing override 'seed=='"),
     ],
 )
-def test_a_wrong_command_ends_with_its_code_and_one_line(command, capsys, tmp_path, arguments, words):
+def test_a_wrong_command_exits_with_code_2_and_one_line(command, capsys, tmp_path, arguments, words):
     assert command(*arguments.split()) == 2
     error = capsys.readouterr().err
     assert words in error and "Traceback" not in error and "_base" not in error
@@ -143,9 +143,7 @@ def test_a_wrong_command_ends_with_its_code_and_one_line(command, capsys, tmp_pa
         (["parallel.scheduler=tcp://127.0.0.1:9"], "distributed", "dask"),
     ],
 )
-def test_a_package_that_is_not_installed_is_reported_before_any_work(
-    tmp_path, monkeypatch, settings, package, extra
-):
+def test_a_missing_package_is_reported_before_any_work(tmp_path, monkeypatch, settings, package, extra):
     monkeypatch.setitem(sys.modules, package, None)
     words = rf"{package} is not installed; it comes with pip install 'sidegan\[{extra}\]'"
     with pytest.raises(ConfigError, match=words):

@@ -92,7 +92,7 @@ def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_p
 
 
 @pytest.mark.parametrize("stage", FAILURES)
-def test_what_a_stage_refuses_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_path, stage):
+def test_a_refusal_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_path, stage):
     error, code, words = FAILURES[stage]
     assert command(f"stages=[{stage}]") == code
     shown = capsys.readouterr().err
@@ -101,7 +101,7 @@ def test_what_a_stage_refuses_is_one_line_and_a_bug_has_its_traceback(command, c
     assert statuses(tmp_path) == [{"code": code, "error": f"{type(error).__name__}: {error}"}]
 
 
-def test_a_status_that_cannot_be_written_hides_nothing(command, monkeypatch, capsys):
+def test_a_status_write_failure_does_not_hide_the_error(command, monkeypatch, capsys):
     def full(path, content):
         raise StorageError("no space left")
 
@@ -111,7 +111,7 @@ def test_a_status_that_cannot_be_written_hides_nothing(command, monkeypatch, cap
 
 
 @pytest.mark.parametrize("multirun", [[], ["-m"]])
-def test_outputs_that_cannot_be_written_are_one_line(command, capsys, tmp_path, multirun):
+def test_unwritable_outputs_are_reported_in_one_line(command, capsys, tmp_path, multirun):
     (tmp_path / "file").write_text("")
     assert command(*multirun, "stages=[seeds]", "outputs=file") == 1
     error = capsys.readouterr().err
@@ -121,13 +121,13 @@ def test_outputs_that_cannot_be_written_are_one_line(command, capsys, tmp_path, 
 @pytest.mark.parametrize(
     "words", ["stages=[interrupt]", "stages=[terminate]", "stages=[lost]", "-m stages=[terminate]"]
 )
-def test_an_interrupt_says_how_to_go_on(command, capsys, tmp_path, words):
+def test_an_interrupt_says_how_to_continue(command, capsys, tmp_path, words):
     assert command(*words.split()) == 130
     assert "the same command continues where it stopped" in capsys.readouterr().err
     assert statuses(tmp_path) == [{"code": 130, "error": "interrupted"}]
 
 
-def test_a_sweep_runs_every_job_although_one_fails(command, capsys, tmp_path):
+def test_a_sweep_continues_after_a_failed_job(command, capsys, tmp_path):
     assert command("-m", "stages=[seeds,odd]", "seed=0,1", "gan=vanilla,eigen") == 1
     sweep = next((tmp_path / "outputs" / "runs" / "exp1").glob("sweep_*"))
     names = "0_gan=vanilla,seed=0", "1_gan=eigen,seed=0", "2_gan=vanilla,seed=1", "3_gan=eigen,seed=1"
@@ -138,7 +138,7 @@ def test_a_sweep_runs_every_job_although_one_fails(command, capsys, tmp_path):
     assert len(list((tmp_path / "outputs" / "seeds").iterdir())) == 2, "one for each seed, none twice"
 
 
-def test_a_job_that_was_killed_before_it_could_tell_counts_as_failed(tmp_path):
+def test_a_job_without_a_status_counts_as_failed(tmp_path):
     for name in ("0_a", "10_c", "2_b", ".hydra", "plots"):
         (tmp_path / name).mkdir()
     (tmp_path / "0_a" / "status.json").write_text('{"code": 0}')
@@ -147,7 +147,7 @@ def test_a_job_that_was_killed_before_it_could_tell_counts_as_failed(tmp_path):
     assert codes == {"0_a": 0, "2_b": 1, "10_c": 1}
 
 
-def test_a_table_that_cannot_be_made_fails_the_sweep_but_not_silently(command, capsys, monkeypatch):
+def test_a_failed_sweep_table_is_reported(command, capsys, monkeypatch):
     def table(folders):
         raise StorageError("there is no table in job 0")
 
@@ -176,7 +176,7 @@ def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
     assert [path for path in tmp_path.iterdir() if path.suffix != ".log"] == []
 
 
-def test_settings_of_ones_own_lie_in_a_folder_of_ones_own(command, capsys, tmp_path):
+def test_user_settings_come_from_a_user_folder(command, capsys, tmp_path):
     (tmp_path / "lab" / "robot").mkdir(parents=True)
     (tmp_path / "lab" / "robot" / "ours.yaml").write_text("defaults: [planar2]\n", encoding="utf-8")
     assert command("--config-dir=lab", "--cfg=job", "--package=robot", "robot=ours") == 0

@@ -39,17 +39,17 @@ def digests(*names: str) -> dict[str, str]:
             )
             source = context.artifact("random", name, partial(_save, library), {"name": name})
             context.store.produce(source)
-            one = ExcitationSet(name, None, context.cell.trajectory, source)
+            excitation = ExcitationSet(name, None, context.cell.trajectory, source)
             for stage in (plant, identification):
                 build = Build(Path(folder, stage.__name__), Path(folder), lambda done, total: None)
                 build.folder.mkdir()
-                stage(context, one).make(build)
+                stage(context, excitation).make(build)
                 content = (build.folder / RESULTS).read_bytes()
                 found[f"{name}/{stage.__name__}"] = hashlib.sha256(content).hexdigest()
     return found
 
 
-def test_another_process_finds_the_same_of_one_set_alone_in_memory_full_of_garbage():
+def test_another_process_with_garbage_memory_gives_the_same_bits():
     here = digests("first", "second")
     code = "import json; from tests.pipeline.test_same_bits import *; print(json.dumps(digests('second')))"
     variables = {**os.environ, **GARBAGE, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"}

@@ -76,7 +76,7 @@ def test_conf_and_the_package_have_the_same_variants():
     assert configured("condition=gradient").gan == RECIPES
 
 
-def test_a_command_composes_what_it_uses():
+def test_a_command_composes_only_the_groups_it_uses():
     config = configured("robot=ur10e", experiment="identify")
     assert not config.has("gan") and not config.has("seeds") and config.has("recording", "model")
     assert len(flatten(config.plain())) <= 80
@@ -85,13 +85,13 @@ def test_a_command_composes_what_it_uses():
     assert (config.recording.cutoff, config.model.rotor_inertia) == (5, True)
 
 
-def test_the_scale_reaches_the_other_groups_whatever_their_choice():
+def test_the_scale_applies_to_chosen_groups():
     config = configured("scale=paper", "gan=eigen")
     assert list(config.gan) == ["eigen"] and config.gan["eigen"].epochs == config.scale["gan_epochs"] == 50
     assert (config.seeds.count, config.library.count, config.selection.count) == (1800, 4200, 35)
 
 
-def test_a_condition_is_a_recipe_on_a_seed_set_and_the_command_overrides_it():
+def test_a_condition_sets_recipe_and_seeds_and_can_be_overridden():
     ours, gradient = (configured(f"condition={name}") for name in ("ours", "gradient"))
     assert ours.gan == gradient.gan and gradient.seeds.method == "gradient" and ours.seeds.method == "paper"
     chosen = configured("seeds=gradient", "condition=ours", "condition.name=theirs", "seed=7")
@@ -113,6 +113,6 @@ SETUPS = [
 
 
 @pytest.mark.parametrize("setup", SETUPS)
-def test_what_is_printed_of_an_arm_is_what_must_be_typed(setup):
+def test_printed_robot_settings_can_be_typed_back(setup):
     typed = shlex.split(" ".join(words(setup)))
     assert configured("robot=planar2", *typed, experiment="excite").robot.setup == setup

@@ -47,7 +47,7 @@ FILES = ("table1.md", "draws.md", "joints.csv", "sets.csv", "generators.md", "li
 FILES += ("training.*", "nmse.*", "coefficients.*")
 
 
-def test_every_stage_leaves_its_artifacts_and_the_experiment_its_table(made, once):
+def test_every_stage_makes_its_artifacts_and_the_experiment_its_table(made, once):
     assert {name: len(part) for name, part in artifacts(made).items()} == MADE
     for folder in (folder for part in artifacts(made).values() for folder in part):
         left = [*folder.parent.glob(f"{folder.name}.work"), *folder.parent.glob(f".{folder.name}*.tmp")]
@@ -58,7 +58,7 @@ def test_every_stage_leaves_its_artifacts_and_the_experiment_its_table(made, onc
     assert list(pd.read_csv(once / "results.csv").columns[:2]) == ["name", "nMSE"]
 
 
-def test_a_second_run_makes_nothing_and_prints_the_same(once, made, outputs, tmp_path, capsys):
+def test_a_second_run_reuses_everything_and_prints_the_same(once, made, outputs, tmp_path, capsys):
     before = artifacts(made)
     run_stages(tiny(f"outputs={outputs}"), tmp_path, "second")
     assert artifacts(made) == before
@@ -67,7 +67,7 @@ def test_a_second_run_makes_nothing_and_prints_the_same(once, made, outputs, tmp
     assert "Table I" in out and "seeds + eigen" in out
 
 
-def test_the_libraries_hold_what_is_valid(made):
+def test_the_libraries_contain_valid_trajectories(made):
     for name in made.cfg.gan:
         trajectories, report = made.load(library(made, name, 0)), made.report(library(made, name, 0))
         assert len(trajectories) == made.cfg.library.count
@@ -75,7 +75,7 @@ def test_the_libraries_hold_what_is_valid(made):
         assert 0 < report["valid_share"] <= 1 and report["drawn"] >= len(trajectories)
 
 
-def test_the_selections_are_of_seeds_and_libraries(made):
+def test_selections_come_from_seeds_and_libraries(made):
     seeds = made.load(seed_set(made))
     rows = {tuple(row) for row in flatten(seeds.coefficients, 1)}
     for pool in pools(made)[1:]:
@@ -85,14 +85,14 @@ def test_the_selections_are_of_seeds_and_libraries(made):
             assert (tuple(row) in rows) == (source != pool.name or pool.name == "seeds")
 
 
-def test_an_exact_variant_learns_from_no_seeds(made):
+def test_the_exact_variant_does_not_use_seeds(made):
     (folder,) = (artifact for artifact in artifacts(made)["gan"] if artifact.name.startswith("planar2-exact"))
     assert "seeds" not in json.loads((folder / "params.json").read_text())["inputs"]
     alone = RunContext(tiny("gan=exact", "stages=[surrogates]"), made.store)
     assert artifacts(alone) == {"surrogates": {}}
 
 
-def test_the_page_finds_what_was_made_under_every_condition(outputs, tmp_path):
+def test_the_page_finds_the_artifacts_of_every_condition(outputs, tmp_path):
     words = "+experiment=reproduction", *TINY, f"outputs={outputs}", "stages=[seeds]"
     for name in ("ours", "gradient"):
         run_stages(composed(*words, f"condition={name}"), tmp_path / name, name)

@@ -52,7 +52,7 @@ def visible(store):
     return sorted(path.name for path in store.root.glob("numbers/[!.]*"))
 
 
-def test_an_artifact_is_invisible_until_it_is_whole_and_made_once(store):
+def test_an_artifact_is_invisible_until_complete_and_made_once(store):
     def make(build):
         write(build)
         assert store.find(numbers()) is None and not store.folder(numbers()).exists()
@@ -63,7 +63,7 @@ def test_an_artifact_is_invisible_until_it_is_whole_and_made_once(store):
     assert store.produce(numbers(make=refuse)) == folder == store.require(numbers())
 
 
-def test_an_artifact_is_made_on_one_thread_as_a_worker_makes_it(store):
+def test_artifacts_are_made_on_one_thread(store):
     def make(build):
         most = max([threads(), *(pool["num_threads"] for pool in threadpool_info())])
         (build.folder / "numbers.txt").write_text(str(most))
@@ -75,7 +75,7 @@ def test_an_artifact_is_made_on_one_thread_as_a_worker_makes_it(store):
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
-def test_a_stopped_build_leaves_its_tasks_and_what_was_there_before(store, error):
+def test_a_stopped_build_keeps_its_tasks_and_earlier_artifacts(store, error):
     before = store.produce(numbers(4))
 
     def stopped(build):
@@ -96,7 +96,7 @@ def test_a_stopped_build_leaves_its_tasks_and_what_was_there_before(store, error
     assert visible(store) == sorted([before.name, folder.name]), "its tasks go when the artifact is there"
 
 
-def test_what_a_killed_run_left_is_cleared_away_by_the_next_one(store):
+def test_leftovers_of_a_killed_run_are_removed(store):
     final = store.folder(numbers())
     for left in (f"{final.name}.work", f".{final.name}.tmp"):
         final.with_name(left).mkdir(parents=True)
@@ -119,7 +119,7 @@ DAMAGES += [("numbers.txt", x) for x in ("1", "1 2 4", None)] + [("deep/more.txt
 
 
 @pytest.mark.parametrize(("name", "content"), DAMAGES)
-def test_a_damaged_artifact_is_reported_when_asked_for_and_made_anew(store, caplog, name, content):
+def test_a_damaged_artifact_is_reported_and_rebuilt(store, caplog, name, content):
     damaged(store.produce(numbers()), name, content)
     with pytest.raises(ArtifactError, match=re.escape(name)):
         store.require(numbers())
@@ -128,7 +128,7 @@ def test_a_damaged_artifact_is_reported_when_asked_for_and_made_anew(store, capl
     assert (store.produce(numbers()) / "numbers.txt").read_text() == "1 2 3"
 
 
-def test_a_missing_artifact_is_refused_with_the_difference_to_the_nearest_whole_one(store):
+def test_a_missing_artifact_is_compared_with_the_nearest_one(store):
     for count, name in ((40, "params.json"), (50, "numbers.txt")):
         damaged(store.produce(numbers(count)), name, None)
     alone = r"no numbers/kuka for this configuration, run stage numbers first$"
@@ -144,7 +144,7 @@ def full(*_):
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def test_an_output_folder_that_cannot_be_used_is_refused_at_once(tmp_path, monkeypatch):
+def test_an_unusable_output_folder_is_refused(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match=r"output folder .*file"):
         Store(tmp_path / "file")
@@ -154,7 +154,7 @@ def test_an_output_folder_that_cannot_be_used_is_refused_at_once(tmp_path, monke
     assert list((tmp_path / "full").iterdir()) == []
 
 
-def test_a_disk_that_fills_up_later_leaves_no_artifact(store, monkeypatch):
+def test_a_full_disk_leaves_no_artifact(store, monkeypatch):
     (store.root / "numbers").write_text("in the way")
     with pytest.raises(StorageError, match="numbers"):
         store.produce(numbers())
@@ -183,7 +183,7 @@ def beside(store):
     process.join()
 
 
-def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(store, beside, monkeypatch):
+def test_of_two_concurrent_runs_one_builds_and_one_waits(store, beside, monkeypatch):
     said = []
 
     def note(text, *values):
@@ -196,7 +196,7 @@ def test_of_two_runs_at_once_one_makes_and_the_other_waits_and_reuses(store, bes
     assert (folder / "numbers.txt").read_text() == "1 2 3" and "another run is making" in said[0]
 
 
-def test_a_killed_run_holds_up_no_other(store, beside):
+def test_a_killed_run_does_not_block_others(store, beside):
     os.kill(beside[0].pid, signal.SIGKILL)
     beside[0].join()
     assert store.find(numbers()) is None
@@ -204,7 +204,7 @@ def test_a_killed_run_holds_up_no_other(store, beside):
     assert visible(store) == [folder.name] and not list(store.root.glob("numbers/.*.tmp"))
 
 
-def test_what_it_took_is_kept_beside_the_artifact_and_not_in_it(tmp_path):
+def test_costs_are_stored_beside_the_artifact(tmp_path):
     def slow(build):
         write(build)
         build.costs["cpu_seconds"] = 3.0
@@ -222,21 +222,21 @@ def run(store, *artifacts, tracker):
     run_stage("numbers", Stage(lambda _: artifacts), context, tracker)
 
 
-def test_what_two_stages_list_is_recorded_once_and_what_it_took_stands_apart(store, monkeypatch):
+def test_artifacts_of_two_stages_are_recorded_once_costs_separately(store, monkeypatch):
     monkeypatch.setattr("sidegan.pipeline.stage.MODELS", {"numbers"})
     tracker, metrics = Mock(recorded=set()), {"condition": 2.0, "loss": [3.0, None, 1.0]}
-    one = replace(numbers(), title="gan/eigen", metrics=lambda folder: metrics, alone=True)
+    artifact = replace(numbers(), title="gan/eigen", metrics=lambda folder: metrics, alone=True)
     for _ in range(2):
-        run(store, one, tracker=tracker)
+        run(store, artifact, tracker=tracker)
     found, took = (call.args[0] for call in tracker.log_metrics.call_args_list)
     assert found == {"gan/eigen/condition": 2.0}
     assert set(took) == {"seconds/gan eigen", "cpu_seconds/gan eigen"}
     model = tracker.log_model.return_value
     tracker.log_history.assert_called_once_with({"gan/eigen/loss": [3.0, None, 1.0]}, model)
-    tracker.log_model.assert_called_once_with("gan/eigen", one.digest, store.folder(one))
+    tracker.log_model.assert_called_once_with("gan/eigen", artifact.digest, store.folder(artifact))
 
 
-def test_a_stage_makes_its_artifacts_after_those_that_they_are_made_from(store):
+def test_artifacts_are_made_after_their_inputs(store):
     made = []
 
     def noted(name, **inputs):

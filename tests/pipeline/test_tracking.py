@@ -43,7 +43,7 @@ def record(tracker, folder):
     tracker.log_metrics({"success": 0.7}, tracker.log_model("gan/eigen 0", "abc", folder / "plots"))
 
 
-def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path):
+def test_a_run_is_recorded_completely(root, tmp_path):
     with Tracker(root, "exp1", "whole") as tracker:
         record(tracker, tmp_path)
     with Tracker(root, "exp1", "again") as again:
@@ -67,14 +67,14 @@ def test_a_run_is_recorded_with_everything_and_inside_the_outputs(root, tmp_path
     assert [file.path for file in client.list_logged_model_artifacts(model.model_id)] == ["loss.svg"]
 
 
-def test_a_server_that_is_away_is_one_warning(root, tmp_path, caplog):
+def test_an_unreachable_tracking_server_gives_one_warning(root, tmp_path, caplog):
     with Tracker(root, "exp1", "away", NOWHERE) as tracker:
         record(tracker, tmp_path)
     (warning,) = warnings(caplog)
     assert "continues without MLflow" in warning and "refused" in warning and "\n" not in warning
 
 
-def test_where_nothing_is_recorded_mlflow_is_not_imported(tmp_path, monkeypatch, caplog):
+def test_without_tracking_mlflow_is_not_imported(tmp_path, monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "mlflow", None)  # an import would be an error, and so a warning
     with Tracker(tmp_path, "exp1", "off", "off") as tracker:
         tracker.log_metrics({"nmse": 1})
@@ -88,7 +88,7 @@ class Lost:
         raise ConnectionError("the server is gone")
 
 
-def test_a_server_that_stops_answering_is_one_warning_and_has_what_came_before(root, caplog, monkeypatch):
+def test_a_server_lost_midway_gives_one_warning_and_keeps_earlier_metrics(root, caplog, monkeypatch):
     with Tracker(root, "exp1", "interrupted") as tracker:
         tracker.log_metrics({"before": 1.0})
         with monkeypatch.context() as patch:
@@ -100,13 +100,13 @@ def test_a_server_that_stops_answering_is_one_warning_and_has_what_came_before(r
 
 
 @pytest.mark.parametrize(("error", "status"), [(ValueError, "FAILED"), (KeyboardInterrupt, "KILLED")])
-def test_a_run_ends_as_it_does(root, error, status):
+def test_the_recorded_status_is_that_of_the_run(root, error, status):
     with pytest.raises(error), Tracker(root, "exp1", status) as tracker:
         raise error
     assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
-def test_a_sweep_is_a_parent_with_a_table_whose_children_end_as_they_do(command, root, monkeypatch):
+def test_a_sweep_is_recorded_as_parent_with_children_and_table(command, root, monkeypatch):
     def fail_on_odd_seeds(context, tracker):
         tracker.log_history({"fitness": [3.0, 2.0]})
         leave_results(pd.DataFrame({"nMSE": [0.5]}, index=["seeds"]), context.store.run_folder)
@@ -143,7 +143,7 @@ def left(sweep, number, seed, width, nmse):
     return folder
 
 
-def test_the_table_of_a_sweep_is_the_mean_over_seeds_of_whatever_else_is_swept(tmp_path):
+def test_the_sweep_table_averages_over_seeds(tmp_path):
     jobs = [(0, 16, 0.1), (1, 16, 0.3), (0, 32, 0.5), (1, 32, 0.5)]
     folders = [left(tmp_path, number, *job) for number, job in enumerate(jobs)]
     table = sweep_table(folders)

@@ -46,12 +46,17 @@ def means(context, artifact, files):
     """Means of an artifact's numbers over weightings, joints, noise and tests."""
     context.store.produce(artifact)
     tables = {file.partition(".")[0]: context.frame(artifact, file) for file in files}
-    return {f"{name}/{key}": one[key].mean() for name, one in tables.items() for key in COLUMNS if key in one}
+    return {
+        f"{name}/{key}": table[key].mean()
+        for name, table in tables.items()
+        for key in COLUMNS
+        if key in table
+    }
 
 
 def identified(context):
-    one = ExcitationSet("fixed", None, context.cell.trajectory, random_set(context))
-    return means(context, identification(context, one), (EXPECTED, RESULTS, FACTS))
+    excitation = ExcitationSet("fixed", None, context.cell.trajectory, random_set(context))
+    return means(context, identification(context, excitation), (EXPECTED, RESULTS, FACTS))
 
 
 def replicated(context):
@@ -64,7 +69,7 @@ WATCHED = {"identification": identified, "replication": replicated}
 
 
 @pytest.mark.parametrize("makers", WATCHED)
-def test_no_number_moves_without_its_makers_version(fixed, makers):
+def test_results_change_only_with_their_makers_version(fixed, makers):
     found, recorded = WATCHED[makers](fixed), RECORDED[makers]
     assert list(found) == list(recorded)
     for key, x in found.items():

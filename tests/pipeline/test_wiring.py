@@ -58,7 +58,7 @@ def planted(context):
 
 
 @pytest.mark.parametrize(("method", "least"), [("greedy", 3), ("d_optimal", 6), ("a_optimal", 6)])
-def test_a_selection_finds_the_trajectories_that_excite(planted, build, method, least):
+def test_a_selection_finds_the_exciting_trajectories(planted, build, method, least):
     made, pool, places = planted
     made = made.with_settings(selection=replace(made.cfg.selection, method=method))
     selection(made, pool).make(build)
@@ -68,7 +68,7 @@ def test_a_selection_finds_the_trajectories_that_excite(planted, build, method, 
     assert least <= moving and (method != "greedy" or moving < 6)  # greedy: what differs most is one at rest
 
 
-def test_random_trajectories_are_checked_and_those_that_fail_are_missing(context, build):
+def test_random_trajectories_are_checked_and_invalid_ones_dropped(context, build):
     made = context(*TIGHT)
     share = check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.mean()
     assert 0.1 < share < 0.9, "the workspace tells nothing"
@@ -82,7 +82,7 @@ def test_random_trajectories_are_checked_and_those_that_fail_are_missing(context
     assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
 
 
-def test_natural_draws_reach_as_far_as_nearly_all_are_valid(context, build):
+def test_natural_draws_reach_as_far_as_99_percent_are_valid(context, build):
     made = context(*TIGHT)
     natural_set(made).make(build)
     library, report = Library.load(build.folder / LIBRARY, made.cell.arm), read_json(build.folder / REPORT)
@@ -105,7 +105,7 @@ def test_a_longer_search_finds_better_conditions_and_all_are_valid(context, buil
     assert conditions[1] < 0.5 * conditions[0]
 
 
-def test_sets_are_measured_beside_half_of_the_seeds_and_by_random_draws(planted, build, monkeypatch):
+def test_sets_are_measured_against_half_of_the_seeds(planted, build, monkeypatch):
     """Seeds, the same ones shifted, and ones that hardly move: each is told from the others."""
     made, _, _ = planted
     seeds = measured(made.cell.constraints, made.cell.trajectory, drawn(made, 80, reach=0.4), "seeds")
@@ -151,8 +151,8 @@ def refuse_tests(made, learned, tests):
     assert cdist(flatten(tests, 1), flatten(learned, 1)).min() > 0.1
 
 
-def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, build, monkeypatch):
-    made, one, learned = executed
+def test_identification_is_tested_on_unseen_valid_motions(executed, build, monkeypatch):
+    made, excitation, learned = executed
     drawn_errors, seen = study.drawn_errors, {}
 
     def watched(body, name, family, tests, *rest):
@@ -160,14 +160,14 @@ def test_identification_predicts_valid_motions_that_it_has_not_seen(executed, bu
         return drawn_errors(body, name, family, tests, *rest)
 
     monkeypatch.setattr(study, "drawn_errors", watched)
-    identification(made, one).make(build)
+    identification(made, excitation).make(build)
     (_, c), (_, tests) = seen["learned"], seen["tests"]
     np.testing.assert_array_equal(c, learned)
     refuse_tests(made, learned, tests)
 
 
-def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, build, monkeypatch):
-    made, one, learned = executed
+def test_the_plant_is_scored_on_unseen_motions(executed, build, monkeypatch):
+    made, excitation, learned = executed
     motions, recorded, estimated, scored = [], [], [], []
     execute, estimate, score = plants.recorded, plants.estimate, plants.score
 
@@ -179,7 +179,7 @@ def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, bu
     monkeypatch.setattr(plants, "recorded", watched)
     monkeypatch.setattr(plants, "estimate", lambda m, model, x: estimated.append(x) or estimate(m, model, x))
     monkeypatch.setattr(plants, "score", lambda model, p, x: scored.append(x) or score(model, p, x))
-    plant(made, one).make(build)
+    plant(made, excitation).make(build)
     np.testing.assert_array_equal(motions[0], learned)
     refuse_tests(made, learned, motions[1])
     for (*_, torque), data in zip(recorded, (estimated[0], scored[0])):
@@ -187,7 +187,7 @@ def test_the_plant_is_scored_on_motions_that_the_model_has_not_seen(executed, bu
         np.testing.assert_array_equal(taken, torque)
 
 
-def test_the_narrower_a_density_estimate_the_nearer_its_samples_are_to_the_seeds(context, build, monkeypatch):
+def test_narrow_density_estimates_sample_near_the_seeds(context, build, monkeypatch):
     made = context("discussion.bandwidths=[1e-6,1]", "discussion.draws=20", experiment="reproduction")
     c = drawn(made, 40, reach=0.5)
     monkeypatch.setattr(densities, "training_seeds", lambda context: SimpleNamespace(coefficients=c))

@@ -53,22 +53,22 @@ def test_regions_of_all_kinds(tmp_path, planar):
     np.testing.assert_allclose(wedge.points.max(0), [0.1, 0.1, 2.1], atol=1e-9)
 
 
-def test_a_mesh_is_known_by_its_content(tmp_path, planar):
+def test_a_mesh_is_stamped_by_its_content(tmp_path, planar):
     texts = (
         tetrahedron(tmp_path / "a.obj"),
         tetrahedron(tmp_path / "b.obj"),
         tetrahedron(tmp_path / "c.obj", 2.0),
     )
-    one, same, other = (workspace(text).stamped(planar) for text in texts)
-    assert one == same != other
+    first, same, other = (workspace(text).stamped(planar) for text in texts)
+    assert first == same != other
 
 
-def test_built_in_arms_are_known_as_ever(planar):
+def test_stamps_of_built_in_workspaces_are_unchanged(planar):
     assert tiny("workspace=desk").workspace.stamped(planar) == {"torque": True, "regions": [DESK]}
     assert tiny("workspace=free").workspace.stamped(planar) == {"torque": True, "regions": []}
 
 
-def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(context, stranger, caplog):
+def test_a_user_arm_gets_the_floor_that_it_stands_on(context, stranger, caplog):
     made = context("workspace=desk", f"robot.name={stranger}")
     assert made.cell.constraints.regions == (Plane((0.0, 0.0, 1.0), -0.3),)
     with caplog.at_level(logging.INFO):
@@ -77,7 +77,7 @@ def test_an_arm_of_a_stranger_has_the_floor_that_it_stands_on(context, stranger,
     assert context("workspace=free", f"robot.name={stranger}").cell.constraints.regions == ()
 
 
-def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(stranger, planar):
+def test_obstacles_keep_the_default_floor_and_a_given_floor_replaces_it(stranger, planar):
     arm, obstacle = load_robot(stranger), workspace(BALL, choice="desk")
     floor, sphere = obstacle.shapes(arm)
     assert floor == Plane((0.0, 0.0, 1.0), -0.3) and isinstance(sphere, Sphere)
@@ -90,7 +90,7 @@ def test_an_obstacle_leaves_the_floor_and_a_floor_of_ones_own_takes_its_place(st
     assert obstacle.shapes(planar)[0] == Plane((0.0, 0.0, 1.0), 0.1)
 
 
-def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(planar, tmp_path):
+def test_hanging_arms_have_no_floor_and_shapeless_bases_stand_at_zero(planar, tmp_path):
     text = PLANAR.replace('lower="-2.6" upper="2.6"', 'lower="2.4" upper="3.8"')
     text = text.replace('lower="-2.9" upper="2.9"', 'lower="-0.3" upper="0.3"')
     (tmp_path / "hanging.urdf").write_text(text)
@@ -107,7 +107,7 @@ def test_an_arm_that_hangs_has_no_floor_and_a_base_without_shape_stands_at_zero(
 @pytest.mark.parametrize(
     ("mount", "has_floor"), [((0.5, 0, 1), True), ((3.1416, 0, 0), False), ((0, 1.57, 0), False)]
 )
-def test_a_mounted_arm_stands_on_something_unless_it_hangs(mount, has_floor):
+def test_a_mounted_arm_has_a_floor_unless_it_hangs(mount, has_floor):
     arm, desk = load_robot("kuka_lwr4", Setup(mount=mount)), tiny("workspace=desk").workspace
     assert bool(desk.shapes(arm)) == has_floor
     assert ("stands on" if has_floor else "does not stand upright") in desk.notes(arm)
