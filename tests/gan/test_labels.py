@@ -27,7 +27,7 @@ def test_margins_are_the_constraints_in_shares_of_their_limits(arm):
         np.testing.assert_allclose(found[:, g].ravel(), worst, rtol=0, atol=1e-5)
 
 
-def test_the_first_half_of_a_blend_are_seeds_of_about_their_own_size(seeds, wild):
+def test_half_of_a_blend_are_rescaled_seeds(seeds, wild):
     c, again = (blend(seeds, wild, 403, 0) for _ in range(2))
     assert np.array_equal(c, again) and len(c) == 403 and np.isfinite(c).all()
     rows, known = flatten(c[:201], 1), flatten(seeds, 1)
@@ -38,7 +38,7 @@ def test_the_first_half_of_a_blend_are_seeds_of_about_their_own_size(seeds, wild
     assert 0.8 <= size.min() < 0.84 and 1.16 < size.max() <= 1.2
 
 
-def test_labels_are_exact(constraints, family, seeds, wild):
+def test_labels_equal_the_exact_values(constraints, family, seeds, wild):
     c = np.concatenate([seeds[:150], wild[:150]])  # more than one batch
     made = label(constraints, family, c, STEPS, lambda *_: None)
     np.testing.assert_allclose(made.valid, check(constraints, family, c).valid)

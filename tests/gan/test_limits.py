@@ -32,13 +32,13 @@ def hold(arm, family, c, names):
     home=st.floats(-1.5, 1.5),
     harmonics=st.integers(1, 8),
 )
-def test_whatever_comes_in_the_limits_hold_all_the_time(names, seed, scale, share, period, home, harmonics):
+def test_limits_hold_for_any_input(names, seed, scale, share, period, home, harmonics):
     family, arm = Trajectory(2, harmonics, period, (home, -home)), limited(ARM, sorted(names), 10**share)
     c = LimitLayer(arm, family)(normal(family, seed, 10**scale))
     assert hold(arm, family, array(c), names)
 
 
-def test_all_of_the_tightest_limit_can_be_used_and_small_motions_are_left_alone():
+def test_the_tightest_limit_is_fully_used_and_small_motions_unchanged():
     family, arm = Trajectory(2, 4, 8.0), limited(ARM, BOTH, 0.05)
     layer = LimitLayer(arm, family)
     c, small = layer(normal(family, 0, 100.0)), normal(family, 0, 1e-4)
@@ -54,7 +54,7 @@ def test_all_of_the_tightest_limit_can_be_used_and_small_motions_are_left_alone(
     assert (most <= 1).all() and (most > 0.95).all()
 
 
-def test_the_slope_is_finite_at_rest_and_far_out():
+def test_the_gradient_is_finite_at_rest_and_far_out():
     family = Trajectory(2, 4, 8.0)
     c = torch.cat([normal(family, 0, 0.0, 2), normal(family, 0, 1e6, 2)]).requires_grad_(True)
     (slope,) = torch.autograd.grad(LimitLayer(ARM, family)(c).square().sum(), c)
@@ -62,7 +62,7 @@ def test_the_slope_is_finite_at_rest_and_far_out():
 
 
 @given(st.floats(1e-3, 10), st.floats(-4, 6), st.integers(0, 10_000))
-def test_whatever_comes_in_the_box_holds_and_what_was_in_it_comes_back(size, scale, seed):
+def test_the_box_holds_for_any_input_and_is_inverted_inside(size, scale, seed):
     family, box = Trajectory(2, 4, 8.0), Box(size)
     free = normal(family, seed, size * 10**scale)
     c = box(free)
@@ -73,7 +73,7 @@ def test_whatever_comes_in_the_box_holds_and_what_was_in_it_comes_back(size, sca
     torch.testing.assert_close(again[within], c[within], rtol=1e-3, atol=1e-5 * size)
 
 
-def test_limits_on_motion_hold_in_the_box_too():
+def test_motion_limits_hold_in_the_box():
     family = Trajectory(2, 4, 30.0)
     c = array(LimitLayer(ARM, family)(Box(2.0)(normal(family, 0, 100.0))))
     assert hold(ARM, family, c, []) and np.abs(c).max() <= 2

@@ -14,7 +14,7 @@ from sidegan.gan.variants import Exact
 from tests.gan.conftest import FULL, NONE, random
 
 
-def test_losses_are_their_closed_forms(made, full):
+def test_losses_equal_their_closed_forms(made, full):
     model = made(full)
     batch, predictor, converter = model(32), model.success_predictor, model.converter
     c, first, second = batch.coefficients, model.discriminator.network, model.second_discriminator.network
@@ -33,7 +33,7 @@ def test_losses_are_their_closed_forms(made, full):
         torch.testing.assert_close(own.own_loss(torch.arange(9), batch), told_apart)
 
 
-def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatch):
+def test_the_loss_is_the_weighted_sum_of_active_losses(made, full, monkeypatch):
     found = []
     for epoch in (0, 1, 2):
         monkeypatch.setattr(SideGAN, "current_epoch", epoch)
@@ -49,7 +49,7 @@ def test_the_loss_is_the_weighted_sum_of_those_that_count(made, full, monkeypatc
     assert found[1] > found[0] + 0.1
 
 
-def test_discriminators_that_do_not_count_do_not_learn(made, full):
+def test_discriminators_of_zero_weight_do_not_learn(made, full):
     for weights, count in ((FULL, 2), (replace(FULL, features=0), 1), (NONE, 0)):
         model = made(replace(full, weights=weights))
         assert len(model.adversaries) == count
@@ -68,13 +68,13 @@ def loss_of(value):
     return lambda c: value(Batch(c, c, c, lambda batch: c))
 
 
-def test_distance_is_missed_by_a_shrunken_batch_alone(seeds):
+def test_only_a_shrunken_batch_has_a_distance_loss(seeds):
     loss, c = loss_of(missing_distance(seeds)), tensor(seeds).float()
     assert loss(c) < 1e-6 and loss(2 * c) == 0
     assert float(loss(0.3 * c)) == pytest.approx(0.7, rel=1e-4)
 
 
-def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
+def test_a_batch_with_few_directions_has_a_rank_loss(constraints, family):
     c = random_trajectories(constraints, family, 0)
     loss = loss_of(missing_rank(c, 100))
     assert loss(tensor(c[:100])) < 0.1
@@ -86,7 +86,7 @@ def test_rank_is_missed_by_a_batch_with_few_directions(constraints, family):
     assert loss(flat.detach() - 0.5 * slope / slope.norm()) < value
 
 
-def test_what_all_have_in_common_costs_where_distances_cannot_see_it(seeds):
+def test_a_common_offset_costs_although_distances_do_not_change(seeds):
     c = tensor(seeds[:100]).float()
     offset, rank, distance = common_offset(seeds), missing_rank(seeds, 100), missing_distance(seeds)
     shifted = c + 3 * c.std(0)
@@ -99,7 +99,7 @@ def test_what_all_have_in_common_costs_where_distances_cannot_see_it(seeds):
     assert loss_of(offset)(opposed) == 0
 
 
-def test_what_all_push_against_the_box_is_drawn_back(made, full):
+def test_coefficients_pushed_against_the_box_are_drawn_back(made, full):
     model = made(full)
     model.generator.box, bias = Box(0.2), model.generator.network.shortcut.bias
     with torch.no_grad():
@@ -110,7 +110,7 @@ def test_what_all_push_against_the_box_is_drawn_back(made, full):
     assert through_the_box.abs().max() < 1e-9 < 1e-6 < slope.abs().max()
 
 
-def test_a_collapsed_batch_gives_a_finite_slope(seeds):
+def test_a_collapsed_batch_has_a_finite_gradient(seeds):
     noise = torch.randn(20, *seeds.shape[1:], generator=random())
     c = (tensor(seeds[:1]).float() + 1e-6 * noise).requires_grad_(True)
     floors = missing_distance(seeds), missing_rank(seeds, 20), common_offset(seeds)

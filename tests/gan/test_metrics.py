@@ -22,7 +22,7 @@ def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     assert abs(metrics["cosine"]) < 0.05 and metrics["beyond"] == 0
 
 
-def test_an_offset_and_small_motions_are_seen(constraints, family, seeds):
+def test_offsets_and_small_motions_are_detected(constraints, family, seeds):
     plain = measure(constraints, family, 0.5 * seeds)
     offset = measure(constraints, family, 0.5 * seeds + 0.5 * seeds[:1])
     assert [offset[key] for key in ("distance", "rank")] == pytest.approx([plain["distance"], plain["rank"]])
@@ -32,7 +32,7 @@ def test_an_offset_and_small_motions_are_seen(constraints, family, seeds):
     assert plain["error_geometric"] < plain["error"]
 
 
-def test_worth_is_that_of_sets_of_35_valid_ones(constraints, family, seeds):
+def test_expected_errors_are_those_of_sets_of_35_valid_trajectories(constraints, family, seeds):
     few = expected_errors(constraints, family, seeds[:34])
     assert list(few) == ["error", "error_geometric", "error_constant", "error_constant_geometric"]
     assert set(few.values()) == {math.inf}

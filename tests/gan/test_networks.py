@@ -12,7 +12,7 @@ def images_of(count, shape, rank=None):
 
 
 @pytest.mark.parametrize(("noise", "rank"), [(30, None), (12, None), (4, 4)])
-def test_a_gaussian_start_has_the_mean_and_covariance_of_the_images(noise, rank):
+def test_a_gaussian_start_has_mean_and_covariance_of_the_images(noise, rank):
     torch.manual_seed(0)
     images = images_of(400, (2, 2, 3), rank)
     network = Generator(2, 3, noise, width=32, shortcut=True)

@@ -18,7 +18,7 @@ def test_surrogates_learn_validity_and_features(pretrained):
 
 
 @pytest.mark.parametrize("kind", ["Eigen", "Diagonal", "Predicting"])
-def test_trained_surrogates_are_loaded_as_they_were(pretrained, planar, family, seeds, full, kind):
+def test_trained_surrogates_load_frozen_and_identical(pretrained, planar, family, seeds, full, kind):
     reward = Reward(proportional=1.0, constant=1.0) if kind == "Predicting" else None
     variant, c = replace(full, variant=kind, reward=reward), tensor(seeds[:5]).float()
     loaded, again = (load_surrogates(pretrained[0], variant, planar, family) for _ in range(2))

@@ -37,7 +37,7 @@ SMALL = {"width": 4, "noise": 8, "batch": 10, "steps": 3, "epochs": 2, "fitness_
 def variants():
     """The published variants, small."""
     cfg = tiny("condition=published", "seeds.folder=none")
-    return {name: replace(one, **SMALL) for name, one in cfg.gan.items()}
+    return {name: replace(variant, **SMALL) for name, variant in cfg.gan.items()}
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def surrogates(pretraining, tmp_path_factory):
     return made, report
 
 
-def test_given_weights_are_kept_as_they_are_and_measured(pretraining, tmp_path):
+def test_given_weights_are_kept_and_evaluated(pretraining, tmp_path):
     weights = {name: x for name, x in PublishedPredictor().state_dict().items() if name != "scale"}
     report = pretraining.train_success(tmp_path, 0, weights, lambda *_: None)
     kept = read_tensors(tmp_path / "success.pt")["weights"]
@@ -87,9 +87,7 @@ def test_given_weights_are_kept_as_they_are_and_measured(pretraining, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["eigen", "diagonal"])
-def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
-    papers, variants, surrogates, tmp_path, arm, name
-):
+def test_a_variant_trains_on_its_surrogates_and_reloads(papers, variants, surrogates, tmp_path, arm, name):
     made, report = surrogates
     assert 0 <= report["accuracy_broad"] <= 1 and report[f"error_{variants[name].features}"] < 1
     generator = trained(papers, variants[name], tmp_path / "work", made).generator
@@ -99,7 +97,7 @@ def test_a_variant_trains_on_its_surrogates_and_its_file_gives_the_same(
     assert np.abs(c).max() < 1 / 4.9
 
 
-def test_other_images_are_refused(variants, planar, tmp_path):
+def test_unsupported_shapes_and_options_are_refused(variants, planar, tmp_path):
     family = Trajectory(2, 3, 8.0)
     data = Data(Constraints(planar), family, np.random.default_rng(0).random((9, *family.shape)))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
@@ -111,7 +109,7 @@ def test_other_images_are_refused(variants, planar, tmp_path):
         replace(variants["eigen"], refresh=REFRESH)
 
 
-def test_batches_are_normalised_by_themselves_and_samples_of_every_epoch_are_left(vanilla):
+def test_batches_are_normalised_independently_and_each_epoch_is_sampled(vanilla):
     assert vanilla.samples.shape == (2 * 25, *IMAGE) and not np.array_equal(*np.split(vanilla.samples, 2))
     network, z = ConvolutionalGenerator(8, 4, 10), torch.rand(10, 8)
     images = network(z)
@@ -119,15 +117,15 @@ def test_batches_are_normalised_by_themselves_and_samples_of_every_epoch_are_lef
     assert not torch.allclose(network(z)[:5], network(z[:5]))
 
 
-def test_losses_have_their_closed_forms():
-    even, one = torch.ones(3, 8), torch.eye(8)[:2]
+def test_published_losses_equal_their_closed_forms():
+    even, peaked = torch.ones(3, 8), torch.eye(8)[:2]
     assert float(unevenness(5 * even, "entropy")) == pytest.approx(math.log(8), rel=1e-6)
     assert float(unevenness(even, "minus_entropy")) == pytest.approx(-math.log(8), rel=1e-6)
-    assert float(unevenness(one, "entropy")) == pytest.approx(0, abs=1e-6)
+    assert float(unevenness(peaked, "entropy")) == pytest.approx(0, abs=1e-6)
     assert float(unevenness(torch.tensor([[1.0, 4.0], [2.0, 6.0]]), "ratio")) == pytest.approx(3.5)
 
 
-def test_the_weight_of_success_grows_once_fitness_counts(papers, variants, monkeypatch):
+def test_the_success_weight_grows_after_fitness_start(papers, variants, monkeypatch):
     constraints, c = papers
     known = {"success_predictor": PublishedPredictor(), "converter": PublishedConverter(5)}
     model = PublishedEigen(

@@ -11,7 +11,7 @@ from sidegan.gan.tensors import tensor
 from tests.gan.conftest import REFRESH, STEPS
 
 
-def test_they_come_to_know_what_the_generator_makes(made, full, taught):
+def test_refreshed_surrogates_learn_what_the_generator_makes(made, full, taught):
     """Also where it makes what they have never seen."""
     model = made(full)
     with torch.no_grad():
@@ -37,7 +37,7 @@ def test_they_come_to_know_what_the_generator_makes(made, full, taught):
     assert not any(p.requires_grad for p in (*predictor.parameters(), *converter.parameters()))
 
 
-def test_those_that_were_given_stay_as_they_were(trained, full, taught, tmp_path):
+def test_given_surrogates_are_not_modified(trained, full, taught, tmp_path):
     given = {name: x.clone() for name, x in taught.converter.state_dict().items()}
     trained(replace(full, epochs=1, fitness_start=0), tmp_path, data=taught)
     assert all(torch.equal(x, given[name]) for name, x in taught.converter.state_dict().items())

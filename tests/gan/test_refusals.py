@@ -40,13 +40,13 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
         ({"variant": "PublishedVanilla"}, "PublishedVanilla needs settings published"),
     ],
 )
-def test_impossible_variants(vanilla, settings, words):
+def test_impossible_variants_are_refused(vanilla, settings, words):
     with pytest.raises(ConfigError) as error:
         build(Variant, {**asdict(vanilla), "betas": [0, 0.9], **settings})
     assert words in str(error.value)
 
 
-def test_files_of_another_arm(arm, planar, family, seeds, tmp_path):
+def test_files_of_another_arm_are_refused(arm, planar, family, seeds, tmp_path):
     generator = untrained(planar, family, seeds)
     generator.save(tmp_path / "g.pt")
     with pytest.raises(ArtifactError, match=r"planar2 .* not for kuka_lwr4"):
@@ -65,12 +65,12 @@ def test_files_of_another_arm(arm, planar, family, seeds, tmp_path):
         (ConfigError, "small needs a success predictor", {"variant": "Eigen"}, lambda seeds: seeds),
     ],
 )
-def test_trainings(vanilla, data, error, words, change, spoil, tmp_path):
+def test_impossible_trainings_are_refused(vanilla, data, error, words, change, spoil, tmp_path):
     with pytest.raises(error, match=words):
         train(replace(vanilla, **change), replace(data, seeds=spoil(data.seeds)), Run("small", 0, tmp_path))
 
 
-def test_an_arm_that_cannot_move(planar, family):
+def test_an_arm_that_cannot_move_is_refused(planar, family):
     weak = Constraints(replace(planar, torque_limit=np.full(2, 1e-4)))
     beside = [Plane((side, 0, 0), -0.0501) for side in (1, -1)]  # a tenth of a millimetre from the links
     for constraints, fault in ((weak, "torque"), (Constraints(planar, beside), "keep_out")):

@@ -78,7 +78,7 @@ def test_the_gradient_of_the_violation_agrees_with_finite_differences(arm_proble
     assert assert_slope(squares, problem.start(4, noise, 1.6), noise) > 1e-3
 
 
-def test_single_precision_and_rest_have_finite_energies_and_slopes(planar, noise):
+def test_single_precision_and_rest_have_finite_energies_and_gradients(planar, noise):
     problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0), 24)
     every, equal = np.eye(problem.body.parameters_count), np.ones(2)
 
@@ -100,7 +100,7 @@ def worth(request, problem):
     return Worth(problem, noises(problem.body)[request.param])
 
 
-def test_the_mean_trajectory_is_worth_one(worth, problem):
+def test_the_mean_trajectory_has_worth_one(worth, problem):
     c = tensor(random_motions(problem, 8, seed=1))
     assert float(worth(c).exp().mean()) == pytest.approx(1, abs=1e-6)
 
@@ -119,7 +119,7 @@ def test_a_smaller_motion_is_worth_less(worth, problem):
     assert (value[8:] < value[:8]).all()
 
 
-def test_the_worth_by_energies_has_the_exact_slope_at_the_seeds(constraints, family, seeds):
+def test_worth_by_energies_has_the_exact_gradient_at_the_seeds(constraints, family, seeds):
     """Where the mean energies are one, and the running means those of the seeds."""
     seeds = seeds[:64]
     told = Energies(constraints, family, seeds)
@@ -140,7 +140,7 @@ def test_the_worth_by_energies_has_the_exact_slope_at_the_seeds(constraints, fam
         torch.testing.assert_close(own, expected, rtol=1e-6, atol=1e-9)
 
 
-def test_a_direction_of_which_much_is_known_counts_less(constraints, family, seeds):
+def test_a_well_known_direction_counts_less(constraints, family, seeds):
     told = Energies(constraints, family, seeds[:64])
     logs = torch.randn(32, told(seeds[:1]).shape[1], generator=random(), dtype=torch.float64)
 

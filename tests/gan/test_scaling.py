@@ -16,7 +16,7 @@ def correlated(count, joints, harmonics, seed):
 
 
 @given(st.integers(2, 20), st.integers(1, 4), st.integers(1, 5), st.integers(0, 1000))
-def test_images_and_coefficients_are_each_others_inverse(count, joints, harmonics, seed):
+def test_images_and_coefficients_are_inverse(count, joints, harmonics, seed):
     """Also of seeds that span less than their space."""
     c = correlated(count, joints, harmonics, seed)
     scaling = Scaling.fit(c)

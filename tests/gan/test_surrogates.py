@@ -17,7 +17,7 @@ from tests.gan.conftest import normal, random
 from tests.validity.critical import limited
 
 
-def test_channels_are_those_of_the_exact_motion(arm):
+def test_input_channels_are_the_exact_motion(arm):
     family = Trajectory(7, 5, 10.0, [0.1, -0.2, 0.3, -0.4, 0.5, -0.6, 0.7])
     steps, fine, c = 30, 4, normal(family, count=6)
     network = RollOut(arm, family, steps)
@@ -40,18 +40,18 @@ def test_channels_are_those_of_the_exact_motion(arm):
         *(("planar2", x) for x in ([], ["acceleration"], ["jerk"], ["acceleration", "jerk"])),
     ],
 )
-def test_margins_of_what_is_linear_are_exact(name, higher):
+def test_margins_of_linear_constraints_are_exact(name, higher):
     arm = limited(load_robot(name), higher, 0.1)
     family, constraints = Trajectory(arm.joints, 3, 8.0), Constraints(arm)
     predictor, c = SuccessPredictor(arm, family, len(constraints.labels), 8, 400), normal(family, 5, 0.1, 20)
     found, exact = array(predictor.margins(c)), scaled_margins(constraints, family, array(c), 400)
     assert exact.shape == found.shape == (20, len(constraints.labels), 400)
     for k in range(2 + len(higher)):
-        one, other = (x[:, k].min(1) for x in (found, exact))
-        np.testing.assert_allclose(one.clip(-1, 1), other, rtol=0, atol=5e-3)
+        predicted, other = (x[:, k].min(1) for x in (found, exact))
+        np.testing.assert_allclose(predicted.clip(-1, 1), other, rtol=0, atol=5e-3)
 
 
-def test_an_arm_with_nothing_to_learn_about_has_a_predictor_too(planar, family):
+def test_an_arm_with_only_linear_constraints_has_a_predictor_too(planar, family):
     free = dataclasses.replace(planar, torque_limit=np.full(2, np.inf))
     predictor, rest = SuccessPredictor(free, family, 2, 8, 10), torch.zeros(3, *family.shape)
     assert predictor.margins(rest).shape == (3, 2, 10)

@@ -15,11 +15,11 @@ from sidegan.validity import check
 from tests.gan.conftest import with_surrogates
 
 
-def same_weights(one, other):
-    return all(torch.equal(x, other.state_dict()[name]) for name, x in one.state_dict().items())
+def same_weights(generator, other):
+    return all(torch.equal(x, other.state_dict()[name]) for name, x in generator.state_dict().items())
 
 
-def test_every_loss_together_trains(trained, full, taught, constraints, family, tmp_path):
+def test_a_variant_with_every_loss_trains(trained, full, taught, constraints, family, tmp_path):
     ends = []
     made = trained(full, tmp_path, data=taught, progress=lambda *end: ends.append(end))
     assert ends == [(1, 3), (2, 3), (3, 3)] and len(made.history) == 3
@@ -36,7 +36,7 @@ def test_every_option_trains(trained, vanilla, settings, tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["vanilla", "full", "predicting", "exact"])
-def test_an_interrupted_training_becomes_what_it_would_have_been(
+def test_an_interrupted_training_resumes_to_the_same_result(
     trained, data, pretrained, request, kind, tmp_path
 ):
     variant = request.getfixturevalue(kind)
@@ -61,16 +61,14 @@ def test_an_interrupted_training_becomes_what_it_would_have_been(
     assert same_weights(made.generator, whole.generator)
 
 
-def test_the_learning_rate_rises_and_falls_to_its_end(vanilla):
+def test_the_learning_rate_schedule(vanilla):
     falling = replace(vanilla, learning_rate=2.0, last_rate=0.1)
     assert [falling.rate(share) for share in (0, 0.5, 1)] == pytest.approx([2, 1.1, 0.2])
     level = replace(falling, last_rate=1.0, warm_up=0.1)
     assert [level.rate(share) for share in (0, 0.05, 0.1, 0.7)] == pytest.approx([0, 1, 2, 2])
 
 
-def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
-    trained, vanilla, tmp_path, caplog
-):
+def test_a_finished_training_is_reused_unless_its_checkpoint_is_damaged(trained, vanilla, tmp_path, caplog):
     done, ends, last = trained(vanilla, tmp_path), [], tmp_path / "last.ckpt"
     again = trained(vanilla, tmp_path, progress=lambda *end: ends.append(end))
     assert not ends and again.history == done.history
@@ -81,9 +79,7 @@ def test_a_finished_training_is_not_done_again_unless_its_checkpoint_is_damaged(
     assert f"the checkpoint {last} is damaged: the training starts over" in caplog.text
 
 
-def test_a_loss_that_is_no_number_ends_the_training_and_keeps_the_last_epoch(
-    trained, vanilla, tmp_path, monkeypatch
-):
+def test_a_nan_loss_ends_training_and_keeps_the_last_epoch(trained, vanilla, tmp_path, monkeypatch):
     def spoil(done, total):
         nan = torch.tensor(torch.nan)
         monkeypatch.setattr(SideGAN, "generator_loss", lambda *_: nan) if done == 2 else None
@@ -94,7 +90,7 @@ def test_a_loss_that_is_no_number_ends_the_training_and_keeps_the_last_epoch(
     assert len(trained(vanilla, tmp_path).history) == 3
 
 
-def test_exact_physics_makes_valid_diverse_trajectories_that_predict_without_seeds(
+def test_exact_physics_trains_a_valid_diverse_generator_without_seeds(
     trained, exact, constraints, family, tmp_path
 ):
     made = trained(replace(exact, epochs=5), tmp_path / "trained", evaluation=600)
