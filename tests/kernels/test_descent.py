@@ -8,7 +8,7 @@ RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shorte
 CURVATURE = np.array([1.0, 4.0, 9.0, 2.0, 3.0, 5.0])  # of a quadratic
 
 
-def test_the_direction_follows_from_the_newest_steps_of_positive_curvature(memory=3):
+def test_the_direction_uses_the_newest_steps_of_positive_curvature(memory=3):
     state, random, kept, eye = descent.search(2, 3, memory), np.random.default_rng(0), [], np.eye(6)
     for curvature in (*6 * [CURVATURE], -CURVATURE, CURVATURE, -CURVATURE):
         step = random.normal(size=6)

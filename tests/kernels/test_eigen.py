@@ -45,7 +45,7 @@ decades = st.builds(lambda size, last: np.logspace(0, -last, size), st.integers(
 
 @settings(deadline=None, max_examples=40)
 @given(spectra | decades, st.integers(0, 100))
-def test_ends_of_a_spectrum_are_lapacks(spectrum, seed):
+def test_extreme_eigenvalues_agree_with_lapack(spectrum, seed):
     check(symmetric(spectrum, seed))
 
 
@@ -70,6 +70,6 @@ def test_equal_eigenvalues_and_special_matrices(x):
         np.stack([np.diag(np.roll(np.arange(9.0), k)) for k in range(9)]),  # each in each place
     ],
 )
-def test_nothing_is_done_again_where_eigenvalues_are_well_apart(x):
+def test_well_separated_eigenvalues_need_no_second_pass(x):
     """That is what makes it fast: what is not accurate enough takes all eigenpairs."""
     check(x, alone=True)

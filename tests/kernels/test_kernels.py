@@ -35,7 +35,7 @@ def test_grams_and_sums_are_those_of_the_regressor(chain, size):
 
 @settings(deadline=None, max_examples=15)
 @given(CHAINS, COUNTS, st.integers(1, 4))
-def test_slopes_of_energies_are_pinocchios(chain, count, sets):
+def test_gradients_of_energies_agree_with_pinocchio(chain, count, sets):
     """Of several multiples of the arm's own parameters, with joints that count by weights."""
     (body, states), (_, model) = body_and_states(chain, 1, count), random_chain(*chain)
     joints, own = body.joints, body.arm.inertial_parameters.ravel()
@@ -60,7 +60,7 @@ def test_slopes_of_energies_are_pinocchios(chain, count, sets):
 
 
 @pytest.mark.parametrize("rows", range(1, 10))
-def test_a_product_in_tiles_of_four_reads_no_row_that_is_not_there(rows):
+def test_a_tiled_product_reads_no_row_out_of_bounds(rows):
     """As plain Python, which refuses what compiled code would read behind the last row."""
     from sidegan.kernels.regressor import tile
 
@@ -75,11 +75,11 @@ def test_results_do_not_depend_on_threads_or_batches(arm):
     body, trajectory = RigidBody(arm), Trajectory(7)
     c, states = 0.2 * normal(60, *trajectory.shape), random_states(arm, 4001)
     torque = normal(4001, 7)
-    one, sums = gram(body, trajectory, c), body.sums(*states, torque)
+    grams, sums = gram(body, trajectory, c), body.sums(*states, torque)
     with on_threads(2):
-        np.testing.assert_allclose(gram(body, trajectory, c), one, rtol=1e-13, atol=1e-12)
+        np.testing.assert_allclose(gram(body, trajectory, c), grams, rtol=1e-13, atol=1e-12)
         close(body.sums(*states, torque), sums, 1e-13)
-    np.testing.assert_allclose(gram(body, trajectory, c[7:8]), one[7:8], rtol=1e-13, atol=1e-12)
+    np.testing.assert_allclose(gram(body, trajectory, c[7:8]), grams[7:8], rtol=1e-13, atol=1e-12)
 
 
 def test_an_error_in_a_thread_is_raised():
@@ -96,6 +96,6 @@ def test_an_error_in_a_thread_is_raised():
 
 
 @pytest.mark.parametrize("shape", [(0, 5, 7), (2, 0, 7)])
-def test_no_state_is_no_work(arm, shape):
+def test_empty_batches_give_empty_results(arm, shape):
     q = np.zeros(shape)
     assert RigidBody(arm).torque(q, q, q).shape == shape

@@ -19,7 +19,7 @@ LENGTHS, SPEEDS, HALF = np.array([0.4, 0.3, 0.2]), np.array([1.5, 0.7, 2.0]), 0.
 
 
 @pytest.mark.parametrize("inner", [0, 1])
-def test_a_stretched_arms_tip_leaves_its_even_motion_by_as_much_as_its_bound(inner):
+def test_the_bound_on_deviation_from_even_motion_is_reached(inner):
     """Joints with parallel axes at constant speeds: each link pulls the tip inwards by length · turning²."""
     reach = np.stack([0 * LENGTHS, LENGTHS[::-1].cumsum()[::-1]])
     motion = np.stack([0 * SPEEDS, 0 * SPEEDS, SPEEDS, 0 * SPEEDS])
@@ -31,7 +31,7 @@ def test_a_stretched_arms_tip_leaves_its_even_motion_by_as_much_as_its_bound(inn
 
 
 @pytest.mark.parametrize("name", REGIONS)
-def test_a_capsule_that_moves_evenly_comes_no_nearer_to_a_region_than_its_bound(planar, name):
+def test_an_evenly_moving_capsule_keeps_its_distance_bound(planar, name):
     """To a plane just as near: there one of the ends is the nearest point, at one of the cell's ends."""
     region, none = REGIONS[name], np.zeros((0, 2), dtype=int)
     shapes = shapes_of(planar.capsules, none, none, tables([region]))
