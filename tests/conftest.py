@@ -66,7 +66,7 @@ def log_handlers() -> Iterator[None]:
     """What a command adds to the log within a test goes with the test."""
     before, level = logging.root.handlers[:], logging.root.level
     yield
-    for handler in [one for one in logging.root.handlers if one not in before]:
+    for handler in [handler for handler in logging.root.handlers if handler not in before]:
         logging.root.removeHandler(handler)
     logging.root.setLevel(level)
 

@@ -30,6 +30,6 @@ QUOTED = [  # words of the page, file, setting, value
 
 
 @pytest.mark.parametrize(("words", "file", "setting", "value"), QUOTED)
-def test_a_decision_quotes_what_the_settings_are(words, file, setting, value):
+def test_decisions_quote_the_current_settings(words, file, setting, value):
     assert words in TEXT
     assert OmegaConf.select(OmegaConf.load(CONF / f"{file}.yaml"), setting) == value

@@ -69,22 +69,22 @@ def rooms(path):
     return {parts[1] for parts in names if parts[0] == "sidegan" and len(parts) > 1} & set(ORDER)
 
 
-def test_every_room_stands_in_the_order():
+def test_every_subpackage_is_in_the_order():
     assert {room_of(path) for path in FILES} == set(ORDER)
 
 
 @pytest.mark.parametrize(("package", "door"), DOORS.items())
-def test_a_heavy_package_has_one_door(package, door):
+def test_each_heavy_package_is_imported_in_one_place(package, door):
     assert {room_of(path) for path, name in IMPORTS if name.split(".")[0] == package} <= door
 
 
-def test_kernels_know_arrays_alone():
+def test_kernels_depend_on_arrays_only():
     known = {name.split(".")[0] for path, name in IMPORTS if room_of(path) == "kernels"}
     assert not known & {"scipy", "mujoco"}
     assert all(rooms(path) <= {"kernels", "base"} for path in FILES if room_of(path) == "kernels")
 
 
-def test_torch_is_loaded_where_something_is_trained_alone():
+def test_torch_is_imported_only_for_training():
     """Not by settings, any stage or the steps beside; it takes longer to import than all else."""
     steps = ("excite", "identify", "seeds", "trajectories")
     code = f"""
@@ -101,7 +101,7 @@ assert "torch" not in sys.modules
 
 
 @pytest.mark.parametrize("room", ORDER)
-def test_a_room_imports_only_those_before_it(room):
+def test_subpackages_import_only_earlier_ones(room):
     for path in FILES:
         if room_of(path) == room:
             for other in rooms(path) - {room}:
@@ -109,7 +109,7 @@ def test_a_room_imports_only_those_before_it(room):
 
 
 @pytest.mark.parametrize("strangers", STRANGERS)
-def test_rooms_side_by_side_do_not_know_each_other(strangers):
+def test_sibling_subpackages_do_not_import_each_other(strangers):
     others = set().union(*STRANGERS) - strangers
     for path in FILES:
         if room_of(path) in strangers:
@@ -120,24 +120,26 @@ def modules(path):
     """Files of sidegan that a file needs to run, wherever in it they are imported; types alone need none."""
     tree = ast.parse(path.read_text(encoding="utf-8"))
     typed = [
-        one for one in ast.walk(tree) if isinstance(one, ast.If) and "TYPE_CHECKING" in ast.unparse(one.test)
+        block
+        for block in ast.walk(tree)
+        if isinstance(block, ast.If) and "TYPE_CHECKING" in ast.unparse(block.test)
     ]
-    skipped = {part for one in typed for part in ast.walk(one)}
+    skipped = {part for block in typed for part in ast.walk(block)}
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and node not in skipped:
             for alias in node.names:
                 parts = f"{node.module}.{alias.name}".split(".")[1:]
                 inner, outer = (SOURCE.joinpath(*some).with_suffix(".py") for some in (parts, parts[:-1]))
                 found = (inner, outer, outer.with_suffix("") / "__init__.py")
-                yield from [one for one in found if one.is_file()][:1]
+                yield from [path for path in found if path.is_file()][:1]
 
 
-def test_no_file_imports_itself_by_way_of_others():
+def test_there_are_no_import_cycles():
     graph = {path: {*modules(path)} - {path} for path in FILES}
     assert len([*TopologicalSorter(graph).static_order()]) >= len(FILES)  # or it raises CycleError
 
 
-def test_experiments_use_only_the_graph_and_what_is_below_it():
+def test_experiments_import_only_the_pipeline_and_below():
     files = list((SOURCE.parent / "experiments").glob("*.py"))
     assert len(files) > 5
     for path in files:
@@ -145,7 +147,7 @@ def test_experiments_use_only_the_graph_and_what_is_below_it():
         assert not {name for name in imported(path) if name.split(".")[0] in ("hydra", "mlflow")}, path
 
 
-def test_the_documented_order_is_this_one():
+def test_the_documented_order_is_the_tested_one():
     text = (SOURCE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
     table = text.partition("| room | in | out |")[2].partition("\n\n")[0]
     rows = re.findall(r"^\| ([^|]+) \|", table, re.M)

@@ -16,7 +16,7 @@ PRINTED = {
 }
 
 
-def test_every_example_is_run_and_is_short():
+def test_every_example_is_tested_and_short():
     files = sorted(EXAMPLES.glob("*.py"))
     assert {file.stem for file in files} == PRINTED.keys()
     assert all(len(file.read_text(encoding="utf-8").splitlines()) < 30 for file in files)

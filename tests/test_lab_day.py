@@ -46,7 +46,7 @@ def read(path):
     return json.loads(path.read_text())
 
 
-def test_the_set_was_rehearsed_and_a_slow_one_comes_first_with_its_way_there(day, monkeypatch):
+def test_the_set_was_rehearsed_and_a_slow_set_with_approach_comes_first(day, monkeypatch):
     folder, names = day
     assert len(pd.read_csv(folder / "set" / "rehearsal.csv")) == 4
     slow = pd.read_csv(folder / "slow" / "trajectories" / "1.csv")
@@ -60,7 +60,7 @@ def test_the_set_was_rehearsed_and_a_slow_one_comes_first_with_its_way_there(day
         names["reference"]("set/trajectories/1")
 
 
-def test_the_log_is_understood(day):
+def test_the_controller_log_is_read(day):
     (checked,) = read(day[0] / "check" / "check.json")
     assert checked["repetitions"] == {"1": 2, "2": 2, "3": 2, "4": 2}
     assert np.array(checked["noise"]) == pytest.approx(0.2, rel=0.1)  # N·m
@@ -78,7 +78,7 @@ def test_the_model_is_good_and_friction_comes_back(day):
         assert table.loc[f"fc{j}"].value == pytest.approx(1.0, rel=0.1)
 
 
-def test_what_others_load_gives_the_true_torques(day):
+def test_exported_models_give_the_true_torques(day):
     """Against MuJoCo's inverse dynamics of the arm that was executed."""
     folder, names = day
     plant = names["Plant"](names["arm"], names["replace"](names["IDEAL"], **names["real"])).model
@@ -105,7 +105,7 @@ def test_the_tool_is_reported(day):
     assert abs(found["cz"] - tool[3] / tool[0]) < max(4 * sigma["cz"], 0.01) and sigma["mass"] < 0.05
 
 
-def test_what_changed_over_night_is_seen_in_a_held_out_recording(day):
+def test_a_change_overnight_shows_in_a_held_out_recording(day):
     before, after = (read(day[0] / name / "verdict.json")["validation"] for name in ("still", "changed"))
     assert before["kind"] == after["kind"] == "held out"
     grown = np.divide(after["nmse"], before["nmse"])

@@ -32,7 +32,7 @@ def seeds(cell):
     return sg.seeds(cell, 60, settings={"steps": 20, "samples": 20, "batch": 20}, workers=1)
 
 
-def test_every_name_is_there_for_people_and_for_type_checkers():
+def test_every_public_name_exists_at_run_time_and_for_type_checkers():
     tree = ast.parse(Path(sg.__file__).read_text(encoding="utf-8"))
     (typed,) = (one for one in tree.body if isinstance(one, ast.If))
     assert sorted(alias.name for one in typed.body for alias in one.names) == sorted(sg.__all__)
@@ -51,13 +51,13 @@ def test_every_name_is_documented(name):
         assert not told or name == "built_in_robots", f"{name} says nothing of {told}"
 
 
-def test_the_package_is_imported_without_what_it_does_not_use():
+def test_importing_the_package_imports_nothing_unused():
     code = "import sys, sidegan; print(*{'torch', 'numpy', 'pandas', 'hydra'} & sys.modules.keys())"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
 
-def test_a_cell_says_what_it_decided_and_refuses_what_is_wrong(cell):
+def test_a_cell_reports_its_decisions_and_refuses_bad_input(cell):
     assert cell.home == (0, 0) and cell.effort == 0.8 and cell.warnings == []
     assert any("effort: 80% of the velocity and torque limits" in note for note in cell.notes)
     stated = sg.Cell("planar2", effort=0.5, clearance=0.01, home=np.array([0.1, 0.2]))
@@ -68,7 +68,7 @@ def test_a_cell_says_what_it_decided_and_refuses_what_is_wrong(cell):
             sg.Cell("planar2", **wrong)
 
 
-def test_a_set_is_valid_repeats_and_comes_back_from_its_files(cell, excitation, tmp_path):
+def test_a_set_is_valid_reproducible_and_reloads(cell, excitation, tmp_path):
     assert excitation.coefficients.shape == (3, 2, 3, 2) and excitation.valid.all()
     same = sg.excite(cell, count=3, seed=0, search=SEARCH)
     assert np.array_equal(same.coefficients, excitation.coefficients)
@@ -87,7 +87,7 @@ def test_a_set_is_valid_repeats_and_comes_back_from_its_files(cell, excitation, 
     assert slower.family.period == 16 and len(excitation.demands()) == len(slower.demands()) == 3
 
 
-def test_a_model_is_identified_from_tables_and_files_alike(cell, excitation, tmp_path):
+def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
     random, tables = np.random.default_rng(0), []
     for number, part in excitation.to_frame(rate=100).groupby("trajectory"):
         q, dq, ddq = (part.filter(regex=f"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
@@ -112,7 +112,7 @@ def test_a_model_is_identified_from_tables_and_files_alike(cell, excitation, tmp
         sg.identify(cell, [])
 
 
-def test_a_generator_learns_from_seeds_and_comes_back_from_its_file(cell, seeds, tmp_path):
+def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert seeds.valid.all() and len(seeds) == 60
     networks = {"width": 16, "margin_steps": 8, "feature_steps": 8}
     told = sg.surrogates(cell, seeds, tmp_path, workers=1, samples=200, epochs=2, **networks)

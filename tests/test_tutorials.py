@@ -32,12 +32,12 @@ def cells(name: str) -> list[dict]:
     return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
 
 
-def test_every_tutorial_is_known():
+def test_every_tutorial_is_tested():
     assert {path.stem for path in TUTORIALS.glob("*.ipynb")} == SMALL.keys()
 
 
 @pytest.mark.parametrize("name", SMALL)
-def test_tutorials_show_what_their_cells_gave_in_order(name):
+def test_tutorials_are_committed_with_outputs_in_order(name):
     assert [cell["execution_count"] for cell in cells(name)] == list(range(1, len(cells(name)) + 1))
     outputs = [output for cell in cells(name) for output in cell["outputs"]]
     assert not [output for output in outputs if output["output_type"] == "error"]
@@ -57,6 +57,6 @@ def test_tutorials_run(name, capsys, monkeypatch, tmp_path):
     assert printed in capsys.readouterr().out
 
 
-def test_the_reference_has_every_name_at_the_top():
+def test_the_reference_lists_every_public_name():
     page = (TUTORIALS.parent / "api" / "index.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"^::: sidegan\.(\w+)$", page, re.MULTILINE)) == sorted(sidegan.__all__)

@@ -40,20 +40,24 @@ def tracked():
     return {file if file.startswith("sidegan/") else f"sidegan/{file}" for file in files}
 
 
-def test_every_file_of_ours_is_in_the_wheel_and_nothing_else(wheel):
+def test_the_wheel_contains_exactly_our_files(wheel):
     held = {path.relative_to(wheel).as_posix() for path in wheel.rglob("*") if path.is_file()}
     assert tracked() | {"sidegan/py.typed"} <= held
     assert {path.split("/")[0] for path in held} == {"sidegan", f"sidegan-{sidegan.__version__}.dist-info"}
     assert not [path for path in held if path.endswith((".nbc", ".nbi", ".pyc"))]
 
 
-def test_the_wheel_says_what_it_is(wheel):
+def test_the_wheel_metadata_are_right(wheel):
     (info,) = wheel.glob("*.dist-info")
     said = Parser().parsestr((info / "METADATA").read_text(encoding="utf-8"))
     assert (said["Version"], said["License-Expression"]) == (sidegan.__version__, "Apache-2.0")
     assert (info / "licenses" / "LICENSE").read_bytes() == (ROOT / "LICENSE").read_bytes()
     assert {"paper", "tracking", "dev"} <= set(said.get_all("Provides-Extra"))
-    base = {one.partition(">")[0] for one in said.get_all("Requires-Dist") if "extra ==" not in one}
+    base = {
+        requirement.partition(">")[0]
+        for requirement in said.get_all("Requires-Dist")
+        if "extra ==" not in requirement
+    }
     assert "pin" in base and not base & {"torch", "pygmo", "pytorch-lightning", "mlflow"}
     cited = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     assert f"\nversion: {sidegan.__version__}\n" in cited
@@ -74,7 +78,7 @@ print(CONF, version("gan") > 0)
         (["-m", "sidegan.run", "+experiment=excite", "--cfg", "job"], "experiment: excite"),
     ],
 )
-def test_the_command_runs_from_the_wheel_where_there_is_no_clone(wheel, tmp_path, arguments, words):
+def test_the_command_runs_from_the_wheel_without_a_clone(wheel, tmp_path, arguments, words):
     """Settings are the package's own copy of conf/, which goes before the one beside the package."""
     elsewhere = os.environ | {"PYTHONPATH": str(wheel)}
     command = [sys.executable, "-P", *arguments]
@@ -82,13 +86,13 @@ def test_the_command_runs_from_the_wheel_where_there_is_no_clone(wheel, tmp_path
     assert ran.returncode == 0 and words in ran.stdout, ran.stderr
 
 
-def test_all_that_is_required_is_pinned_to_a_version_that_will_do():
+def test_every_requirement_is_pinned_to_an_allowed_version():
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pins = dict(re.match(r"([\w.-]+)==([^ ;]+)", line).groups() for line in lines if line[0] != "#")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     groups = [project["dependencies"], *project["optional-dependencies"].values()]
-    for one in map(Requirement, chain.from_iterable(groups)):
-        if one.name != "sidegan":
-            assert one.specifier.contains(pins[canonicalize_name(one.name)]), one
+    for requirement in map(Requirement, chain.from_iterable(groups)):
+        if requirement.name != "sidegan":
+            assert requirement.specifier.contains(pins[canonicalize_name(requirement.name)]), requirement
     torchs = [name for name in pins if name.startswith(("nvidia", "cuda"))]
     assert not torchs, "torch names these itself, those of each of its builds"

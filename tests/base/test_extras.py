@@ -27,8 +27,8 @@ def bare(folder, code, *arguments):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
 
 
-def test_a_run_without_mlflow_is_not_recorded_and_says_so_once(tmp_path):
-    settings = [one for one in TINY if not one.startswith("tracking")]
+def test_a_run_without_mlflow_continues_with_one_warning(tmp_path):
+    settings = [setting for setting in TINY if not setting.startswith("tracking")]
     done = bare(tmp_path, COMMAND, "+experiment=exp1", "stages=[seeds,random]", "seeds.count=4", *settings)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count(MISSING("mlflow", "tracking")) == 1
@@ -50,13 +50,13 @@ for name in STAGES:
 """
 
 
-def test_what_is_imported_without_torch_is_all_but_what_trains(tmp_path):
+def test_without_torch_only_training_is_unavailable(tmp_path):
     done = bare(tmp_path, BARE + DOORS)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == 3 * [MISSING("torch", "paper")]
 
 
-def test_an_extra_that_is_named_anywhere_is_one_of_the_package():
+def test_every_extra_that_is_mentioned_exists():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     files = [ROOT / "README.md", *ROOT.glob("docs/*.md"), *ROOT.glob("sidegan/**/*.py")]
     texts = [file.read_text(encoding="utf-8") for file in files]

@@ -39,18 +39,18 @@ LINES = ["15 of 40, 25 s", "30 of 40, 10 s"]
 
 
 @pytest.mark.parametrize(("seconds", "lines"), [(0.1, []), (1.0, LINES)])
-def test_without_a_terminal_a_long_loop_logs_now_and_then(caplog, monkeypatch, seconds, lines):
+def test_without_a_terminal_progress_is_logged_occasionally(caplog, monkeypatch, seconds, lines):
     caplog.set_level(logging.INFO)
     now = [0.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
-    with bar("long", 40) as one:
+    with bar("long", 40) as advance:
         for done in range(41):
             now[0] = seconds * done
-            one(done)
+            advance(done)
     assert [record.message for record in caplog.records] == [f"long: {line} left" for line in lines]
 
 
-def test_on_a_terminal_bars_are_live_may_nest_and_go_away(monkeypatch, caplog):
+def test_on_a_terminal_progress_bars_are_live_and_nest(monkeypatch, caplog):
     caplog.set_level(logging.INFO)
     terminal, words = Terminal(), ("outer", "inner", "1/2", "2/3")
     monkeypatch.setattr(sys, "stderr", terminal)
@@ -63,7 +63,7 @@ def test_on_a_terminal_bars_are_live_may_nest_and_go_away(monkeypatch, caplog):
     assert sys.stderr is terminal and caplog.text == ""
 
 
-def test_log_lines_go_to_standard_error_as_it_is_now(monkeypatch):
+def test_log_lines_go_to_the_current_standard_error(monkeypatch):
     handler, later = ConsoleHandler(), io.StringIO()
     monkeypatch.setattr(sys, "stderr", later)
     handler.emit(logging.makeLogRecord({"msg": "a line"}))

@@ -76,9 +76,7 @@ def steps(monkeypatch):
     return calls
 
 
-def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processes_are_right(
-    workers, steps, tmp_path, monkeypatch
-):
+def test_results_progress_and_cpu_time_do_not_depend_on_the_workers(workers, steps, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jobs = [partial(sums, seed) for seed in (5, 3, 4)]
     with on_threads(2):
@@ -91,13 +89,13 @@ def test_results_are_the_same_to_the_last_bit_and_progress_cpu_time_and_processe
     assert (os.getpid() in run_jobs("processes", [process] * 2, workers)) == (workers == 1)
 
 
-def test_nothing_to_do_and_nothing_to_count():
+def test_empty_job_lists_and_empty_progress():
     assert run_jobs("none", [], 2) == []
     assert run_jobs("one", [lambda report: report(0, 0)], 2) == [None]
     assert cores(3) == 3 and 1 <= cores(None) <= (os.cpu_count() or 1)
 
 
-def test_errors_of_jobs_are_raised_and_the_next_jobs_run(workers):
+def test_a_failing_job_raises_and_later_jobs_run(workers):
     error = InfeasibleError("never valid") if workers > 1 else ZeroDivisionError("a bug")
 
     def fail(report):
@@ -108,9 +106,7 @@ def test_errors_of_jobs_are_raised_and_the_next_jobs_run(workers):
     assert len(run_jobs("after", [process, process], workers)) == 2
 
 
-def test_dask_finishes_elsewhere_what_a_killed_worker_began_but_not_what_kills_every_worker(
-    dask, monkeypatch, tmp_path
-):
+def test_dask_retries_after_a_killed_worker_but_not_forever(dask, monkeypatch, tmp_path):
     marker = tmp_path / "died"
 
     def die_once(report):
@@ -127,7 +123,7 @@ def test_dask_finishes_elsewhere_what_a_killed_worker_began_but_not_what_kills_e
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_cluster_elsewhere_is_named_by_its_scheduler(threads):
+def test_a_cluster_is_given_by_its_scheduler_address(threads):
     distributed = pytest.importorskip("distributed")
     options = {"n_workers": 2, "threads_per_worker": threads, "processes": False, "dashboard_address": ":0"}
     refused = pytest.raises(ConfigError, match="--nthreads 1") if threads > 1 else nullcontext()
@@ -137,7 +133,7 @@ def test_a_cluster_elsewhere_is_named_by_its_scheduler(threads):
 
 
 @pytest.mark.slow
-def test_a_cluster_that_goes_away_is_reported(tmp_path):
+def test_a_lost_cluster_is_reported(tmp_path):
     file, begun = tmp_path / "scheduler.json", tmp_path / "begun"
     dask, quiet = [sys.executable, "-m", "dask"], {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     where = ["--scheduler-file", str(file), "--no-dashboard"]
@@ -161,12 +157,12 @@ def test_a_cluster_that_goes_away_is_reported(tmp_path):
             with pytest.raises(SideganError, match="long: the Dask cluster went away"):
                 run_jobs("long", [begin], None)
     finally:
-        for one in (scheduler, *workers):
-            one.kill()
-            one.wait()
+        for started in (scheduler, *workers):
+            started.kill()
+            started.wait()
 
 
-def test_a_scheduler_that_does_not_answer_and_a_folder_that_is_not_shared_are_refused(monkeypatch):
+def test_unreachable_schedulers_and_unshared_folders_are_refused(monkeypatch):
     monkeypatch.setattr(parallel, "_CONNECT", 0.5)
     with pytest.raises(SideganError, match="no Dask scheduler answers"), on_cluster("tcp://127.0.0.1:9"):
         pass
@@ -177,13 +173,13 @@ def test_a_scheduler_that_does_not_answer_and_a_folder_that_is_not_shared_are_re
 
 def members(session):
     """Processes of a session that still run."""
-    for one in psutil.process_iter():
+    for other in psutil.process_iter():
         with suppress(OSError, psutil.Error):
-            if os.getsid(one.pid) == session and one.status() != psutil.STATUS_ZOMBIE:
-                yield one.pid
+            if os.getsid(other.pid) == session and other.status() != psutil.STATUS_ZOMBIE:
+                yield other.pid
 
 
-def test_workers_end_with_a_process_that_was_killed(tmp_path):
+def test_workers_end_when_their_parent_is_killed(tmp_path):
     code = f"""
 import os, time
 from pathlib import Path

@@ -46,7 +46,7 @@ def small_files_only():
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-def test_what_is_written_is_read(path):
+def test_written_files_read_back(path):
     for content in ({"x": [1, 0.1, None, "ü"]}, []):
         write_json(path, content)
         assert read_json(path) == content
@@ -61,7 +61,7 @@ def test_what_is_written_is_read(path):
 
 
 @pytest.mark.parametrize("kind", WRITERS)
-def test_a_write_replaces_the_file_or_leaves_the_old_one_and_nothing_else(path, kind):
+def test_a_write_is_atomic(path, kind):
     with pytest.raises(StorageError, match=rf"cannot write {path}: .*too large"), small_files_only():
         WRITERS[kind](path)
     assert path.read_bytes() == b"old"
@@ -82,28 +82,28 @@ def full(*_):
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])
-def test_a_refusal_of_the_system_names_path_and_reason(path, monkeypatch, call):
+def test_a_system_error_names_path_and_reason(path, monkeypatch, call):
     monkeypatch.setattr(os, call, full)
     with pytest.raises(StorageError, match=rf"cannot write {path}: {os.strerror(errno.ENOSPC)}"):
         write_bytes(path, b"x")
     assert list(path.parent.iterdir()) == [path] and path.read_bytes() == b"old"
 
 
-def test_an_interrupt_passes_and_leaves_the_old_file(path):
+def test_an_interrupted_write_leaves_the_old_file(path):
     with pytest.raises(KeyboardInterrupt), storage.replacing(path) as neighbour:
         neighbour.write_bytes(b"half")
         raise KeyboardInterrupt
     assert list(path.parent.iterdir()) == [path] and path.read_bytes() == b"old"
 
 
-def test_content_is_on_the_disk_before_the_name_changes(tmp_path, monkeypatch):
+def test_content_is_synced_before_the_rename(tmp_path, monkeypatch):
     calls = []
     monkeypatch.setattr(os, "fsync", lambda _fd: calls.append((tmp_path / "file").exists()))
     write_bytes(tmp_path / "file", b"x")
     assert calls == [False, True]  # the file, then the folder that names it
 
 
-def test_json_refuses_what_other_readers_cannot_read(path):
+def test_json_refuses_non_standard_values(path):
     for value in (float("nan"), float("inf")):
         with pytest.raises(ShapeError, match=str(path)):
             write_json(path, {"x": value})
@@ -114,7 +114,7 @@ DAMAGES = (lambda content: b"", lambda content: content[: len(content) // 2], la
 
 
 @pytest.mark.parametrize("kind", READERS)
-def test_what_is_missing_or_damaged_is_refused(path, kind):
+def test_missing_and_damaged_files_are_refused(path, kind):
     WRITERS[kind](path)
     content = path.read_bytes()
     for damage in DAMAGES:
@@ -133,7 +133,7 @@ class Harmful:
         return (os.mkdir, ("harmed",))
 
 
-def test_reading_arrays_runs_no_code(path, monkeypatch):
+def test_reading_arrays_executes_no_pickled_code(path, monkeypatch):
     monkeypatch.chdir(path.parent)
     with path.open("wb") as file:
         np.savez(file, x=np.array(Harmful()))
@@ -142,7 +142,7 @@ def test_reading_arrays_runs_no_code(path, monkeypatch):
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_folder_is_replaced_whole_or_not_at_all_and_what_is_not_ours_stays(tmp_path):
+def test_a_folder_is_replaced_atomically_and_foreign_files_stay(tmp_path):
     folder = tmp_path / "set"
 
     def written(*names, fail=False):
@@ -161,4 +161,4 @@ def test_a_folder_is_replaced_whole_or_not_at_all_and_what_is_not_ours_stays(tmp
     assert {path.name for path in folder.iterdir()} == {"1", "2", "log"}
     assert written("3") == {"3", "log"} and (folder / "log" / "a").read_text() == "mine"
     folder.rename(tmp_path / ".set.old")  # where a kill between two renames leaves it
-    assert written("4") == {"4", "log"} and [one.name for one in tmp_path.iterdir()] == ["set"]
+    assert written("4") == {"4", "log"} and [path.name for path in tmp_path.iterdir()] == ["set"]

@@ -53,7 +53,7 @@ GOOD |= {"many": {"first": {"count": 30, "kind": "large", "optional": 2}}}
 GOOD |= {"words": {"number": 0.2, "whole": 3, "truth": True, "text": "a b"}}
 
 
-def test_every_kind_of_value_is_read_and_reads_back_the_same():
+def test_every_kind_of_value_round_trips():
     outer = build(Outer, GOOD)
     assert outer.inner == Inner(3, "small") and outer.many == {"first": Inner(30, "large", 2.0)}
     assert outer.corner == (1.0, 2.5) and outer.sizes == [6, 210] and outer.regions is None
@@ -98,7 +98,7 @@ MISSPELT = {"cuont": 3, "kind": "small"}  # one mistake, and not a missing setti
         ("zzz", 1, "zzz: there is no such setting"),
     ],
 )
-def test_a_wrong_value_is_named_with_its_key_and_what_was_expected(key, value, words):
+def test_a_wrong_value_is_reported_with_its_key_and_what_was_expected(key, value, words):
     with pytest.raises(ConfigError) as error:
         build(Outer, {**GOOD, key: value})
     assert str(error.value) == words
@@ -109,7 +109,7 @@ def test_all_problems_are_reported_at_once():
         build(Outer, {**GOOD, "seed": "x", "inner": {"count": 0, "kind": "small"}, "extra": 1})
 
 
-def test_names_and_what_is_meant_are_found_by_the_place_of_a_setting():
+def test_setting_names_and_suggestions_come_from_their_group():
     assert names_in(Outer, ["many", "first"]) == ["count", "kind", "optional"] == names_in(Outer, ["inner"])
     assert names_in(Outer, ["seed"]) == names_in(Outer, ["nothing"]) == []
     assert suggest(Outer, ("iner", "count")) == "; did you mean inner.count?"

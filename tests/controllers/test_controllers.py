@@ -29,7 +29,7 @@ def course(seed=0, family=FAMILY, rate=None):
     return Course.of(NAMES, family.roll_out(c, times))
 
 
-def test_quintics_between_the_points_are_the_motion():
+def test_quintics_between_the_points_reproduce_the_motion():
     fine, drawn = course(rate=100), course().sampled(100)
     for name, most in (("position", 1e-6), ("velocity", 1e-5), ("acceleration", 1e-4)):
         assert np.abs(getattr(drawn, name) - getattr(fine, name)).max() < most
@@ -40,12 +40,12 @@ def test_a_slower_family_has_the_same_paths(speed):
     c = np.random.default_rng(0).standard_normal((1, *FAMILY.shape))
     family, slow = slower(FAMILY, c, speed)
     again = family.roll_out(slow, family.times(20 * speed))
-    for power, one, other in zip((-1, 0, 1, 2), FAMILY.roll_out(c, FAMILY.times(20)), again):
-        np.testing.assert_allclose(other, speed**power * one)
+    for power, own, other in zip((-1, 0, 1, 2), FAMILY.roll_out(c, FAMILY.times(20)), again):
+        np.testing.assert_allclose(other, speed**power * own)
 
 
 @pytest.mark.parametrize("pause", [0.0, 2.0])
-def test_courses_in_a_row_rest_between_at_the_rate(pause):
+def test_joined_courses_rest_in_between(pause):
     both = run_of([course(0, rate=100), course(1, rate=100)], pause, 100)
     assert both.duration == pytest.approx(2 * FAMILY.period + pause)
     np.testing.assert_allclose(both.time, np.arange(len(both.time)) / 100, rtol=0, atol=1e-9)
@@ -55,13 +55,13 @@ def test_courses_in_a_row_rest_between_at_the_rate(pause):
     np.testing.assert_allclose(both.position[between] - home, 0, atol=1e-9)
 
 
-def test_identify_reads_the_table_without_a_setting(tmp_path):
-    one = course(rate=100)
-    table = pd.read_csv(io.StringIO(csv_text(one)))
+def test_identify_reads_the_table_without_settings(tmp_path):
+    written = course(rate=100)
+    table = pd.read_csv(io.StringIO(csv_text(written)))
     table.assign(**{f"tau_{name}": 0.5 for name in NAMES}).to_csv(tmp_path / "a.csv", index=False)
     read = load_recording(tmp_path / "a.csv", of_file(), NAMES)
     for name in ("time", "position", "velocity", "acceleration"):
-        np.testing.assert_allclose(getattr(read, name), getattr(one, name), rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(getattr(read, name), getattr(written, name), rtol=1e-11, atol=1e-11)
 
 
 NEAR = 0.05
@@ -76,15 +76,15 @@ def sent(text):
 
 
 def test_the_goal_is_yaml_that_a_shell_can_pass():
-    one = course()
-    text = goal_text(one, 6 * [NEAR], "locked finger at 0.02 m: it")
+    planned = course()
+    text = goal_text(planned, 6 * [NEAR], "locked finger at 0.02 m: it")
     assert len(text.encode()) < SHELL and text.startswith("# locked finger")
     goal, stamps, positions = sent(text)
     assert goal["trajectory"]["joint_names"] == list(NAMES)
-    np.testing.assert_allclose(positions, one.position, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(positions, planned.position, rtol=1e-8, atol=1e-9)
     velocities = [point["velocities"] for point in goal["trajectory"]["points"]]
-    np.testing.assert_allclose(velocities, one.velocity, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(stamps, one.time, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(velocities, planned.velocity, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(stamps, planned.time, rtol=0, atol=1e-9)
 
 
 def first_command(text, standing, default=0.0):
@@ -98,7 +98,9 @@ def first_command(text, standing, default=0.0):
     goal, stamps, positions = sent(text)
     names = goal["trajectory"]["joint_names"]
     tolerance = dict.fromkeys(names, default) | {
-        one["name"]: one["position"] for one in goal.get("path_tolerance", ()) if one["position"]
+        tolerance["name"]: tolerance["position"]
+        for tolerance in goal.get("path_tolerance", ())
+        if tolerance["position"]
     }
     desired = positions[0] if stamps[0] == 0 else np.array(standing)
     for name, error in zip(names, np.abs(standing - desired)):
@@ -110,16 +112,16 @@ def first_command(text, standing, default=0.0):
 @pytest.mark.parametrize(("off", "refused"), [(0.3, True), (0.051, True), (0.049, False), (0.0, False)])
 @pytest.mark.parametrize("joint", [0, 5])
 def test_a_goal_does_not_make_an_arm_jump(off, refused, joint):
-    one = course()
-    standing = one.position[0].copy()
+    planned = course()
+    standing = planned.position[0].copy()
     standing[joint] -= off
-    command = first_command(goal_text(one, 6 * [NEAR]), standing)
+    command = first_command(goal_text(planned, 6 * [NEAR]), standing)
     assert command is None if refused else np.abs(command - standing).max() <= NEAR
-    bare = goal_text(one, 6 * [NEAR]).partition("path_tolerance")[0]
+    bare = goal_text(planned, 6 * [NEAR]).partition("path_tolerance")[0]
     assert np.abs(first_command(bare, standing) - standing).max() == pytest.approx(off)  # as it would without
 
 
-def test_a_joint_that_slides_has_a_tolerance_in_metres(planar):
+def test_a_prismatic_joint_has_a_tolerance_in_metres(planar):
     arm = replace(planar, prismatic=np.array([False, True]))
     assert ExportSettings().tolerance.of(arm) == [0.05, 0.01]
 
@@ -164,11 +166,11 @@ def test_the_program_follows_the_motion_and_settles():
     assert 0.4 < (len(robot.sent) - len(drawn)) * 0.008 < 0.6 and robot.said == ["movej", "stopj"]
 
 
-def test_the_program_starts_nowhere_else():
-    one = course()
-    robot = Robot(one.position[0] - np.array([0, 0, 0, 0, 1.1 * NEAR, 0]))
+def test_the_program_starts_only_at_its_start():
+    planned = course()
+    robot = Robot(planned.position[0] - np.array([0, 0, 0, 0, 1.1 * NEAR, 0]))
     with pytest.raises(SystemExit):
-        robot.run(script_text(one, "excite_1", NEAR))
+        robot.run(script_text(planned, "excite_1", NEAR))
     assert not robot.sent and "not at the first point" in robot.said[0]
 
 

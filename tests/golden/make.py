@@ -104,8 +104,11 @@ def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     found["sums"] = body.sums(*states, measured.torque) @ sides
     for terms in (RIGID, FULL):
         model = TorqueModel(body, terms)
-        one = estimate("weighted", model, measured)
-        found |= {f"weighted_{model.count}": one.parameters, f"weighted_{model.count}_sd": one.deviation}
+        fitted = estimate("weighted", model, measured)
+        found |= {
+            f"weighted_{model.count}": fitted.parameters,
+            f"weighted_{model.count}_sd": fitted.deviation,
+        }
     found |= {f"states_{key}": x.min(0) for key, x in problem.constraints.margins(*states).items()}
     found |= {f"least_{key}": x for key, x in check(problem.constraints, trajectory, c).margins.items()}
     return found
@@ -161,8 +164,8 @@ def identified(name: str) -> dict[str, Any]:
         training, held_out = split(training, 0.3)
     else:
         (held_out,) = read_and_check([(str(DATA / other), "validation")], *more)
-    one = identify_arm(arm, [training], [held_out], model, EstimationSettings())
-    return _flat(verdict(one))
+    result = identify_arm(arm, [training], [held_out], model, EstimationSettings())
+    return _flat(verdict(result))
 
 
 def _flat(tree: dict[str, Any], path: str = "") -> dict[str, Any]:
@@ -189,11 +192,11 @@ def _near(problem: Problem, gain: np.ndarray, count: int) -> np.ndarray:
 
 def _judgement(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     """Verdicts, and which of them rounding cannot turn: margins and a change of 10⁻⁹ leave them."""
-    one = check(problem.constraints, problem.trajectory, c)
-    clear = np.abs(np.stack([*one.margins.values()]).min(0)) > 1e-9
+    validity = check(problem.constraints, problem.trajectory, c)
+    clear = np.abs(np.stack([*validity.margins.values()]).min(0)) > 1e-9
     for factor in (1 - 1e-9, 1 + 1e-9):
-        clear &= check(problem.constraints, problem.trajectory, factor * c).valid == one.valid
-    return {"valid": np.packbits(one.valid), "clear": np.packbits(clear)}
+        clear &= check(problem.constraints, problem.trajectory, factor * c).valid == validity.valid
+    return {"valid": np.packbits(validity.valid), "clear": np.packbits(clear)}
 
 
 def main() -> None:

@@ -31,7 +31,7 @@ def apart(found, before):
 
 
 @pytest.mark.parametrize("name", make.ARMS)
-def test_numbers_of_an_arm(stored, name):
+def test_numbers_of_an_arm_are_unchanged(stored, name):
     own = stored[name]
     found = make.numbers(make.problem_of(name, own["home"]), own["c"])
     differences = {key: apart(x, own[key]) for key, x in found.items()}
@@ -39,7 +39,7 @@ def test_numbers_of_an_arm(stored, name):
 
 
 @pytest.mark.parametrize("name", make.JUDGED)
-def test_verdicts_on_trajectories(stored, name):
+def test_verdicts_on_trajectories_are_unchanged(stored, name):
     own = stored[name]
     problem, c = make.problem_of(name, own["home"]), make.candidates(name, own)
     valid = make.check(problem.constraints, problem.trajectory, c).valid
@@ -47,14 +47,14 @@ def test_verdicts_on_trajectories(stored, name):
     assert np.flatnonzero(clear & (valid != was)).tolist() == []
 
 
-def test_picks_from_a_pool(stored):
+def test_picks_from_a_pool_are_unchanged(stored):
     own = stored["kuka_lwr4"]
     found = make.picks(make.problem_of("kuka_lwr4", own["home"]), own["gain"])
     assert {key: x.tolist() for key, x in found.items()} == {key: own[key].tolist() for key in found}
 
 
 @pytest.mark.parametrize("name", make.RECORDED)
-def test_identification_of_recordings(name):
+def test_identification_of_recordings_is_unchanged(name):
     if not (make.DATA / make.RECORDED[name][4]).exists():
         pytest.skip(f"its recordings are not in {make.DATA}")
     found, before = make.identified(name), json.loads(make.IDENTIFIED.read_text())[name]

@@ -34,7 +34,7 @@ def start(outputs):
 
 
 @pytest.mark.slow
-def test_a_run_that_was_killed_three_times_ends_as_one_that_was_not(tmp_path):
+def test_a_run_killed_three_times_ends_like_an_undisturbed_one(tmp_path):
     whole, torn, seen = tmp_path / "whole", tmp_path / "torn", set()
     assert start(whole).wait() == 0
     expected = contents(whole)

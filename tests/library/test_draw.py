@@ -43,7 +43,7 @@ def test_the_first_valid_ones_are_kept_in_order(caplog):
     assert not caplog.text
 
 
-def test_no_more_than_the_most_are_drawn_and_their_share_is_reported_where_it_is_larger(caplog):
+def test_draws_are_limited_and_the_valid_share_reported(caplog):
     source, steps = Source(3), []
     draws = source.draw(40, 6, 20, report=lambda *step: steps.append(step))
     assert source.sizes == [6, 6, 6, 2] and draws.drawn == 20

@@ -40,13 +40,13 @@ def library(count=6, joints=2, harmonics=3, parameters=4, seed=0, **changes):
     return Library(**{**fields, **changes})
 
 
-def assert_same(one, other):
-    assert one.columns().keys() == other.columns().keys()
-    for name, x in one.columns().items():
+def assert_same(original, other):
+    assert original.columns().keys() == other.columns().keys()
+    for name, x in original.columns().items():
         # The bits, so that −0.0, denormals and infinities count too.
         assert x.dtype == other.columns()[name].dtype
         assert x.tobytes() == other.columns()[name].tobytes(), name
-    assert one.source == other.source and one.family() == other.family()
+    assert original.source == other.source and original.family() == other.family()
 
 
 @pytest.fixture
@@ -54,57 +54,57 @@ def path(tmp_path):
     return tmp_path / "folder" / "library.parquet"
 
 
-def comes_back(one, path):
-    one.save(path)
-    assert_same(one, Library.load(path))
+def comes_back(original, path):
+    original.save(path)
+    assert_same(original, Library.load(path))
 
 
-def test_every_bit_comes_back(path):
+def test_a_library_round_trips_bit_for_bit(path):
     extreme = np.array([-0.0, 5e-324, 1e308, 0.1 + 0.2, -1e-17, np.pi])
     c = np.broadcast_to(extreme[:, None, None, None], (6, 2, 3, 2))
     comes_back(library(coefficients=c, home=(0.1 + 0.2, -1e-300)), path)
     infinite = np.full(6, np.inf)
     comes_back(library(fitness=infinite, margins={"torque": infinite}), path)
-    one = library()
-    comes_back(library(spectrum=np.asfortranarray(one.spectrum)), path)
-    comes_back(one.take([]), path)
+    whole = library()
+    comes_back(library(spectrum=np.asfortranarray(whole.spectrum)), path)
+    comes_back(whole.take([]), path)
     comes_back(library(1, 7, 6, 45), path)
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_pandas_reads_it_and_its_metadata_say_what_it_is(path):
-    one = library()
-    one.save(path)
+def test_pandas_reads_a_library_and_its_metadata(path):
+    saved = library()
+    saved.save(path)
     frame = pd.read_parquet(path)
-    assert list(frame.columns) == [*one.columns(), "source"]
-    np.testing.assert_array_equal(np.stack(frame["coefficients"]).reshape(6, 2, 3, 2), one.coefficients)
-    np.testing.assert_array_equal(frame["margin_velocity"], one.margins["velocity"])
-    assert frame["valid"].dtype == bool and list(frame["source"]) == one.source
+    assert list(frame.columns) == [*saved.columns(), "source"]
+    np.testing.assert_array_equal(np.stack(frame["coefficients"]).reshape(6, 2, 3, 2), saved.coefficients)
+    np.testing.assert_array_equal(frame["margin_velocity"], saved.margins["velocity"])
+    assert frame["valid"].dtype == bool and list(frame["source"]) == saved.source
     stored = json.loads(pq.read_schema(path).metadata[b"sidegan"])
     expected = {"format": 1, "robot": "planar2", "digest": "d1", "period": 16.0, "home": [0.0, 0.1]}
     assert (expected | {"joints": 2, "harmonics": 3, "parameters": 4}).items() <= stored.items()
 
 
-def test_merge_and_take_undo_each_other(tmp_path, monkeypatch):
-    one, other = library(4, seed=1), library(5, seed=2)
-    both = one.merge(other)
-    assert_same(both.take(range(4)), one)
+def test_merge_and_take_are_inverse(tmp_path, monkeypatch):
+    first, other = library(4, seed=1), library(5, seed=2)
+    both = first.merge(other)
+    assert_same(both.take(range(4)), first)
     assert_same(both.take(np.arange(4, 9)), other)
-    assert_same(one.merge(one.take([])), one)
+    assert_same(first.merge(first.take([])), first)
     monkeypatch.setitem(parquet.OPTIONS, "row_group_size", 2)
-    for name, part in (("one", one), ("other", other), ("none", one.take([]))):
+    for name, part in (("one", first), ("other", other), ("none", first.take([]))):
         part.save(tmp_path / name)
     assert_same(Library.load(tmp_path / "one", None, tmp_path / "other", tmp_path / "none"), both)
     with pytest.raises(ShapeError, match="period"):
         library(period=8.0).save(tmp_path / "slow")
         Library.load(tmp_path / "one", None, tmp_path / "slow")
-    twice = one.take([3, 0, 3])
-    assert twice.source == [one.source[i] for i in (3, 0, 3)]
+    twice = first.take([3, 0, 3])
+    assert twice.source == [first.source[i] for i in (3, 0, 3)]
     for name, x in twice.columns().items():
-        assert np.array_equal(x, one.columns()[name][[3, 0, 3]])
-    turned = library(4, seed=1, margins={name: one.margins[name] for name in reversed(MARGINS)})
-    assert_same(one, turned)
-    assert len(one.merge(turned)) == 8
+        assert np.array_equal(x, first.columns()[name][[3, 0, 3]])
+    turned = library(4, seed=1, margins={name: first.margins[name] for name in reversed(MARGINS)})
+    assert_same(first, turned)
+    assert len(first.merge(turned)) == 8
 
 
 def rewritten(change=lambda table: table, **stamp):

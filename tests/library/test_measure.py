@@ -19,7 +19,7 @@ def pool():
     return constraints, family, 0.5 * c
 
 
-def test_a_library_and_its_summary_hold_what_checks_and_excitation_say(pool):
+def test_a_measured_library_holds_margins_and_excitation(pool):
     constraints, family, c = pool
     library = measured(*pool, "random")
     verdict = check(*pool)
@@ -38,7 +38,7 @@ def test_a_library_and_its_summary_hold_what_checks_and_excitation_say(pool):
     assert diversity(c, excitation.diagonal).items() <= facts.items()
 
 
-def test_likeness_is_that_of_as_many_as_the_smaller_set_has_and_knows_what_excites_nothing(pool):
+def test_likeness_compares_equally_many_and_reports_unexciting_sets(pool):
     constraints, family, c = pool
     seeds, library = (measured(constraints, family, x, "any") for x in (c[:60], c[60:]))
     found = likeness(library, seeds)

@@ -64,7 +64,7 @@ def test_planar_arm_has_the_textbooks_base_parameters(planar, arm):
 
 
 @pytest.mark.parametrize("apart", [1e-2, 1e-3, 1e-4])
-def test_what_moves_the_torque_ever_so_little_is_a_base_parameter(planar, apart):
+def test_parameters_with_small_effects_are_base_parameters(planar, apart):
     """Two parallel, upright axes, hardly apart: the second link's centre is felt through that alone."""
     upright = replace(planar, gravity=9.81 * planar.axis[0], translation=planar.translation * 0)
     assert RigidBody(upright).base.names == ("Iyy1", "Iyy2")
@@ -107,11 +107,11 @@ def test_base_parameters_explain_the_full_regressor(chain, arm):
 
 
 def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm):
-    one = BaseParameters.of(arm)
+    base = BaseParameters.of(arm)
     with on_threads(2):
         other = BaseParameters.of(arm)
     for name in ("columns", "mapping", "values", "subspace"):
-        assert np.array_equal(getattr(one, name), getattr(other, name)), name  # the same computation
+        assert np.array_equal(getattr(base, name), getattr(other, name)), name  # the same computation
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +134,7 @@ def test_gram_is_the_mean_of_squared_regressors(arm, short, equal):
 
 
 @pytest.mark.parametrize("quantity", ["regressor", "base_regressor", "torque"])
-def test_results_are_double_whatever_the_type_of_the_states(arm, quantity):
+def test_results_are_double_for_any_input_type(arm, quantity):
     of, single = getattr(RigidBody(arm), quantity), [x.astype(np.float32) for x in random_states(arm, 50)]
     exact = of(*(x.astype(float) for x in single))
     for states in (single, [x.tolist() for x in single]):

@@ -76,7 +76,7 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("words", "call"), REFUSALS)
-def test_refusals(words, call):
+def test_invalid_input_is_refused(words, call):
     with pytest.raises((ShapeError, RobotError), match=words):
         call()
 

@@ -54,7 +54,7 @@ def test_position_is_that_of_parks_formula(period, harmonics):
 
 @settings(max_examples=60, deadline=None)
 @given(families(), st.integers(0, 1000))
-def test_rests_at_home_at_both_ends(trajectory, seed):
+def test_trajectories_rest_at_home_at_both_ends(trajectory, seed):
     c, ends = coefficients(trajectory, seed=seed), [0, -1]
     motion = trajectory.roll_out(c, trajectory.times(50 / trajectory.period))
     np.testing.assert_allclose(motion.position[:, ends] - trajectory.home, 0, atol=1e-12)
@@ -104,13 +104,13 @@ def test_jerk_and_snap_never_exceed_their_bounds(period, harmonics, cells, seed)
 
 
 @pytest.mark.parametrize("dtype", [int, np.float32])
-def test_times_of_another_type_are_the_same_times(dtype):
+def test_times_of_another_type_give_the_same_motion(dtype):
     trajectory, times = Trajectory(2, 3, 8.0), np.arange(8)
     exact = trajectory.basis(times.astype(float), 1)
     np.testing.assert_allclose(trajectory.basis(times.astype(dtype), 1), exact, rtol=0, atol=0)
 
 
-def test_times_are_the_nearest_that_fill_the_period_and_a_grid_has_the_centres_of_cells():
+def test_times_fill_the_period_and_grids_are_cell_centres():
     times = Trajectory(1, 1, 2.5).times(3)
     assert len(times) == 9 and times[0] == 0 and times[-1] == 2.5
     np.testing.assert_allclose(np.diff(times), 2.5 / 8)

@@ -39,7 +39,7 @@ def test_any_chain_obeys_its_equations_of_motion(motions, joints):
     np.testing.assert_allclose(executed.torque[:-1], wanted, rtol=0, atol=1e-8)
 
 
-def test_a_drive_at_its_limit_obeys_the_equations_of_motion_too(planar, motions):
+def test_a_saturated_drive_obeys_the_equations_of_motion(planar, motions):
     motion = motions(planar)
     most = np.abs(Plant(planar, IDEAL).follow(motion).torque).max(0)
     weak = replace(planar, torque_limit=0.97 * most)
@@ -63,7 +63,7 @@ def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
         np.testing.assert_allclose(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
 
 
-def test_the_less_a_controller_knows_the_worse_it_tracks(arm, motions):
+def test_less_feed_forward_means_worse_tracking(arm, motions):
     motion = motions(arm, period=8.0)
     known = [replace(IDEAL, feed_forward=share) for share in (1.0, 0.9, 0.5)]
     exact, less, least, usual = (
@@ -83,9 +83,7 @@ def test_motions_are_executed_one_after_another(planar, motions):
         assert np.array_equal(mine, theirs)
 
 
-def test_every_number_of_a_saved_recording_comes_back_through_the_door_of_recordings(
-    planar, motions, tmp_path
-):
+def test_a_saved_recording_is_read_back_by_the_recording_package(planar, motions, tmp_path):
     executed = Plant(planar, IDEAL).execute(motions(planar, period=1.0), 0, 0.1)
     path = tmp_path / "plant.parquet"
     save_recording(executed, planar.joint_names, path)
@@ -95,10 +93,11 @@ def test_every_number_of_a_saved_recording_comes_back_through_the_door_of_record
         assert np.array_equal(getattr(read, name), values), name
 
 
-def test_torques_have_noise_of_the_stated_size_and_a_seed_is_a_recording(planar, motions):
+def test_torque_noise_has_the_stated_size_and_follows_the_seed(planar, motions):
     plant, motion = Plant(planar, IDEAL), motions(planar, period=16.0)
     true = plant.follow(motion)
-    one, same, other = (plant.execute(motion, seed, 0.5) for seed in (1, 1, 2))
-    assert np.array_equal(one.position, true.position)
-    assert np.array_equal(one.torque, same.torque) and not np.array_equal(one.torque, other.torque)
-    assert (one.torque - true.torque).std(0).tolist() == pytest.approx([0.5, 0.5], rel=0.03)  # 16,001 samples
+    first, same, other = (plant.execute(motion, seed, 0.5) for seed in (1, 1, 2))
+    assert np.array_equal(first.position, true.position)
+    assert np.array_equal(first.torque, same.torque) and not np.array_equal(first.torque, other.torque)
+    noise = first.torque - true.torque  # 16,001 samples
+    assert noise.std(0).tolist() == pytest.approx([0.5, 0.5], rel=0.03)

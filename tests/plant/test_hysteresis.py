@@ -22,7 +22,7 @@ def area(load, told):
 
 
 @pytest.mark.parametrize("swing", [0.1, 0.2, 0.7, 1.0])
-def test_a_loop_has_the_area_that_stops_have_whatever_its_pace(swing):
+def test_the_loop_area_is_that_of_the_elements_at_any_speed(swing):
     """A stop of radius r holds a parallelogram of area 4 r (A − r) of a swing ±A, none where A is smaller."""
     load, (start, _, end) = path((swing, -swing, swing))
     told = lagging(load, FULL, SHARE)
@@ -34,7 +34,7 @@ def test_a_loop_has_the_area_that_stops_have_whatever_its_pace(swing):
     np.testing.assert_allclose(lagging(load[:, kept], FULL, SHARE), told[:, kept], rtol=0, atol=1e-9)
 
 
-def test_a_larger_swing_wipes_out_what_smaller_ones_left():
+def test_a_larger_swing_erases_the_memory_of_smaller_ones():
     direct, _ = path((0.9, -0.9, 0.3))
     history, _ = path((0.4, -0.2, 0.9, 0.1, 0.5, -0.9, 0.3))
     told = [lagging(load, FULL, SHARE)[0, -1] for load in (direct, history)]
@@ -44,7 +44,7 @@ def test_a_larger_swing_wipes_out_what_smaller_ones_left():
     np.testing.assert_allclose(inner[first], inner[last], rtol=1e-12)
 
 
-def test_the_loop_over_the_whole_range_is_as_wide_as_is_said_and_no_error_larger():
+def test_the_full_range_loop_has_the_stated_width():
     load, (top, bottom, end) = path((1.0, -1.0, 1.0))
     told = lagging(load, FULL, SHARE)[0]
     for sign, zero in ((1, (top + bottom) // 2), (-1, (bottom + end) // 2)):  # on the way down and up

@@ -51,17 +51,17 @@ EXECUTED = [  # the error, its words, and what is changed of arm, motion, rate [
 
 
 @pytest.mark.parametrize(("error", "words", "make", "change", "rate", "settings"), EXECUTED)
-def test_executed(planar, motions, error, words, make, change, rate, settings):
+def test_invalid_executions_are_refused(planar, motions, error, words, make, change, rate, settings):
     motion = change(motions(planar, rate=rate))
     with pytest.raises(error, match=words):
         Plant(make(planar), replace(IDEAL, **settings)).follow(motion)
 
 
-def test_a_motion_of_another_arm(arm, planar, motions):
+def test_a_motion_of_another_arm_is_refused(arm, planar, motions):
     with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
         Plant(arm, IDEAL).follow(motions(planar))
 
 
-def test_every_link_that_cannot_exist_is_named(arm):
+def test_impossible_links_are_named(arm):
     with pytest.raises(RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -"):
         mujoco_model(links((1, 0, 0.0), (4, 0, -1.0))(arm))

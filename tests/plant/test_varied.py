@@ -61,7 +61,7 @@ def inverse(arm, *states):
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_a_sensor_at_the_link_without_errors_tells_what_moves_the_true_links(name, motions):
+def test_an_ideal_link_sensor_measures_the_torque_on_the_true_links(name, motions):
     arm = load_robot(name)
     made, motion = plant(arm, PLAIN), motions(arm, 2, rate=500.0)
     assert np.abs(made.true.inertial_parameters - arm.inertial_parameters).max() > 0.01
@@ -76,7 +76,7 @@ def test_a_sensor_at_the_link_without_errors_tells_what_moves_the_true_links(nam
     assert np.median(np.abs(friction), (0, 1)) == pytest.approx(rubbing.bearings.coulomb, rel=0.9)
 
 
-def test_motors_overcome_gears_and_rotors_besides(planar, motion):
+def test_a_motor_sensor_also_measures_gear_friction_and_rotors(planar, motion):
     made = plant(planar, replace(PLAIN, sensor="motor"))
     *states, motor, load = simulated(made, motion)
     friction = motor - load - made.rotor * states[2]
@@ -84,7 +84,7 @@ def test_motors_overcome_gears_and_rotors_besides(planar, motion):
     np.testing.assert_allclose(friction[:, 1:], made.law(*states[:2], 0 * load)[:, 1:], rtol=0, atol=1e-5)
 
 
-def test_sensors_err_by_no_more_than_is_stated(planar, motion):
+def test_sensor_errors_stay_within_the_stated_size(planar, motion):
     _, exact = plant(planar, PLAIN).follow(motion)
     for name, share, most in (
         ("hysteresis", 0.01, 0.01),
@@ -97,21 +97,21 @@ def test_sensors_err_by_no_more_than_is_stated(planar, motion):
 
 
 def test_one_seed_is_one_plant(planar, motion):
-    one, again = (plant(planar, USUAL) for _ in range(2))
-    assert np.array_equal(one.follow(motion)[1], again.follow(motion)[1])
-    assert not np.array_equal(plant(planar, USUAL, seed=4).law.coulomb, one.law.coulomb)
+    first, again = (plant(planar, USUAL) for _ in range(2))
+    assert np.array_equal(first.follow(motion)[1], again.follow(motion)[1])
+    assert not np.array_equal(plant(planar, USUAL, seed=4).law.coulomb, first.law.coulomb)
 
 
 @pytest.mark.parametrize("switch", [*OFF, *SENSORS, "bearings", "sensor"])
-def test_every_misfit_is_a_switch_of_its_own(planar, motion, switch):
+def test_every_misfit_has_its_own_switch(planar, motion, switch):
     if switch in OFF:
         size = getattr(USUAL.friction, switch)
         changed = replace(PLAIN, friction=replace(PLAIN.friction, **{switch: size}))
     else:
         size = "motor" if switch == "sensor" else getattr(USUAL, switch)
         changed = replace(PLAIN, **{switch: size})
-    one, other = (plant(planar, x).follow(motion) for x in (PLAIN, changed))
-    assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(one, other))
+    plain, other = (plant(planar, x).follow(motion) for x in (PLAIN, changed))
+    assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(plain, other))
 
 
 def test_servos_and_friction_follow_their_laws(planar, motion):
@@ -145,7 +145,7 @@ def test_recorded_noise_has_the_stated_size_and_correlation(planar, correlation)
         assert np.abs((slope - above)[:, 50:-50]).max() < 0.02 * np.abs(above).max()
 
 
-def test_what_cannot_be_followed_or_is_at_another_rate_is_refused(planar, motion, motions):
+def test_untrackable_motions_and_other_rates_are_refused(planar, motion, motions):
     with pytest.raises(InfeasibleError, match="do not follow"):
         plant(planar, replace(USUAL, tolerance=1e-9)).follow(motion)
     with pytest.raises(ShapeError, match="500 Hz"):

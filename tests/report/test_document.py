@@ -40,13 +40,13 @@ def test_markdown_has_all_parts_in_order_and_their_files(tmp_path):
     assert beside["t.md"].read_text("utf-8") == f"Table I: nMSE*.\n\n{markdown(TABLE.reset_index())}\n"
 
 
-def test_a_table_has_numbers_on_the_right_and_dashes_for_what_is_unknown():
+def test_tables_align_numbers_right_and_dash_missing_values():
     frame = pd.DataFrame({"n": ["1.5e-3 ± 0.1", None], "a|b": ["a\xa01", "2|\n3"]})
     lines = [r"| n | a\|b |", "| ---: | --- |", "| 1.5e-3 ± 0.1 | a\xa01 |", r"| — | 2\| 3 |"]
     assert markdown(frame).split("\n") == lines
 
 
-def test_tables_of_a_page_are_read_as_they_were_written():
+def test_tables_of_a_page_read_back():
     table = pd.DataFrame({"arm": ["a", "b"], "valid": ["0.5", None]})
     text = f"# Page\n\n{markdown(table)}\n\nWords.\n\n{markdown(table[['valid']])}"
     first, second = read_tables(text)
@@ -54,7 +54,7 @@ def test_tables_of_a_page_are_read_as_they_were_written():
     assert second.columns.tolist() == ["valid"] and second.valid.tolist() == ["0.5", None]
 
 
-def test_a_shown_table_is_whole_on_standard_output(capsys):
+def test_a_table_is_printed_in_full(capsys):
     show(TABLE.rename(columns={"note": "time [s]"}), "Table [I]")
     out, err = capsys.readouterr()
     assert all(text in out for text in ("Table [I]", "time [s]", "a|b", "set", "q", "1 ± 2", "<b>"))

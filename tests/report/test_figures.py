@@ -31,7 +31,7 @@ def legend(figure):
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_metrics_have_a_line_per_variant_and_a_dashed_one_for_the_seeds():
+def test_metrics_have_a_line_per_variant_and_a_dashed_line_for_seeds():
     back = HISTORY[::-1].reset_index(drop=True).assign(epoch=[1, 2])
     parts = {"vanilla": pd.concat([HISTORY, back]), "eigen": HISTORY[:1]}
     frame = pd.concat([part.assign(variant=name) for name, part in parts.items()])
@@ -51,7 +51,7 @@ def test_metrics_have_a_line_per_variant_and_a_dashed_one_for_the_seeds():
 
 
 @pytest.mark.parametrize("weightings", [(False,), (False, True)])
-def test_errors_have_a_panel_per_weighting_and_a_bar_with_its_range_per_set_and_joint(weightings):
+def test_errors_have_a_panel_per_weighting_and_a_bar_per_set_and_joint(weightings):
     figure = figures.errors(results(*weightings))
     assert len(figure.axes) == len(weightings)
     for axis in figure.axes:
@@ -63,7 +63,7 @@ def test_errors_have_a_panel_per_weighting_and_a_bar_with_its_range_per_set_and_
     assert legend(figure) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
 
 
-def test_coefficients_are_strips_of_one_scale_and_an_offset_lies_apart():
+def test_coefficients_share_one_scale_and_offsets_show():
     random = np.random.default_rng(0)
     seeds, like = (0.1 * random.uniform(-1, 1, (50, 12)) for _ in range(2))
     figure = figures.coefficients({"seeds": seeds, "vanilla": like, "eigen": like + 0.5})
@@ -79,20 +79,20 @@ def test_coefficients_are_strips_of_one_scale_and_an_offset_lies_apart():
 
 
 @pytest.mark.parametrize("words", ["$a$", "a < b & c", "肩", "x 1.23456"])
-def test_an_svg_has_words_as_they_are_and_its_own_names_and_bytes(words, recwarn):
+def test_an_svg_has_text_unique_ids_and_reproducible_bytes(words, recwarn):
     def drawn(name):
         figure = blank(2, 2)
         figure.subplots().plot([0, 1.23456], "o-", label=words)
         figure.axes[0].legend()
         return svg(figure, name, words)
 
-    one, other = (Page(drawn(name)) for name in ("a", "b"))
-    assert words in one.text and not recwarn.list
+    first, other = (Page(drawn(name)) for name in ("a", "b"))
+    assert words in first.text and not recwarn.list
     assert drawn("a") == drawn("a")
-    assert one.ids and len(one.ids) == len(set(one.ids)) and not set(one.ids) & set(other.ids)
+    assert first.ids and len(first.ids) == len(set(first.ids)) and not set(first.ids) & set(other.ids)
 
 
-def test_a_long_line_takes_no_more_room_in_an_svg_than_a_screen_can_show():
+def test_long_lines_are_reduced_to_screen_resolution():
     figure, time = blank(11, 2), np.arange(50_000) / 45
     figure.subplots().plot(time, np.sin(14 * time))
     assert len(svg(figure, "a", "a")) < 100_000

@@ -53,18 +53,18 @@ def test_every_plot_is_drawn_with_its_words(read):
         assert words in read.text, words
 
 
-def test_nothing_comes_from_elsewhere(html, read):
+def test_the_page_loads_nothing_external(html, read):
     assert all(link[0] == "#" and link[1:] in read.ids for link in read.links)
     assert len(read.ids) == len(set(read.ids))
     assert "default-src 'none'" in html and "<script" not in html and "script-src" not in html
     assert len(html) < 1e6
 
 
-def test_words_from_outside_run_nothing(html, read):
+def test_names_are_escaped_in_the_page(html, read):
     assert HOSTILE not in html and HOSTILE in read.text
 
 
-def test_what_there_is_nothing_to_say_of_is_left_out(identified):
+def test_empty_sections_are_left_out(identified):
     pulled = replace(identified.quality, other_gravity=True)
     many = {"training": 12 * identified.training, "tested": identified.trained}
     text = Page(report_html(replace(identified, quality=pulled, **many), ORIGIN).decode()).text
@@ -76,5 +76,5 @@ NUMBERS = {1.23456: "1.235", -2.5e-7: "-2.5e-7", 1.5e12: "1.5e12", -3e-17: "0", 
 
 
 @pytest.mark.parametrize(("value", "text"), NUMBERS.items())
-def test_numbers_for_people(value, text):
+def test_numbers_are_rounded_for_reading(value, text):
     assert number(value) == text

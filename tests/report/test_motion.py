@@ -65,7 +65,7 @@ def test_bounds_hold_all_points_and_the_foot_of_the_arm_on_the_desk():
     assert bounds([points - [0, 0, 2]])[0, 2] < -1.7  # below the desk is drawn, too
 
 
-def test_bundles_have_a_panel_each_at_one_scale_and_the_same_give_the_same_file(planar, tmp_path):
+def test_bundles_share_one_scale_and_render_reproducibly(planar, tmp_path):
     traces = [Bundle(f"trajectory {k}", FAMILY, c[None]) for k, c in enumerate(some(FAMILY, 5))]
     long = Bundle("long\n12 s", LONG, some(LONG, 1), "#b2182b")
     for bundles in (traces, [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")]):

@@ -37,7 +37,7 @@ REFUSALS = [
 
 
 @pytest.mark.parametrize(("ask", "error", "words"), REFUSALS)
-def test_it_is_refused(there, ask, error, words):
+def test_is_refused(there, ask, error, words):
     before = sorted(there.folder.iterdir())
     with pytest.raises(error, match=words):
         ask(there)

@@ -28,7 +28,7 @@ def raw():
     )
 
 
-def test_sets_are_in_the_papers_order_and_unknown_ones_last():
+def test_sets_follow_the_papers_order_unknown_ones_last():
     names = ["zeta", "diagonal", "alpha", "seeds", "long-210", "eigen", "long-12", "long-6", "vanilla"]
     expected = ["long-6", "long-12", "long-210", "seeds", "vanilla", "eigen", "diagonal", "alpha", "zeta"]
     assert tables.ordered(names) == tables.ordered(reversed(names)) == expected
@@ -59,13 +59,13 @@ def test_joints_keep_their_order_and_take_the_unweighted_mean(raw):
     assert table.loc["a"].tolist() == ["1.2", "0.6", "0.3"]
 
 
-def test_facts_of_the_sets_are_means(raw):
+def test_set_facts_are_averaged(raw):
     table = tables.excitation_sets(raw)
     assert list(table.index) == SETS
     assert table.loc["seeds"].tolist() == ["16", "321", "1234", "1.5"]
 
 
-def test_generators_show_what_is_known():
+def test_generators_show_known_values():
     eigen = KNOWN | {"name": "eigen", "valid_share": 0.9, "gain": 12.3456, "rank_uncentred": None}
     seeds = {
         "name": "seeds",

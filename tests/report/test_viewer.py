@@ -77,14 +77,14 @@ def test_positions_and_shares_are_those_of_the_motion(planar, shown, coefficient
     assert np.abs(shares["acceleration"]).max((0, 1)) == pytest.approx([1, 1])
 
 
-def test_limits_of_acceleration_are_what_it_is_a_share_of(planar, write):
+def test_acceleration_shares_are_relative_to_the_limit(planar, write):
     limited = replace(planar, acceleration_limit=np.array([5.0, np.inf]))
     head, _ = unpacked(Page(write(Constraints(limited))))
     signal = head["signals"]["acceleration"]
     assert signal["limited"] == [True, False] and signal["scale"][0] == 5
 
 
-def test_the_closest_is_what_the_check_finds(planar, shown, coefficients):
+def test_the_closest_pair_is_that_of_the_check(planar, shown, coefficients):
     head, arrays = shown
     constraints = Constraints(planar, REGIONS)
     times = np.linspace(0, 8, head["samples"] + 1)
@@ -96,7 +96,7 @@ def test_the_closest_is_what_the_check_finds(planar, shown, coefficients):
     assert [head["pairs"][k] for k in arrays["pair"]] == [names[k] for k in distances.argmin(1)]
 
 
-def test_names_of_strangers_stay_names(planar, write):
+def test_names_are_escaped_in_the_viewer(planar, write):
     named = replace(planar, name=EVIL, joint_names=(EVIL, "b"), link_names=(EVIL, "b"))
     named = replace(named, capsules=replace(planar.capsules, names=(EVIL, "<b>", "&")))
     page = Page(write(Constraints(named), [EVIL, "2", "3"]))
@@ -105,13 +105,13 @@ def test_names_of_strangers_stay_names(planar, write):
     assert head["joints"][0] == head["titles"][0] == EVIL
 
 
-def test_nothing_comes_from_elsewhere(html):
+def test_the_viewer_loads_nothing_external(html):
     assert "default-src 'none'" in html and "SPDX-License-Identifier: MIT" in html  # of three.js
     assert Page(html).links == []
     assert len(html) < 2_000_000
 
 
-def test_too_many_triangles_become_fewer_that_stay_where_they_were():
+def test_meshes_with_too_many_triangles_are_decimated_in_place():
     ball = trimesh.creation.icosphere(7, 0.1)
     whole = Part(0, np.asarray(ball.vertices), np.asarray(ball.faces))
     assert len(whole.faces) > 200_000
@@ -120,7 +120,7 @@ def test_too_many_triangles_become_fewer_that_stay_where_they_were():
     np.testing.assert_allclose(np.linalg.norm(less.vertices, axis=1), 0.1, atol=1e-3)
 
 
-def test_surfaces_of_regions_look_outwards_and_hold_them():
+def test_region_surfaces_face_outwards_and_enclose_the_region():
     points = np.random.default_rng(0).normal(size=(60, 3))
     hull = Convex(np.zeros((0, 4)), points)
     for region, volume in ((REGIONS[1], 0.4 * 0.2 * 0.3), (Sphere((1, 2, 3), 0.5), 0.52), (hull, None)):
@@ -132,7 +132,7 @@ def test_surfaces_of_regions_look_outwards_and_hold_them():
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")
-def test_a_browser_shows_it(html, tmp_path):
+def test_a_browser_renders_the_viewer(html, tmp_path):
     (tmp_path / "view.html").write_text(html)
     command = ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
     command += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=8000"]

@@ -34,23 +34,23 @@ def first(batch, count):
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_workers_change_nothing_and_a_second_start_redoes_what_is_damaged(planar_problem, tmp_path, name):
+def test_workers_do_not_change_seeds_and_damaged_tasks_are_redone(planar_problem, tmp_path, name):
     work, other = tmp_path / "one", tmp_path / "two"
     work.mkdir()
     other.mkdir()
-    one = made(planar_problem, work, 1, METHODS[name])
-    assert check(planar_problem.constraints, planar_problem.trajectory, one.coefficients).valid.all()
-    assert np.array_equal(one.coefficients, made(planar_problem, other, 2, METHODS[name]).coefficients)
+    batch = made(planar_problem, work, 1, METHODS[name])
+    assert check(planar_problem.constraints, planar_problem.trajectory, batch.coefficients).valid.all()
+    assert np.array_equal(batch.coefficients, made(planar_problem, other, 2, METHODS[name]).coefficients)
     files = sorted(work.iterdir())
     assert len(files) == 3
     files[0].unlink()
     files[1].write_bytes(files[1].read_bytes()[:100])
     method = Spied(METHODS[name])
-    assert np.array_equal(one.coefficients, made(planar_problem, work, method=method).coefficients)
+    assert np.array_equal(batch.coefficients, made(planar_problem, work, method=method).coefficients)
     assert method.calls == 2
 
 
-def test_starts_that_fail_are_replaced_by_further_tasks(planar_problem, tmp_path):
+def test_failed_starts_are_replaced(planar_problem, tmp_path):
     method = Spied(then=lambda calls, batch: first(batch, 1))
     assert len(made(planar_problem, tmp_path, method=method, count=3)) == 3
     assert method.calls == 3
@@ -61,17 +61,17 @@ def long_problem(planar_problem):
     return replace(planar_problem, trajectory=Trajectory(2, 6, 32.0), samples=64)
 
 
-def test_a_long_trajectory_is_the_best_that_the_optimiser_makes_of_its_starts(long_problem):
+def test_a_long_trajectory_is_the_best_of_its_starts(long_problem):
     single, seed, shares = replace(METHOD, attempts=1), np.random.SeedSequence, []
     long = make_long(long_problem, single, 2, seed(3), lambda *share: shares.append(share))
     assert shares[-1] == (2, 2)
     found = [single.optimise(long_problem, 1, child) for child in seed(3).spawn(long.attempts)]
-    best = min((one for one in found if len(one)), key=lambda one: float(one.fitness[0]))
+    best = min((batch for batch in found if len(batch)), key=lambda batch: float(batch.fitness[0]))
     assert np.array_equal(long.coefficients, best.coefficients)
     assert check(long_problem.constraints, long_problem.trajectory, long.coefficients).valid.all()
 
 
-def test_what_never_becomes_valid_ends_with_the_reason(planar_problem, tmp_path, monkeypatch):
+def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_problem, tmp_path, monkeypatch):
     monkeypatch.setattr(result, "HOPELESS", 1.0)
     with pytest.raises(InfeasibleError, match=r"only 0 of 2 seeds became valid .* condition number"):
         made(planar_problem, tmp_path, method=Gradient(5, attempts=5, reserve=0.2), count=2)
@@ -90,7 +90,7 @@ def test_what_never_becomes_valid_ends_with_the_reason(planar_problem, tmp_path,
         ({}, "trajectory.period=…"),
     ],
 )
-def test_too_few_seeds_come_with_what_may_help(planar_problem, faults, remedy):
+def test_too_few_seeds_are_reported_with_suggestions(planar_problem, faults, remedy):
     nothing = np.zeros((0, 2, 3, 2))
     batch = result.SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults)
     error = batch.shortfall(planar_problem.constraints, 6)
@@ -101,7 +101,7 @@ def test_too_few_seeds_come_with_what_may_help(planar_problem, faults, remedy):
 COMMON = {"count": 4, "samples": 20, "batch": 2, "steps": 7, "attempts": 2}
 
 
-def test_a_folder_is_part_of_what_makes_published_seeds_alone():
+def test_the_folder_only_stamps_published_seeds():
     paper = Seeds(method="paper", **COMMON, ants=30, evaluations=9, box=0.2)
     assert paper.stamped() == replace(paper, folder="there", shipped="seeds.npz").stamped()
 
@@ -121,7 +121,7 @@ def test_settings_of_another_method_are_refused(words, method, options):
         Seeds(method=method, **COMMON, **options)
 
 
-def test_published_seeds_may_have_a_box_which_they_keep():
+def test_published_seeds_must_fit_their_box():
     published = Seeds(method="published", **COMMON, folder="there", box=0.2)
     published.refuse_beyond(np.array([0.2 * (1 + 1e-7), -0.1]))
     with pytest.raises(ConfigError, match=r"seeds reach 0\.3 rad/s, beyond seeds\.box=0\.2; null is no box"):

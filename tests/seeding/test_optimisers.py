@@ -22,14 +22,14 @@ def compared(problem, method, count, seed):
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_seeds_are_valid_better_than_random_ones_and_follow_the_random_numbers(planar_problem, name):
-    (one, start), (two, _), (other, _) = (compared(planar_problem, METHODS[name], 2, k) for k in (1, 1, 6))
-    assert np.median(one.fitness) < start
-    assert np.array_equal(one.coefficients, two.coefficients)
-    assert not np.array_equal(one.coefficients, other.coefficients)
+def test_seeds_are_valid_better_than_random_and_reproducible(planar_problem, name):
+    (first, start), (two, _), (other, _) = (compared(planar_problem, METHODS[name], 2, k) for k in (1, 1, 6))
+    assert np.median(first.fitness) < start
+    assert np.array_equal(first.coefficients, two.coefficients)
+    assert not np.array_equal(first.coefficients, other.coefficients)
 
 
-def test_settling_shrinks_what_leaks_and_gives_up_on_what_cannot_be_helped(planar_problem, random):
+def test_settling_shrinks_invalid_seeds_and_drops_hopeless_ones(planar_problem, random):
     c = planar_problem.start(5, random, 1.05)
     c[3], c[4] = 0, np.nan
     batch = settle(planar_problem, c, 0.5)
@@ -38,7 +38,7 @@ def test_settling_shrinks_what_leaks_and_gives_up_on_what_cannot_be_helped(plana
     assert batch.faults.get("the condition number") == 2
 
 
-def test_pygmo_sees_fitness_and_margins_one_by_one_and_in_a_batch(planar_problem):
+def test_pygmo_gets_the_same_fitness_and_margins_singly_and_batched(planar_problem):
     udp, x = ConditionProblem(planar_problem, 0.5), np.random.default_rng(0).uniform(-1, 1, (30, 12))
     batch, c = udp.batch_fitness(x.ravel()).reshape(30, -1), udp.coefficients(x.ravel())
     assert batch.shape == (30, 1 + udp.get_nic())
@@ -48,7 +48,7 @@ def test_pygmo_sees_fitness_and_margins_one_by_one_and_in_a_batch(planar_problem
     assert (udp.fitness(np.zeros(12))[1:] < 0).all()  # at home
 
 
-def test_a_small_search_on_the_lwr_ends_valid_under_the_papers_constraints(lwr_problem):
+def test_the_papers_optimiser_finds_valid_lwr_seeds(lwr_problem):
     constraints = Constraints(lwr_problem.constraints.arm, lwr_problem.constraints.regions, torque=False)
     problem = replace(lwr_problem, constraints=constraints, samples=60)
     problem = replace(problem, trajectory=Trajectory(7, 6, 2 * np.pi / 0.4), strongest=35)
@@ -58,14 +58,14 @@ def test_a_small_search_on_the_lwr_ends_valid_under_the_papers_constraints(lwr_p
     assert (np.abs(batch.coefficients[..., 0]) > 0.1999).mean() > 0.4  # on the box
 
 
-def test_a_long_trajectory_is_not_a_straw_man(planar):
+def test_a_long_trajectory_is_as_well_conditioned_as_short_ones(planar):
     """With the short ones' bandwidth one long trajectory gets as well conditioned as a short one."""
     constraints = Constraints(planar, [])
     short = Problem(constraints, Trajectory(2, 3, 8.0), 24)
     long = Problem(constraints, Trajectory(2, 36, 96.0), 288)
     shorts = Gradient(40, attempts=5, reserve=0.2).optimise(short, 6, np.random.SeedSequence(0))
-    one = Gradient(60, attempts=5, reserve=0.2).optimise(long, 1, np.random.SeedSequence(0))
-    assert one.fitness[0] < 3 * np.median(shorts.fitness)
+    single = Gradient(60, attempts=5, reserve=0.2).optimise(long, 1, np.random.SeedSequence(0))
+    assert single.fitness[0] < 3 * np.median(shorts.fitness)
 
 
 def test_lwr_seeds_are_well_conditioned_and_a_larger_reserve_leaves_more_room(lwr_problem):

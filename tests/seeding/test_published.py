@@ -27,7 +27,7 @@ def images(coefficients):
     return np.concatenate([rows, rows[:, :, :1]], 2)
 
 
-def test_seeds_are_read_joint_after_joint_from_somewhere_below_the_folder(tmp_path):
+def test_seeds_are_read_joint_by_joint_from_a_subfolder(tmp_path):
     (tmp_path / "below").mkdir()
     np.save(tmp_path / "below" / MASTER, images(flat()))
     c = PublishedSeeds(tmp_path).read(SMALL)
@@ -37,7 +37,7 @@ def test_seeds_are_read_joint_after_joint_from_somewhere_below_the_folder(tmp_pa
     np.testing.assert_allclose(c[:, joint, harmonic, 1], flat()[:, 1, 2 * joint + harmonic], atol=1e-15)
 
 
-def test_images_and_coefficients_are_each_others_inverse():
+def test_images_and_coefficients_are_inverse():
     layout, c = Layout(3, 2), flat().reshape(4, 3, 2, 2)
     np.testing.assert_allclose(layout.coefficients(layout.image(c)), c, rtol=1e-6)  # single precision
     np.testing.assert_allclose(layout.image(c), images(c.transpose(0, 3, 1, 2).reshape(4, 2, -1)), atol=1e-7)
@@ -53,7 +53,7 @@ def test_images_and_coefficients_are_each_others_inverse():
         (b"no array", "not a complete NumPy file"),
     ],
 )
-def test_what_is_not_of_the_layout_is_refused(tmp_path, content, message):
+def test_a_wrong_layout_is_refused(tmp_path, content, message):
     if isinstance(content, bytes):
         (tmp_path / MASTER).write_bytes(content)
     elif content is not None:
@@ -73,7 +73,7 @@ def test_the_papers_seeds_are_valid_for_the_papers_arm(lwr_problem):
     assert check(papers, Trajectory(7, 6, PERIOD), mixed).valid.mean() < 0.05
 
 
-def test_a_file_of_seeds_gives_its_first_ones_to_the_settings_that_made_it(tmp_path):
+def test_a_shipped_seed_file_serves_the_settings_that_made_it(tmp_path):
     batch = SeedBatch(flat().reshape(4, 3, 2, 2), np.arange(4.0), 5, 1, {"torque": 1}, 8.0)
     path, stamp = tmp_path / "seeds.npz", {"settings": {"box": 0.2}}
     assert shipped(path, stamp, 2) is None
