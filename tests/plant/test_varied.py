@@ -36,6 +36,12 @@ def plant(arm, settings, seed=SEED):
     return VariedPlant(arm, settings, np.random.SeedSequence(seed))
 
 
+@pytest.fixture(scope="module")
+def plain(planar, motion):
+    """Positions and torques that a plant of one friction law and exact sensors measures."""
+    return plant(planar, PLAIN).follow(motion)
+
+
 def ahead(made, motion):
     """Torques that the servos feed forward."""
     return RigidBody(made.arm).torque(*motion[1:]) + made.rotor * motion.acceleration
@@ -84,8 +90,8 @@ def test_a_motor_sensor_also_measures_gear_friction_and_rotors(planar, motion):
     np.testing.assert_allclose(friction[:, 1:], made.law(*states[:2], 0 * load)[:, 1:], rtol=0, atol=1e-5)
 
 
-def test_sensor_errors_stay_within_the_stated_size(planar, motion):
-    _, exact = plant(planar, PLAIN).follow(motion)
+def test_sensor_errors_stay_within_the_stated_size(planar, motion, plain):
+    _, exact = plain
     for name, share, most in (
         ("hysteresis", 0.01, 0.01),
         ("offset", 0.02, 0.02),
@@ -103,14 +109,14 @@ def test_one_seed_is_one_plant(planar, motion):
 
 
 @pytest.mark.parametrize("switch", [*OFF, *SENSORS, "bearings", "sensor"])
-def test_every_misfit_has_its_own_switch(planar, motion, switch):
+def test_every_misfit_has_its_own_switch(planar, motion, plain, switch):
     if switch in OFF:
         size = getattr(USUAL.friction, switch)
         changed = replace(PLAIN, friction=replace(PLAIN.friction, **{switch: size}))
     else:
         size = "motor" if switch == "sensor" else getattr(USUAL, switch)
         changed = replace(PLAIN, **{switch: size})
-    plain, other = (plant(planar, x).follow(motion) for x in (PLAIN, changed))
+    other = plant(planar, changed).follow(motion)
     assert any(np.abs(a - b).max() > 1e-6 for a, b in zip(plain, other))
 
 
