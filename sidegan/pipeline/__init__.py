@@ -1,1 +1,1 @@
-"""Artifacts and what makes them: settings, store, tracking, command."""
+"""Artifacts and their production: settings, stages, store, tracking, command."""

@@ -1,6 +1,6 @@
-"""An artifact: a result on disk that says what it is made with, from what, by whom.
+"""An artifact: a result on disk with its settings, inputs and maker.
 
-Folders, the order of work, reuse and what MLflow records follow from it.
+They determine its folder, the order of work, reuse, and what MLflow records.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
 from sidegan.pipeline.places import VERSIONS
 
-_STAGES = {"baseline": "random", "sums": "replication"}  # of makers that have another name than their stage
+_STAGES = {"baseline": "random", "sums": "replication"}  # stages of makers that do not have their name
 Metrics = Mapping[str, float | Sequence[float | None]]
 
 
@@ -26,62 +26,61 @@ Metrics = Mapping[str, float | Sequence[float | None]]
 class Build:
     """Folders of an artifact that is being made."""
 
-    folder: Path  # of its files; it is invisible until all of them are there
-    work: Path  # of files of unfinished tasks (``write_task``); it survives a kill
-    report: Report  # shows how far the work is
-    # of the work (seconds and the like); they are kept beside the artifact and not in it
-    costs: dict[str, Any] = field(default_factory=dict)
+    folder: Path  # for its files; renamed into place when complete
+    work: Path  # for files of unfinished tasks (``write_task``); survives a kill
+    report: Report  # shows progress
+    costs: dict[str, Any] = field(default_factory=dict)  # seconds and the like; stored outside the artifact
 
 
 @dataclass(frozen=True, kw_only=True)
 class Artifact:
     """A result on disk; two artifacts with the same digest are interchangeable."""
 
-    maker: str  # who makes it: a key of ``params.yaml`` and the folder that it lies in
-    label: str  # what tells it from its siblings, as the name of a folder
-    title: str  # for people, and the prefix of its metrics
-    settings: Mapping[str, Any]  # what it depends on, plain values as they were set
-    inputs: Mapping[str, "Artifact | str"]  # what it is made from; or digests of what was read
-    seed: int | None  # of the run; None where nothing is drawn
+    maker: str  # key of ``params.yaml``, and its parent folder
+    label: str  # distinguishes it from its siblings; a folder name
+    title: str  # shown to users, and the prefix of its metrics
+    settings: Mapping[str, Any]  # that it depends on, plain values as they were set
+    inputs: Mapping[str, "Artifact | str"]  # artifacts, or digests of files, that it is made from
+    seed: int | None  # of the run; None if nothing is random
     make: Callable[[Build], None] = field(repr=False, compare=False)  # fills its folder
-    # what is recorded of a finished one, given its folder: numbers, or series of them
+    # numbers, or series of numbers, to record from its finished folder
     metrics: Callable[[Path], Metrics] = field(repr=False, compare=False)
-    alone: bool = False  # its work is spread over all workers already: it is not made beside others
+    alone: bool = False  # uses all workers itself, so it is not made in parallel with others
 
     @property
     def folder(self) -> Path:
-        """Its folder below the outputs: its maker, then its label with the first digits of its digest."""
+        """Folder below the outputs: maker / label with the first digits of the digest."""
         return Path(folder_name(self.maker), f"{folder_name(self.label)}-{self.digest[:8]}")
 
     @cached_property
     def params(self) -> dict[str, Any]:
-        """Its parameters with the digests of its inputs, as JSON gives them back."""
+        """Parameters with the digests of the inputs, as read back from JSON."""
         params = {
             "maker": self.maker,
             "version": version(self.maker),
             "label": self.label,
             "settings": self.settings,
-            "inputs": {k: one if isinstance(one, str) else one.digest for k, one in self.inputs.items()},
+            "inputs": {k: x if isinstance(x, str) else x.digest for k, x in self.inputs.items()},
             "seed": self.seed,
         }
         return json.loads(json.dumps(params))
 
     @cached_property
     def digest(self) -> str:
-        """Hexadecimal SHA-256 over its parameters."""
+        """Hexadecimal SHA-256 of the parameters."""
         return hashlib.sha256(json.dumps(self.params, sort_keys=True).encode()).hexdigest()
 
     @property
     def parents(self) -> set[str]:
-        """Digests of the artifacts that it is made from."""
+        """Digests of the artifacts among the inputs."""
         return {source.digest for source in self.inputs.values() if isinstance(source, Artifact)}
 
 
 def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """Dotted keys in which other parameters differ, with both values, in words."""
-    ours, theirs = flatten(params), flatten(other)
-    keys = [key for key in {**ours, **theirs} if ours.get(key) != theirs.get(key)]
-    return [f"{key} is {_brief(theirs.get(key))}, not {_brief(ours.get(key))}" for key in keys]
+    """Text for each dotted key in which parameters differ, with both values."""
+    a, b = flatten(params), flatten(other)
+    keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
+    return [f"{key} is {_brief(b.get(key))}, not {_brief(a.get(key))}" for key in keys]
 
 
 @cache
@@ -91,19 +90,19 @@ def versions() -> dict[str, int]:
 
 
 def version(maker: str) -> int:
-    """Version of a maker; an ArtifactError where ``params.yaml`` has none."""
+    """Version of a maker; an ArtifactError if ``params.yaml`` has none."""
     if maker not in versions():
         raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}")
     return versions()[maker]
 
 
 def stage_of(maker: str) -> str:
-    """Name of the stage in which a maker is."""
-    return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds: of stage seeds
+    """Name of the stage that a maker belongs to."""
+    return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds belongs to seeds
 
 
 def flatten(value: Any, path: str = "") -> dict[str, Any]:
-    """Nested mappings as one, with dotted keys."""
+    """Nested mappings as a flat one with dotted keys."""
     if not isinstance(value, Mapping) or not value:
         return {path: value}
     flat: dict[str, Any] = {}

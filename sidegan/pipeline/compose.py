@@ -1,4 +1,4 @@
-"""The settings of a command, composed by Hydra from ``conf/``, and what is wrong with a command."""
+"""Compose a command's settings from ``conf/`` with Hydra, and explain errors in a command."""
 
 import math
 import re
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def times(*factors: Any) -> float | None:
-    """A product; null where a factor is no number, which is then refused by its own name too."""
+    """A product; null if a factor is not a number, which validation then reports by its own name."""
     return math.prod(factors) if all(isinstance(x, int | float) for x in factors) else None
 
 
@@ -33,8 +33,8 @@ OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 
 def composed(*overrides: str) -> "Config":
-    """The settings of a command with these overrides; within a run, by its own search path."""
-    from sidegan.pipeline.settings import validate  # and with it every room
+    """The settings of a command with these overrides; within a run, with that run's search path."""
+    from sidegan.pipeline.settings import validate  # imports every room
 
     try:
         return validate(_compose(overrides))
@@ -50,9 +50,9 @@ def _compose(overrides: Sequence[str]) -> DictConfig:
 
 
 def explain(error: Exception) -> str:
-    """Complaint about a command, in our words where Hydra's advice leads astray."""
+    """Error message for a command, reworded where Hydra's advice would mislead."""
     text = str(error)
-    if isinstance(error, OmegaConfBaseException):  # an interpolation that leads nowhere
+    if isinstance(error, OmegaConfBaseException):  # an unresolvable interpolation
         from sidegan.pipeline.settings import dangling
 
         return dangling(error)
@@ -67,16 +67,15 @@ def explain(error: Exception) -> str:
 
 
 def _unknown(key: str, inner: str) -> str:
-    """Complaint about a setting that this command does not have, or that is within the one it sets."""
+    """Error message for a setting, or a key inside a setting, that this command does not have."""
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
     *group, name = place = tuple(inner.split("."))
-    beside, near = names_in(Config, group), suggest(Config, place)
-    if name in beside:
+    siblings, near = names_in(Config, group), suggest(Config, place)
+    if name in siblings:
         return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
-    if inner != key and beside:
-        return (
-            f"{'.'.join(group)}: {name} is not a setting of this group, which has {', '.join(beside)}{near}"
-        )
+    if inner != key and siblings:
+        known = ", ".join(siblings)
+        return f"{'.'.join(group)}: {name} is not a setting of this group, which has {known}{near}"
     return f"{inner}: there is no such setting{near}"

@@ -1,4 +1,4 @@
-"""Context of a run: its settings, its random numbers, the arm in its cell, and the artifacts made for it."""
+"""Context of a run: settings, random numbers, the arm in its cell, and artifacts."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -30,26 +30,26 @@ RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet
 
 @dataclass(frozen=True)
 class RunContext:
-    """Context of a run: its settings, its artifacts, and the arm in its cell."""
+    """Context of a run: settings, random numbers, the arm in its cell, and artifacts."""
 
     cfg: Config
     store: Store
-    overrides: tuple[str, ...] = ()  # of the command, from which other conditions are composed
+    overrides: tuple[str, ...] = ()  # of the command; other conditions are composed from them
 
     @cached_property
     def cell(self) -> Cell:
-        """The arm in its cell, as it is configured."""
+        """The arm in its cell, as configured."""
         cfg, robot = self.cfg, self.cfg.robot
         planned = {"workspace": cfg.workspace, **asdict(cfg.trajectory)} if self.planning else {}
         return Cell(robot.name, effort=robot.effort, **planned, **asdict(robot.setup))
 
     @property
     def planning(self) -> bool:
-        """Whether motions of the arm are planned."""
+        """Whether the run plans motions of the arm."""
         return self.cfg.has("workspace")
 
     def log_decisions(self) -> None:
-        """Log what is suspicious in the description, what it moves, and what was decided for the user."""
+        """Log warnings about the description, and the defaults that were chosen for the user."""
         if self.planning:
             warnings, notes = self.cell.warnings, self.cell.notes
         else:
@@ -62,20 +62,20 @@ class RunContext:
             log.info("%s", text)
 
     def with_settings(self, **changes: Any) -> "RunContext":
-        """A copy with other settings, by their name in the configuration."""
+        """A copy with changed settings, by their names in the configuration."""
         return replace(self, cfg=replace(self.cfg, stages=[], **changes))
 
     def with_other(self, group: str, name: str) -> "RunContext":
-        """A copy with another choice of a group: a condition, an arm."""
+        """A copy with another choice in a config group, such as a condition or an arm."""
         kept = [override for override in self.overrides if override.partition("=")[0] != group]
         return replace(self, cfg=composed(*kept, f"{group}={name}"))
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
-        """The random numbers of one purpose, independent of all others."""
+        """Random seed sequence for a purpose, independent of all others."""
         return stream(self.cfg.seed, purpose, training)
 
     def number(self, purpose: str, training: int | None = None) -> int:
-        """One random seed for ``purpose``."""
+        """Random seed for a purpose."""
         return number(self.cfg.seed, purpose, training)
 
     def artifact(
@@ -87,31 +87,31 @@ class RunContext:
         inputs: Mapping[str, Artifact | str] | None = None,
         **options: Any,
     ) -> Artifact:
-        """An artifact that depends on the arm in its workspace, on its trajectories, and on so much more.
+        """An artifact that depends on the arm in its workspace, the trajectory family, and ``settings``.
 
         Args:
-            maker: who makes it.
-            label: what tells it from its siblings.
+            maker: as in ``Artifact``.
+            label: what distinguishes it from its siblings.
             make: fills its folder, ``make(run, build)``.
-            settings: a dataclass of those it depends on besides, or a mapping of plain values.
-            inputs: what it is made from, beside the arm.
-            options: ``training`` where there are several, and of ``Artifact`` ``metrics``, ``alone`` and
-                ``title`` (maker, label and which of several trainings when missing).
+            settings: further settings that it depends on, a dataclass or a mapping of plain values.
+            inputs: what it is made from, in addition to the arm.
+            options: ``training`` if there are several; ``metrics``, ``alone`` and ``title`` of ``Artifact``
+                (default title: maker, label and, among several, the training).
         """
-        own = settings if isinstance(settings, Mapping) else asdict(settings)
+        values = settings if isinstance(settings, Mapping) else asdict(settings)
         arm = self.cell.arm
         parts, title, numbered = [arm.name, label, f"seed{self.cfg.seed}"], f"{maker}/{label}", {}
         if (training := options.get("training")) is not None:
             parts.append(f"training{training}")
             numbered = {"training": training}
             title += f"-{training}" if len(self.cfg.trainings) > 1 else ""
-        if own.get("subset") is not None:
-            parts.append(f"of{own['subset']}")
+        if values.get("subset") is not None:
+            parts.append(f"of{values['subset']}")
         return Artifact(
             maker=maker,
             label=folder_name("-".join(parts)),
             title=options.get("title", title),
-            settings={**self.cell.stamped(), **numbered, maker: own},
+            settings={**self.cell.stamped(), **numbered, maker: values},
             inputs={"robot": arm.digest, **(inputs or {})},
             seed=self.cfg.seed,
             make=partial(make, self),
@@ -120,25 +120,25 @@ class RunContext:
         )
 
     def report(self, artifact: Artifact) -> dict[str, Any]:
-        """Report in an artifact that must be there."""
+        """Report of an artifact, which must exist."""
         return read_json(self.store.require(artifact) / REPORT)
 
     def history(self, artifact: Artifact) -> list[dict[str, float | None]]:
-        """Metrics after every epoch of a training that must be there."""
+        """Metrics after every epoch of a training, which must exist."""
         return read_json(self.store.require(artifact) / HISTORY)
 
     def load(self, artifact: Artifact, *others: Artifact) -> Library:
-        """Trajectories in artifacts that must be there, one after the other."""
-        first, *more = (self.store.require(one) / LIBRARY for one in (artifact, *others))
-        return Library.load(first, self.cell.arm, *more)
+        """Trajectories of artifacts, which must exist, one after the other."""
+        first, *rest = (self.store.require(source) / LIBRARY for source in (artifact, *others))
+        return Library.load(first, self.cell.arm, *rest)
 
     def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
-        """Table in an artifact that must be there."""
+        """Table of an artifact, which must exist."""
         return pd.read_parquet(self.store.require(artifact) / file)
 
 
 def report_and_history(folder: Path) -> Metrics:
-    """Numbers and series in the report of an artifact, and the series of its history, where it has them."""
+    """Numbers and series in an artifact's report, and the series of its history, if it has these files."""
     report = read_json(folder / REPORT) if (folder / REPORT).exists() else {}
     rows = read_json(folder / HISTORY) if (folder / HISTORY).exists() else []
     recorded = {key: x for key, x in report.items() if isinstance(x, int | float | list)}

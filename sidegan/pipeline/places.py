@@ -1,4 +1,4 @@
-"""Where the settings and the makers' versions lie: beside the package in a clone, within it in a wheel."""
+"""Paths of the settings and of the makers' versions: next to the package in a clone, inside it in a wheel."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A run: the stages of an experiment in order, tracked as one, and what is left of it when it ends."""
+"""Run the stages of an experiment in order, tracked as one run, and record how it ends."""
 
 import errno
 import logging
@@ -20,22 +20,22 @@ from sidegan.pipeline.store import Store
 from sidegan.pipeline.sweep import PARENT, STATUS
 from sidegan.pipeline.tracking import Tracker
 
-if TYPE_CHECKING:  # and with it every room, which `--help` must not wait for
+if TYPE_CHECKING:  # imports every room: too slow for `--help`
     from sidegan.pipeline.settings import Config
 
 log = logging.getLogger(__name__)
 
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
-interrupts: list[int] = []  # signals that this process got
+interrupts: list[int] = []  # signals that this process received
 _STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
     """Run the configured stages in order, tracked as one run of this name.
 
-    Its logs and tables go into its folder; other conditions are composed from the command's overrides. What
-    cannot work is refused by a ConfigError before any work.
+    Logs and tables go into the run's folder; other conditions are composed from the command's overrides. A
+    ConfigError refuses impossible settings before any work.
     """
     from sidegan.pipeline.context import RunContext
     from sidegan.pipeline.stage import run_stage
@@ -45,48 +45,48 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
         raise ConfigError(
             f"there is nothing to run: give +experiment=…, or 'stages=[…]' of {', '.join(STAGES)}"
         )
-    stages = {one: stage(one) for one in config.stages}
+    stages = {title: stage(title) for title in config.stages}
     run = RunContext(config, Store(Path(config.outputs), run_folder), tuple(overrides))
-    for one in stages.values():  # what cannot work is refused before anything has been made
-        list(one.artifacts(run))
-        one.check(run)
+    for part in stages.values():  # all checks come before any work
+        list(part.artifacts(run))
+        part.check(run)
     tags = {"mlflow.parentRunId": os.environ[PARENT]} if PARENT in os.environ else {}
     tracker = Tracker(run.store.root, config.experiment, name, config.tracking, tags)
     with tracker, on_cluster(config.parallel.scheduler):
         tracker.log_params(config.plain())
         if config.has("robot"):
             run.log_decisions()
-        for title, one in stages.items():
+        for title, part in stages.items():
             log.info("%s …", title)
             began = time.monotonic()
-            run_stage(title, one, run, tracker)
+            run_stage(title, part, run, tracker)
             seconds = time.monotonic() - began
             log.info("%s: done in %s", title, duration(seconds))
             tracker.log_metrics({f"stage seconds/{title}": seconds})
 
 
 def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[str] = ()) -> int:
-    """Exit code of ``run_stages`` with composed settings; its outcome is logged and left in its folder."""
+    """Call ``run_stages`` with composed settings; log and save the outcome, and return the exit code."""
     from sidegan.pipeline.settings import validate
 
     try:
         run_stages(validate(cfg), run_folder, name, overrides)
     except (Exception, KeyboardInterrupt) as error:
         if interrupts or isinstance(error, KeyboardInterrupt):
-            # Whoever was at work may have lost the exception, and have failed at what it left undone.
-            _leave(run_folder, INTERRUPTED, "interrupted")
+            # A library may have swallowed the interrupt and failed later with an error that follows from it.
+            _save_status(run_folder, INTERRUPTED, "interrupted")
             raise KeyboardInterrupt from error
         code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
         if isinstance(error, SideganError) or getattr(error, "errno", None) in _STORAGE:
             log.error("error: %s", error)
         else:
             log.exception("error: unexpected %s", type(error).__name__)
-        _leave(run_folder, code, f"{type(error).__name__}: {error}")
+        _save_status(run_folder, code, f"{type(error).__name__}: {error}")
         return code
-    _leave(run_folder, 0, None)
+    _save_status(run_folder, 0, None)
     return 0
 
 
-def _leave(run_folder: Path, code: int, error: str | None) -> None:
-    with suppress(StorageError):  # when the disk is full, that is what is told
+def _save_status(run_folder: Path, code: int, error: str | None) -> None:
+    with suppress(StorageError):  # a full disk must not hide the run's own error
         write_json(run_folder / STATUS, {"code": code, "error": error})

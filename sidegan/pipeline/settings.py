@@ -1,7 +1,7 @@
-"""The schema of ``conf/``: which settings a run has, which dataclass of which room each group of them is.
+"""The schema of ``conf/``: the settings of a run, and the dataclass of each group.
 
-Their defaults are those of ``conf/`` at scale quick, which a test holds. A command composes the groups
-that it uses; the others are absent.
+Defaults are those of ``conf/`` at scale quick; a test compares them. A command composes the groups that it
+uses; the others are absent.
 """
 
 import re
@@ -47,55 +47,54 @@ Workers = Annotated[int, Field(ge=1, le=4096)]
 
 @dataclass(frozen=True)
 class ConditionSettings:
-    """Condition of a comparison: a recipe in a workspace, on one seed set."""
+    """A condition to compare: a recipe in a workspace, with a seed set."""
 
     name: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plants:
-    """Plants in the robot's place, and what is identified from them."""
+    """Simulated plants that replace the robot, and the model identified from them."""
 
     count: Count = 2
     plant: VariedSettings = VariedSettings()
     sensors: Sensors = Sensors()
-    model: Terms = Terms()  # beside the rigid bodies
+    model: Terms = Terms()  # in addition to rigid bodies
 
 
 @dataclass(frozen=True, kw_only=True)
 class Robot(Setup):
-    """Which arm: a built-in one, or the path of a description, and what is to be said beside it."""
+    """The arm: a built-in name or the path of a description, and settings that supplement it."""
 
     name: str
-    gains: list[Number] | None = None  # of the drives, motor current to joint torque [N·m/A]
-    # share of velocity and torque limits to use; null: 0.8, or all of them where these hardly hold the arm
+    gains: list[Number] | None = None  # drive gains, joint torque per motor current [N·m/A]
+    # share of velocity and torque limits to use; null: 0.8, or 1 if the arm can hardly hold itself
     effort: Part | None = None
 
     @property
     def setup(self) -> Setup:
-        """Statements of the user beside the description."""
+        """Settings that supplement the description."""
         return Setup(**{field.name: getattr(self, field.name) for field in fields(Setup)})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Discussion:
-    """Fewer seeds, a kernel density estimate in place of the generator, and the speed of one."""
+    """Training on fewer seeds, a kernel density estimate instead of a generator, and generation speed."""
 
     sizes: list[Count] = field(default_factory=lambda: [100, 200])  # of the seed set
-    bandwidths: list[Positive] = field(
-        default_factory=lambda: [1.0, 0.7, 0.5, 0.25, 0.1]
-    )  # of the kernel, in units of Scott's rule
-    draws: Count = 1000  # samples of the estimate whose validity is checked
+    # of the kernel, relative to Scott's rule
+    bandwidths: list[Positive] = field(default_factory=lambda: [1.0, 0.7, 0.5, 0.25, 0.1])
+    draws: Count = 1000  # samples of the density estimate to check
     trainings: list[Natural] = field(default_factory=lambda: [0])  # of each variant on fewer seeds
-    seconds: Positive = 3.0  # [s] of each measurement of speed
+    seconds: Positive = 3.0  # duration of each speed measurement [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Parallel:
-    """How the work is spread over cores and machines."""
+    """How work is distributed over cores and machines."""
 
-    workers: Workers | None = None  # processes of this machine; null: one per core
-    scheduler: str | None = None  # of a Dask cluster whose workers are used in their place
+    workers: Workers | None = None  # processes on this machine; null: one per core
+    scheduler: str | None = None  # address of a Dask cluster whose workers are used instead
 
     def __post_init__(self) -> None:
         if self.scheduler is not None and not _SCHEDULER.fullmatch(self.scheduler):
@@ -103,7 +102,7 @@ class Parallel:
 
 
 class Absent:
-    """A group of settings that the command does not compose; using one of its settings is a ConfigError."""
+    """A group of settings that the command does not compose; using one of them raises a ConfigError."""
 
     def __init__(self, group: str) -> None:
         self.group = group
@@ -127,64 +126,64 @@ def _group(name: str) -> Any:
 
 @dataclass(frozen=True)
 class Config:
-    """The settings of a run: the first ones always, the others where its experiment composes them."""
+    """The settings of a run; groups that the experiment does not compose are ``Absent``."""
 
     experiment: str
     stages: list[str]
     seed: Natural
     outputs: str
-    clearance: NonNegative | None  # of workspaces that say nothing else [m]
-    effort: Part | None  # of robots that say nothing else
-    publish: str | None  # folder of a page and its tables, or the page's name; null: the run's own
+    clearance: NonNegative | None  # default for workspaces [m]
+    effort: Part | None  # default for robots
+    publish: str | None  # folder of a page and its tables, or the page's name; null: the run's folder
     device: str
     tracking: str  # local, off, or the URI of an MLflow server or database
     parallel: Parallel
     robot: Robot = _group("robot")
-    scale: dict[str, Any] = _group("scale")  # how large it all is: other groups refer to these numbers
+    scale: dict[str, Any] = _group("scale")  # sizes of the experiment that other groups refer to
     workspace: Workspace = _group("workspace")
     trajectory: TrajectoryFamily = _group("trajectory")
     seeds: Seeds = _group("seeds")
-    subset: Count | None = None  # train on so many of the seeds; null: on all
+    subset: Count | None = None  # number of seeds to train on; null: all
     surrogates: Surrogates = _group("surrogates")
     gan: dict[str, Variant] = _group("gan")
     trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
-    evaluation: Count = _group("evaluation")  # trajectories per epoch whose true physics is measured
+    evaluation: Count = _group("evaluation")  # trajectories per epoch to evaluate with exact physics
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
     controllers: ExportSettings = _group("controllers")
     long: Long = _group("long")
     identification: StudySettings = _group("identification")
     plant: PlantSettings = _group("plant")
-    plants: Plants = _group("plants")  # for the robot of table I
+    plants: Plants = _group("plants")  # for the robot rows of Table I
     replication: ReplicationSettings = _group("replication")
     condition: ConditionSettings = _group("condition")
-    conditions: list[str] | None = None  # which the page compares; null: the run's own alone
-    arms: list[str] = _group("arms")  # that are compared, files of the group robot
+    conditions: list[str] | None = None  # that the page compares; null: only the run's own
+    arms: list[str] = _group("arms")  # to compare, files of the group robot
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
-    recordings: list[Recorded] = _group("recordings")  # to identify from, each a file or one for each signal
-    # recordings that are held out, or which share of every recording, its last part
+    recordings: list[Recorded] = _group("recordings")  # to identify from: one file each, or one per signal
+    # held-out recordings, or the share of every recording, at its end, that is held out
     validation: list[Recorded] | Open = _group("validation")
-    loaded: list[Recorded] = _group("loaded")  # of runs with a load
+    loaded: list[Recorded] = _group("loaded")  # recordings with a load
     load: KnownLoad = _group("load")
     known: str | None = _group("known")  # folder of the run that identified a model
-    goal: GoalSettings = _group("goal")  # what excite designs for
-    search: SearchSettings = _group("search")  # for them
+    goal: GoalSettings = _group("goal")  # that excite designs for
+    search: SearchSettings = _group("search")  # for excite's trajectories
     recording: RecordingSettings = _group("recording")
     model: Terms = _group("model")
     identify: EstimationSettings = _group("identify")
 
     def has(self, *groups: str) -> bool:
-        """Whether all of these settings are composed."""
+        """Whether the command composes all of these settings."""
         return not any(isinstance(getattr(self, name), Absent) for name in groups)
 
     @property
     def held_out(self) -> list[Recorded]:
-        """Recordings to validate on; none where there are no such settings, or a share is held out."""
+        """Recordings to validate on; empty if the setting is absent or a share."""
         return self.validation if self.has("validation") and isinstance(self.validation, list) else []
 
     def plain(self) -> dict[str, Any]:
-        """All settings that are composed, as plain values."""
+        """All composed settings, as plain values."""
         return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
@@ -193,7 +192,7 @@ class Config:
             raise ConfigError(problem)
 
     def _names(self) -> Iterator[str]:
-        """Names that are none, and lists that name something twice."""
+        """Invalid names, and lists that are empty or name something twice."""
         variants = list(self.gan) if self.has("gan") else None
         for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants or ())]:
             if not _NAME.fullmatch(name):
@@ -216,11 +215,11 @@ class Config:
             yield f"trainings is {self.trainings}, expected one number or more, each once"
 
     def _files(self) -> Iterator[str]:
-        """A recording that is named twice, or that a model would be validated on after training."""
+        """Files that are named twice, or used for both training and validation."""
         if not self.has("recordings", "validation"):
             return
-        training = [file for one in self.recordings for file in paths_of(one)]
-        held_out = [file for one in self.held_out for file in paths_of(one)]
+        training = [file for recording in self.recordings for file in paths_of(recording)]
+        held_out = [file for recording in self.held_out for file in paths_of(recording)]
         for name, files in (("recordings", training), ("validation", held_out)):
             yield from (f"{name} has {file} twice" for file in files if files.count(file) > 1)
         for file in held_out:
@@ -228,7 +227,7 @@ class Config:
                 yield f"validation has {file}, which is in recordings: it would not be held out"
 
     def _counts(self) -> Iterator[str]:
-        """More is chosen than there is."""
+        """Counts that exceed the available seeds or trajectories."""
         if not self.has("seeds"):
             return
         seeds = self.seeds.count
@@ -242,7 +241,7 @@ class Config:
             yield f"selection.count is {self.selection.count}, expected at most {most}"
 
     def _rates(self) -> Iterator[str]:
-        """Sampling that cannot see the highest harmonic."""
+        """Sampling rates below twice the highest harmonic."""
         if not self.has("seeds", "trajectory"):
             return
         family, few = self.trajectory, "expected more than two per period of the highest of"
@@ -260,7 +259,7 @@ class Config:
 
 
 def validate(cfg: DictConfig) -> Config:
-    """The configuration as typed plain values; a ConfigError names whatever is wrong with it."""
+    """The configuration as typed values; a ConfigError names any setting that is wrong."""
     try:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
@@ -272,6 +271,6 @@ def validate(cfg: DictConfig) -> Config:
 
 
 def dangling(error: OmegaConfBaseException) -> str:
-    """A setting that refers to another one, which is not there, and what is wrong with it, in one line."""
+    """One-line message for a setting that refers to a missing one."""
     reason = str(error.msg or error).splitlines()[0]
     return f"{error.full_key}: {reason}" if error.full_key else reason

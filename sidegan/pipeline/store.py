@@ -1,9 +1,9 @@
-"""Artifacts on disk: folders that appear whole, say what they came from, and are reused.
+"""Artifacts on disk: folders that appear only when complete, record their origin, and are reused.
 
 <root>/<maker>/<label>-<digest>/            files of the artifact and params.json
-<root>/<maker>/<label>-<digest>.work/       task files of an unfinished one; survive a kill
-<root>/costs/<maker>/<label>-<digest>.json  time that making it took
-<root>/.locks/                              one lock per artifact, released by the system with the process
+<root>/<maker>/<label>-<digest>.work/       task files of an unfinished artifact; survive a kill
+<root>/costs/<maker>/<label>-<digest>.json  computing time
+<root>/.locks/                              a lock per artifact, released by the system with the process
 """
 
 import logging
@@ -28,11 +28,11 @@ from sidegan.pipeline.artifact import Artifact, Build, difference, stage_of
 log = logging.getLogger(__name__)
 
 PARAMS = "params.json"
-_PROBE = bytes(2**20)  # room that a run needs at the very least
+_PROBE = bytes(2**20)  # least free space of a run
 
 
 class Store:
-    """The artifacts below a root folder, which is made when it is missing; and where this run's tables go.
+    """Artifacts below a root folder, which is created if missing; and the folder for this run's tables.
 
     Raises:
         StorageError: when the root cannot be written, or is full.
@@ -42,7 +42,7 @@ class Store:
         self.root, self.run_folder = root, run_folder or root
         try:
             root.mkdir(parents=True, exist_ok=True)
-            with TemporaryFile(dir=root) as probe:  # has no name, so a kill leaves nothing
+            with TemporaryFile(dir=root) as probe:  # unnamed, so that a kill leaves nothing
                 probe.write(_PROBE)
                 probe.flush()
                 os.fsync(probe.fileno())
@@ -51,7 +51,7 @@ class Store:
             raise StorageError(f"the output folder {root} cannot be used: {reason}") from error
 
     def folder(self, artifact: Artifact) -> Path:
-        """Folder in which the artifact is or will be."""
+        """Folder of the artifact, whether it exists or not."""
         return self.root / artifact.folder
 
     def find(self, artifact: Artifact) -> Path | None:
@@ -66,16 +66,16 @@ class Store:
             return None
 
     def require(self, artifact: Artifact) -> Path:
-        """Folder of an artifact; where it is not there, an ArtifactError says in what the nearest differs."""
+        """Folder of an existing artifact; otherwise an ArtifactError says how the nearest one differs."""
         if (folder := self.find(artifact)) is not None:
             return folder
         if (folder := self.folder(artifact)).exists():
-            read_params(folder)  # raises, and says why, when it is damaged
+            read_params(folder)  # raises if it is damaged
         name, stage = f"{artifact.maker}/{artifact.label}", stage_of(artifact.maker)
         message = f"there is no {name} for this configuration, run stage {stage} first"
         differences = []
         for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
-            with suppress(ArtifactError):  # another damaged one
+            with suppress(ArtifactError):  # skip damaged ones
                 other = read_params(path.parent)
                 if other.get("label") == artifact.label:
                     differences.append(difference(artifact.params, other))
@@ -84,7 +84,7 @@ class Store:
         raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
-        """Costs of making an artifact, as far as they are kept: ``seconds``, ``cpu_seconds``, and more."""
+        """Costs of making an artifact: ``seconds``, ``cpu_seconds``, and others; empty if not stored."""
         path = self._costs(artifact)
         return read_json(path) if path.exists() else {}
 
@@ -92,7 +92,7 @@ class Store:
         return self.root / "costs" / f"{artifact.folder}.json"
 
     def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
-        """Folder of the artifact, made unless it is there; a run waits for another that makes it."""
+        """Folder of the artifact, made unless it exists; waits for another run that is making it."""
         final = self.folder(artifact)
         work = final.with_name(f"{final.name}.work")
         with self._lock(artifact):
@@ -105,18 +105,18 @@ class Store:
 
     def _make(self, artifact: Artifact, build: Build) -> None:
         final, folder = self.folder(artifact), build.folder
-        shutil.rmtree(folder, ignore_errors=True)  # left by a killed run; the lock is ours
+        shutil.rmtree(folder, ignore_errors=True)  # left by a killed run: this run holds the lock
         began, used = time.monotonic(), cpu_seconds()
         try:
             with writing(final):
                 folder.mkdir(parents=True)
                 build.work.mkdir(exist_ok=True)
-            with one_thread():  # as in a worker: which process makes it changes no bit
+            with one_thread():  # as in a worker, so that results do not depend on the process
                 artifact.make(build)
             seconds = time.monotonic() - began
             write_params(folder, artifact.params)
-            own = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds() - used, 1)}
-            write_json(self._costs(artifact), own | build.costs)
+            times = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds() - used, 1)}
+            write_json(self._costs(artifact), times | build.costs)
             with writing(final):
                 if final.exists():  # damaged; a folder cannot be renamed over another
                     shutil.rmtree(final)
@@ -144,7 +144,7 @@ class Store:
 
 
 def read_params(folder: Path) -> dict[str, Any]:
-    """Parameters of an artifact; an ArtifactError where a file is missing or not as it was written."""
+    """Parameters of an artifact; an ArtifactError if a file is missing or has changed."""
     params = read_json(folder / PARAMS)
     if not isinstance(params, dict) or not isinstance(files := params.pop("files", None), dict):
         raise ArtifactError(f"{folder / PARAMS} has no parameters of an artifact")
@@ -158,7 +158,7 @@ def read_params(folder: Path) -> dict[str, Any]:
 
 
 def write_params(folder: Path, params: Mapping[str, Any]) -> None:
-    """Write the parameters of a folder, with the SHA-256 of each file."""
+    """Write an artifact's parameters into its folder, with the SHA-256 of each file."""
     files = sorted(path for path in folder.rglob("*") if path.is_file())
     digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
     write_json(folder / PARAMS, {**params, "files": digests})

@@ -1,4 +1,4 @@
-"""A sweep: its parent run, and the table over all jobs, mean ± spread over random seeds."""
+"""A sweep: its parent run, and the table over all jobs, mean ± standard deviation over random seeds."""
 
 import logging
 import os
@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # slow to import
 
 log = logging.getLogger(__name__)
 
-PARENT = "SIDEGAN_PARENT_RUN"  # environment variable: the jobs of a sweep may be other processes
+PARENT = "SIDEGAN_PARENT_RUN"  # an environment variable, since jobs may run in other processes
 STATUS = "status.json"
 RESULTS = "results.csv"
 _TABLE = "sweep"  # name of the table's files
@@ -32,7 +32,7 @@ _parent: Tracker | None = None
 
 
 class SweepCallback(Callback):
-    """Hydra calls it before and after a sweep."""
+    """Hydra callback before and after a sweep."""
 
     def on_multirun_start(self, config: DictConfig, **kwargs: Any) -> None:
         """Open the parent run."""
@@ -40,7 +40,7 @@ class SweepCallback(Callback):
         folder = Path(config.hydra.sweep.dir)
         try:
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError:  # Hydra fails at the same next, and its error is the one that is shown
+        except OSError:  # Hydra fails on it next, and reports the error
             return
         hidden = ("+experiment=", "outputs=")
         swept = " ".join(name for name in config.hydra.overrides.task if not name.startswith(hidden))
@@ -50,7 +50,7 @@ class SweepCallback(Callback):
             os.environ[PARENT] = _parent.run_id
 
     def on_multirun_end(self, config: DictConfig, **kwargs: Any) -> None:
-        """Record the table over all jobs, close the parent run, and leave with the worst job's code."""
+        """Record the table over all jobs, close the parent run, and exit with the worst job's code."""
         sweep = Path(config.hydra.sweep.dir)
         codes = job_codes(sweep)
         worst = max(codes.values(), default=1)
@@ -81,25 +81,25 @@ def end_sweep(status: Status) -> None:
 
 
 def job_codes(sweep: Path) -> dict[Path, int]:
-    """Exit code of each job of a sweep by its folder, in the order of the jobs."""
+    """Exit code of each job of a sweep by its folder, in job order."""
     numbers = {folder: re.match(r"\d+", folder.name) for folder in sweep.iterdir() if folder.is_dir()}
     folders = sorted((int(number[0]), folder) for folder, number in numbers.items() if number)
     codes = dict.fromkeys((folder for _, folder in folders), 1)
     for folder in codes:
-        with suppress(SideganError):  # the job was killed before it could tell
+        with suppress(SideganError):  # without a status file the job was killed
             codes[folder] = read_json(folder / STATUS)["code"]
     return codes
 
 
 def leave_results(results: "pd.DataFrame", folder: Path) -> None:
-    """Write the numbers of a run that a sweep compares, a row for each set or variant."""
+    """Write the numbers that a sweep compares, a row for each set or variant."""
     write_bytes(folder / RESULTS, results.rename_axis("name").to_csv().encode())
 
 
 def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
     """Results of jobs, a row for each combination of swept settings and each set or variant.
 
-    A cell is the mean over random seeds, with its standard deviation where there are several of them.
+    A cell is the mean over random seeds, with its standard deviation if there are several.
     """
     import pandas as pd
 
@@ -113,13 +113,13 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
     if not jobs:
         return None
     settings = {key for folder in folders for key in _overrides(folder)}
-    both = pd.concat(jobs, ignore_index=True)
-    swept = [key for key in sorted(settings - {_SEED}) if both[key].nunique(dropna=False) > 1]
+    table = pd.concat(jobs, ignore_index=True)
+    swept = [key for key in sorted(settings - {_SEED}) if table[key].nunique(dropna=False) > 1]
     keys = [*swept, "name"]
-    numbers = [key for key in both.columns if key not in settings and key != "name"]
+    numbers = [key for key in table.columns if key not in settings and key != "name"]
     rows = [
         dict(zip(keys, group)) | {key: spread(part[key]) for key in numbers}
-        for group, part in both.groupby(keys, sort=False, dropna=False)
+        for group, part in table.groupby(keys, sort=False, dropna=False)
     ]
     return pd.DataFrame(rows).set_index(keys)
 

@@ -1,4 +1,4 @@
-"""Runs in MLflow. A server that is away or refuses is one warning, and the run goes on without it."""
+"""Runs in MLflow. If the server fails, a run logs one warning and continues without it."""
 
 import logging
 import os
@@ -31,14 +31,14 @@ _ENVIRONMENT = {
 
 
 def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
-    """A method that speaks to MLflow: its first failure is a warning, and after that it returns None."""
+    """Guard a method that calls MLflow: the first failure of any logs a warning and disables all."""
 
     @wraps(method)
     def call(self: "Tracker", *args: Any, **kwargs: Any) -> Any:
         if self.enabled:
             try:
                 return method(self, *args, **kwargs)
-            except Exception as error:  # whatever goes wrong at the other end, the work goes on
+            except Exception as error:  # no failure of tracking may stop the run
                 self.enabled = False
                 log.warning("the run continues without MLflow: %s", _reason(error))
         return None
@@ -47,14 +47,14 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Tracker:
-    """One MLflow run; as a context manager it ends with the status that the block's end deserves.
+    """One MLflow run; as a context manager it sets the run's final status.
 
     Args:
         root: folder of all results; holds ``mlflow.db`` and its files by default.
         experiment: MLflow experiment.
-        name: of the run, for people.
-        where: ``local``, which is sqlite in ``root``; the URI of a server or database; or ``off``: nothing is
-            recorded, and MLflow, which is slow to import, is not imported.
+        name: displayed name of the run.
+        where: ``local``, sqlite in ``root``; the URI of a server or database; or ``off``, which records
+            nothing and does not import MLflow, a slow import.
         tags: of the run.
     """
 
@@ -67,8 +67,8 @@ class Tracker:
         tags: Mapping[str, str] | None = None,
     ) -> None:
         self.enabled = where != "off"
-        self.run_id = ""  # of MLflow; empty where nothing is recorded
-        self.recorded = set[str]()  # digests of the artifacts whose numbers are recorded
+        self.run_id = ""  # MLflow's; empty if nothing is recorded
+        self.recorded = set[str]()  # digests of recorded artifacts
         self._note = ""
         self._pending: list[RunOperations | None] = []
         self._start(root.resolve(), experiment, name, where, tags)
@@ -82,13 +82,13 @@ class Tracker:
             from mlflow import MlflowClient
 
         logging.getLogger("alembic").setLevel(logging.ERROR)
-        for noisy in ("mlflow", "urllib3"):  # what goes wrong is raised as well
+        for noisy in ("mlflow", "urllib3"):  # they also raise what they log
             logging.getLogger(noisy).setLevel(logging.CRITICAL)
         self._client = client = MlflowClient(f"sqlite:///{root / 'mlflow.db'}" if where == "local" else where)
-        # A server knows where its files go; a database would put them into the current folder.
+        # A server knows where its files go; with a database they would go into the current folder.
         remote = where.startswith(("http", "databricks"))
         files = None if remote else (root / "mlartifacts" / experiment).as_uri()
-        with FileLock(root / ".mlflow.lock"):  # runs that start together must not both create it
+        with FileLock(root / ".mlflow.lock"):  # parallel runs must not create the experiment twice
             found = client.get_experiment_by_name(experiment)
             self._experiment = found.experiment_id if found else client.create_experiment(experiment, files)
         self.run_id = client.create_run(self._experiment, run_name=name, tags=tags).info.run_id
@@ -102,12 +102,12 @@ class Tracker:
         self._pending.append(self._client.log_batch(self.run_id, params=params, synchronous=False))
 
     def log_metrics(self, values: Mapping[str, float], model: str | None = None) -> None:
-        """Record one number each, of a recorded model where one is given."""
+        """Record numbers, of a recorded model if given."""
         self.log_history({key: [value] for key, value in values.items()}, model)
 
     @_guarded
     def log_history(self, history: Mapping[str, Sequence[float | None]], model: str | None = None) -> None:
-        """Record a series of numbers each, at steps 0, 1, …; None is left out."""
+        """Record series of numbers at steps 0, 1, …; None is skipped."""
         from mlflow.entities import Metric
 
         now = round(1000 * time.time())
@@ -123,13 +123,13 @@ class Tracker:
 
     @_guarded
     def log_table(self, table: "pd.DataFrame", name: str) -> None:
-        """Record a table that MLflow shows beside the run; a named index becomes columns."""
+        """Record a table that MLflow shows with the run; a named index becomes columns."""
         flat = table.reset_index() if any(table.index.names) else table
         self._client.log_table(self.run_id, flat, f"{name}.json")
 
     @_guarded
     def log_note(self, text: str) -> None:
-        """Add Markdown to the description that MLflow shows first, unless there is no room left for it."""
+        """Append Markdown to the run's description, unless it would become too long."""
         note = f"{self._note}{text.strip()}\n\n"
         if len(note) <= _NOTE_LENGTH:
             self._note = note
@@ -137,7 +137,7 @@ class Tracker:
 
     @_guarded
     def log_model(self, name: str, digest: str, folder: Path) -> str | None:
-        """ID of a new model with all files of a folder; None where another run has recorded it before."""
+        """Record a folder as a model, and return its ID; None if an earlier run has recorded it."""
         from mlflow.entities import LoggedModelOutput
 
         known = self._client.search_logged_models([self._experiment], f"tags.digest = '{digest}'")
@@ -153,10 +153,10 @@ class Tracker:
 
     @_guarded
     def finish(self, status: Status) -> None:
-        """Wait for what is still on its way, and close the run."""
+        """Wait for pending records, and close the run."""
         try:
-            for one in filter(None, self._pending):
-                one.wait()
+            for operations in filter(None, self._pending):
+                operations.wait()
         finally:
             self._client.set_terminated(self.run_id, status)
 
@@ -169,7 +169,7 @@ class Tracker:
 
 
 def _reason(error: BaseException) -> str:
-    """The first cause of an error, in one line; those who passed it on have more words for it."""
+    """Message of an error's root cause, in one line."""
     while error.__cause__ is not None:
         error = error.__cause__
     return str(error).split("\n", 1)[0] or type(error).__name__

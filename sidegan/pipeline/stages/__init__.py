@@ -1,4 +1,4 @@
-"""The stages by name, a line each; a stage's module, which may have several, is imported when it runs."""
+"""The stages by name, with a line of help each; a stage's module is imported when it runs."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ _MODULES |= {"subsets": "training", "plant": "identification", "check": "identif
 
 
 def stage(name: str) -> "Stage":
-    """The stage of a name; a ConfigError where there is none."""
+    """The stage with this name; a ConfigError if there is none."""
     if name not in STAGES:
         raise ConfigError(f"stages: there is no stage {name!r}, expected some of {', '.join(STAGES)}")
     return import_module(f"sidegan.pipeline.stages.{_MODULES.get(name, name)}").STAGES[name]

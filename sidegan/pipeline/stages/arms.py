@@ -1,4 +1,4 @@
-"""Stage arms: seeds, generators and what they are worth, of every arm of a comparison."""
+"""Stage arms: seeds, generators and their measures for several arms."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,22 +12,22 @@ _STAGES = ("seeds", "surrogates", "gan", "library", "random", "measures")
 
 
 def of_arms(run: RunContext) -> dict[str, RunContext]:
-    """The run for each arm, by its name among the settings."""
+    """The run for each configured arm, by the arm's name in the settings."""
     return {name: run.with_other("robot", name) for name in run.cfg.arms}
 
 
 def _arms(run: RunContext) -> Iterator[Artifact]:
-    for name, one in of_arms(run).items():
+    for name, arm_run in of_arms(run).items():
         for part in map(stage, _STAGES):
-            for artifact in part.artifacts(one):
+            for artifact in part.artifacts(arm_run):
                 yield replace(artifact, title=f"{name} {artifact.title}")
 
 
 def _check(run: RunContext) -> None:
-    for one in of_arms(run).values():
-        _ = one.cell.constraints
+    for arm_run in of_arms(run).values():
+        _ = arm_run.cell.constraints
         for part in map(stage, _STAGES):
-            part.check(one)
+            part.check(arm_run)
 
 
 STAGES = {"arms": Stage(_arms, check=_check)}

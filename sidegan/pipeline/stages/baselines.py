@@ -1,4 +1,4 @@
-"""Stages random and long: baselines, trajectories of nobody or of a short search, and a single long one."""
+"""Stages random and long: random trajectories, those of a short search, and a single long trajectory."""
 
 from dataclasses import asdict, replace
 from functools import partial
@@ -22,22 +22,22 @@ from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.seeding import Gradient, make_long
 
-REACH = 0.8  # of the tightest joint limit, that a random trajectory uses
-_TRIES = 1000  # draws for each random trajectory, most of them
-_DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, the share of them that is valid, its precision
+REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
+_TRIES = 1000  # most draws per random trajectory
+_DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, their share to be valid, steps to find the reach
 _SEARCHED = 200  # trajectories of each search
 _EVALUATIONS = (10, 40, 160)
 _SEARCH = SearchSettings(evaluations=10)
 
 
 def random_set(run: RunContext) -> Artifact:
-    """Random valid trajectories, as many as a generator's library has."""
+    """Random valid trajectories, as many as in a generator's library."""
     settings = {"count": run.cfg.library.count}
     return run.artifact("random", "random", _make_random, settings, title="random", alone=True)
 
 
 def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH) -> Draws:
-    """Random valid trajectories, (count, J, H, 2), of the run's own draws for a purpose."""
+    """Random valid trajectories, (count, J, H, 2), from the run's random numbers for a purpose."""
     generator = np.random.default_rng(run.number(purpose))
     settings = Expansion(count=count, batch=count, draws=_TRIES * count, least=count)
     return draw_valid(
@@ -49,13 +49,13 @@ def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH
 
 
 def test_trajectories(run: RunContext) -> Array:
-    """Trajectories whose torques are predicted, (tests, J, H, 2); no set contains or generated them."""
+    """Random test trajectories, (tests, J, H, 2), that are in no excitation set."""
     settings = run.cfg.identification
     return random_valid(run, settings.tests, "tests", settings.reach).coefficients
 
 
 def prediction(run: RunContext, noise: TorqueNoise, family: Trajectory | None = None) -> Prediction:
-    """Expected errors, on the test trajectories, of what is identified from some of a family or the short."""
+    """Expected errors on the test trajectories; the excitation is of ``family``, by default the short one."""
     settings, tests = run.cfg.identification, test_trajectories(run)
     times = run.cell.trajectory.times(settings.rate)
     wanted = wanted_torques(run.cell.body, run.cell.trajectory, tests, times)
@@ -71,7 +71,7 @@ def natural_set(run: RunContext) -> Artifact:
 
 
 def searched_set(run: RunContext, evaluations: int) -> Artifact:
-    """Trajectories of a search for a small condition number, of so many evaluations each."""
+    """Trajectories that a search with a number of evaluations each finds for a small condition number."""
     name = f"search-{evaluations}"
     settings = {"count": _SEARCHED, **asdict(replace(_SEARCH, evaluations=evaluations))}
     make = partial(_make_searched, evaluations=evaluations)
@@ -79,7 +79,7 @@ def searched_set(run: RunContext, evaluations: int) -> Artifact:
 
 
 def baselines(run: RunContext) -> dict[str, Artifact]:
-    """Sets that every generator stands beside, by name."""
+    """Sets that generators are compared with, by name."""
     searched = {f"search-{n}": searched_set(run, n) for n in _EVALUATIONS}
     return {"random": random_set(run), "natural": natural_set(run), **searched}
 
@@ -126,12 +126,12 @@ def _make_random(run: RunContext, build: Build) -> None:
 
 
 def long_family(run: RunContext, harmonics: int) -> Trajectory:
-    """The family of a single long trajectory."""
+    """The family of the single long trajectory."""
     return Trajectory(run.cell.arm.joints, harmonics, run.cfg.long.period, run.cell.trajectory.home)
 
 
 def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
-    """The best single long trajectory with so many harmonics, by gradients."""
+    """The best single long trajectory with a number of harmonics, optimised by gradients."""
     settings = run.cfg.long
     seeds = {"fitness": "eigenvalue", "reserve": run.cfg.seeds.reserve}
     return run.artifact(

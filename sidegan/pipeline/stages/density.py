@@ -1,4 +1,4 @@
-"""Stage density: a kernel density estimate of the seeds in place of the GAN."""
+"""Stage density: a kernel density estimate of the seeds instead of the GAN."""
 
 import numpy as np
 import pandas as pd
@@ -17,14 +17,14 @@ from sidegan.report.tables import arrow
 
 
 def density(run: RunContext) -> Artifact:
-    """Validity, fitness and diversity of samples of density estimates."""
+    """Validity, fitness and diversity of samples from density estimates."""
     settings = {"bandwidths": run.cfg.discussion.bandwidths, "draws": run.cfg.discussion.draws}
     settings |= taught(run)
     return run.artifact("density", "kde", _make, settings, {"seeds": seed_set(run)})
 
 
 def _make(run: RunContext, build: Build) -> None:
-    """Validity, fitness and diversity of samples of a Gaussian kernel density estimate of the seeds.
+    """Sample a Gaussian kernel density estimate of the seeds at each bandwidth.
 
     Source: Scott 1992, Multivariate density estimation (bandwidth); the kernel has the seeds' covariance.
     """

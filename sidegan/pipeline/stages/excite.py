@@ -1,4 +1,4 @@
-"""Stage excite: the trajectories to execute on an arm, designed for what they are to tell, as files."""
+"""Stage excite: design trajectories for a goal, and write files to execute them."""
 
 import logging
 import math
@@ -28,19 +28,19 @@ from sidegan.validity.home import refuse_degrees
 
 VIEW, GOAL, SET, REHEARSAL = "view.html", "goal", "set", "rehearsal"
 _TRAJECTORY = "trajectory", "trajectories"
-_PRINTED = 1e-4  # by how much a rate that a message names may be rounded
-_EVERY = 0.02  # [s] between the configurations of a rehearsal whose distances are looked at
+_PRINTED = 1e-4  # relative rounding of a rate in a message
+_EVERY = 0.02  # time between the configurations of a rehearsal whose distances are computed [s]
 log = logging.getLogger(__name__)
 
 
 def _show(run: RunContext, tracker: Tracker) -> None:
-    """Design a set, and write each trajectory and all of them in a row."""
+    """Design a set, and write its files, tables and page."""
     cfg, folder = run.cfg, run.store.run_folder
     chosen = excite(
         run.cell, None, cfg.seed, goal=cfg.goal, search=cfg.search, model=cfg.model, known=cfg.known
     )
     slowed = chosen.at_speed(cfg.controllers.speed)
-    _forget(folder)
+    _delete_old_files(folder)
     durations = chosen.save(folder, cfg.controllers)
     tracker.log_metrics({"excite/condition": slowed.condition})
     steps = next_steps(run, durations)
@@ -59,19 +59,19 @@ def _show(run: RunContext, tracker: Tracker) -> None:
     for doubt in chosen.warnings:
         log.warning("%s", doubt)
     if cfg.controllers.rehearse:
-        said = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(run)}"
-        publish(_rehearsed(run, slowed), folder / REHEARSAL, said, tracker)
+        title = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(run)}"
+        publish(_rehearsed(run, slowed), folder / REHEARSAL, title, tracker)
 
 
-def _forget(folder: Path) -> None:
-    """Delete what another run left in the folder and this one may not write anew."""
+def _delete_old_files(folder: Path) -> None:
+    """Delete an earlier run's files that this run might not overwrite."""
     tables = [f"{name}.{kind}" for name in (GOAL, REHEARSAL, SET) for kind in ("csv", "md")]
     for name in (VIEW, *tables):
         (folder / name).unlink(missing_ok=True)
 
 
 def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Tracker) -> str:
-    """Caption on what the set makes of its goal; the table of it is published."""
+    """Caption on how well the set meets its goal; publishes the table."""
     if not isinstance(aim, Uncertain):
         return ""
     columns = {"before": aim.before, "with the set": aim.deviations}
@@ -91,11 +91,11 @@ def _slow(run: RunContext) -> str:
 
 
 def _view(run: RunContext, slowed: TrajectorySet, steps: Steps, tracker: Tracker) -> str:
-    """Write the page on which the arm moves, with steps below; where it is, for the caption."""
+    """Write the page that animates the arm, with the next steps; its address for the caption."""
     path = run.store.run_folder / VIEW
     try:
         slowed.view(path, run.cfg.controllers.rate, steps)
-    except ArtifactError as error:  # the trajectories are there, which is what counts
+    except ArtifactError as error:  # the trajectories are written: the page is optional
         log.warning("there is no %s: %s", VIEW, error)
         return ""
     tracker.log_artifact(path, "view")
@@ -103,7 +103,7 @@ def _view(run: RunContext, slowed: TrajectorySet, steps: Steps, tracker: Tracker
 
 
 def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
-    """Tracking error, largest torque and closest approach of trajectories, as MuJoCo runs them."""
+    """Tracking error, largest torque and closest approach of each trajectory in MuJoCo."""
     plant = Plant(run.cell.whole_arm, run.cfg.plant)
     family, times = slowed.family, slowed.family.times(plant.settings.rate)
     rows = []
@@ -114,7 +114,7 @@ def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
 
 
 def _executed(run: RunContext, planned: Motion, executed: Executed) -> dict[str, str]:
-    """Tracking error, largest torque and closest approach of one execution, in words."""
+    """Tracking error, largest torque and closest approach of an execution, as text."""
     error = np.abs(executed.position - planned.position[0]).max(0)
     share = (np.abs(executed.torque) / run.cell.whole_arm.torque_limit).max(0)
     stride = max(1, round(_EVERY * run.cfg.plant.rate))
@@ -127,7 +127,7 @@ def _executed(run: RunContext, planned: Motion, executed: Executed) -> dict[str,
 
 
 def _require_rate(run: RunContext) -> None:
-    """Refuse tables of too few points for the highest harmonic."""
+    """Refuse tables with too few points for the highest harmonic."""
     settings, family = run.cfg.controllers, run.cfg.trajectory
     least = settings.speed * least_rate(family.harmonics, family.period)
     if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
@@ -138,7 +138,7 @@ def _require_rate(run: RunContext) -> None:
 
 
 def _require_places(run: RunContext) -> None:
-    """Refuse a start that is in degrees, for another arm, or with no way to home."""
+    """Refuse a start that is in degrees, has the wrong number of joints, or has no path to home."""
     arm, settings = run.cell.whole_arm, run.cfg.controllers
     if settings.start is None:
         return
@@ -152,8 +152,8 @@ def _require_places(run: RunContext) -> None:
 
 
 def _check(run: RunContext) -> None:
-    compile_beside()  # while what follows compiles its own
-    if run.cfg.controllers.rehearse:  # in MuJoCo, which could not move others
+    compile_beside()  # in parallel with the compilation below
+    if run.cfg.controllers.rehearse:  # MuJoCo needs physically consistent links
         require_consistent(run.cell.arm)
     _require_rate(run)
     _require_places(run)

@@ -1,7 +1,8 @@
-"""Stages identification and plant: the arm identified from every excitation set, and test torques predicted.
+"""Stages identification and plant: identify the arm from every excitation set, and predict test torques.
 
-The simulated arm's measurements are noisy. Plants in MuJoCo have friction that the model lacks, elastic
-joints, links that differ from the description, and servos that feed forward the latter; tests are exact.
+Stage identification adds noise to exact motions. Stage plant uses MuJoCo plants with unmodelled friction,
+elastic joints, links that differ from the description, and servos with a feedforward of the described arm.
+Test torques are exact.
 """
 
 from collections.abc import Callable
@@ -31,23 +32,24 @@ from sidegan.robot import require_consistent
 _METHODS = {False: "ols", True: "weighted"}
 
 
-def identification(run: RunContext, one: ExcitationSet) -> Artifact:
-    """Errors of identification from one set."""
-    return _of_set("identification", run, one, _identify, asdict(run.cfg.identification))
+def identification(run: RunContext, excitation: ExcitationSet) -> Artifact:
+    """Errors of identification from a set."""
+    return _of_set("identification", run, excitation, _identify, asdict(run.cfg.identification))
 
 
-def plant(run: RunContext, one: ExcitationSet) -> Artifact:
-    """Errors of identification from one set when plants execute it."""
+def plant(run: RunContext, excitation: ExcitationSet) -> Artifact:
+    """Errors of identification from a set that plants execute."""
     tests = run.cfg.identification
     settings = asdict(run.cfg.plants) | {"tests": tests.tests, "reach": tests.reach}
-    return _of_set("plant", run, one, _execute, settings)
+    return _of_set("plant", run, excitation, _execute, settings)
 
 
 def _of_set(
-    maker: str, run: RunContext, one: ExcitationSet, make: Callable[..., None], settings: dict[str, Any]
+    maker: str, run: RunContext, excitation: ExcitationSet, make: Callable[..., None], values: dict[str, Any]
 ) -> Artifact:
-    inputs, more = {one.source.maker: one.source}, {"training": one.training, "metrics": _mean_errors}
-    return run.artifact(maker, one.name, partial(make, one=one), settings, inputs, **more)
+    source, options = excitation.source, {"training": excitation.training, "metrics": _mean_errors}
+    make = partial(make, excitation=excitation)
+    return run.artifact(maker, excitation.name, make, values, {source.maker: source}, **options)
 
 
 def _mean_errors(folder: Path) -> Metrics:
@@ -57,19 +59,20 @@ def _mean_errors(folder: Path) -> Metrics:
     return {names[bool(key)]: float(value) for key, value in mean.items()}
 
 
-def _identify(run: RunContext, build: Build, one: ExcitationSet) -> None:
-    settings = run.cfg.identification
+def _identify(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
+    settings, body, name = run.cfg.identification, run.cell.body, excitation.name
     tests = run.cell.trajectory, test_trajectories(run)
-    family, random = (one.family, run.load(one.source).coefficients), run.random("identification")
-    frames = study.drawn_errors(run.cell.body, one.name, family, tests, settings, random, build.report)
-    expected = study.expected_errors(run.cell.body, family, tests, settings).assign(noise="paper")
-    expected = pd.concat([expected, _under_constant_noise(run, *family)]).assign(set=one.name)
+    family = excitation.family, run.load(excitation.source).coefficients
+    random = run.random("identification")
+    frames = study.drawn_errors(body, name, family, tests, settings, random, build.report)
+    expected = study.expected_errors(body, family, tests, settings).assign(noise="paper")
+    expected = pd.concat([expected, _under_constant_noise(run, *family)]).assign(set=name)
     for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
-        write_parquet(build.folder / file, arrow(frame.assign(training=one.training or 0)))
+        write_parquet(build.folder / file, arrow(frame.assign(training=excitation.training or 0)))
 
 
 def _under_constant_noise(run: RunContext, family: Trajectory, c: Array) -> pd.DataFrame:
-    """Expected nMSE by joint, under noise of one size by which joints are weighted."""
+    """Expected nMSE by joint under constant noise, with joints weighted by it."""
     noise = TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
     predicting = prediction(run, noise, family)
     nmse = predicting.nmse(*(x.sum(0, keepdims=True) for x in predicting.informations(c)))[0].tolist()
@@ -77,19 +80,19 @@ def _under_constant_noise(run: RunContext, family: Trajectory, c: Array) -> pd.D
     return pd.DataFrame(columns)
 
 
-def _execute(run: RunContext, build: Build, one: ExcitationSet) -> None:
+def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
     settings = run.cfg.plants
-    learned, tests = run.load(one.source).coefficients, test_trajectories(run)
+    coefficients, tests = run.load(excitation.source).coefficients, test_trajectories(run)
     model, rows = TorqueModel(run.cell.body, settings.model), []
     for number, seed in enumerate(run.random("plants").spawn(settings.count)):
         machine = VariedPlant(run.cell.arm, settings.plant, seed)
         random = np.random.default_rng(run.number(f"plant {number}"))
-        training = _measured(run, machine, one.family, learned, random)
+        training = _measured(run, machine, excitation.family, coefficients, random)
         test = _measured(run, machine, run.cell.trajectory, tests)
         for weighted, method in _METHODS.items():
             parameters = estimate(method, model, training).parameters
             errors = score(model, parameters, test).nmse.tolist()
-            key = (one.name, one.training or 0, number, weighted)
+            key = (excitation.name, excitation.training or 0, number, weighted)
             rows += [(*key, joint, error) for joint, error in zip(run.cell.arm.joint_names, errors)]
         build.report(number + 1, settings.count)
     columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
@@ -103,17 +106,15 @@ def _measured(
     coefficients: Array,
     random: np.random.Generator | None = None,
 ) -> list[Measurements]:
-    """A recording of every trajectory of a set; without noise where none is drawn."""
+    """A recording of every trajectory of a set, without noise if ``random`` is None."""
     states = recorded(machine, family, coefficients, run.cfg.plants.sensors, random)
     return [Measurements(*parts) for parts in zip(*states)]
 
 
 STAGES = {
-    "identification": Stage(
-        lambda run: [identification(run, excitation_set) for excitation_set in excitation_sets(run)]
-    ),
+    "identification": Stage(lambda run: [identification(run, each) for each in excitation_sets(run)]),
     "plant": Stage(
-        lambda run: [plant(run, excitation_set) for excitation_set in excitation_sets(run)],
+        lambda run: [plant(run, each) for each in excitation_sets(run)],
         check=lambda run: require_consistent(run.cell.arm),
     ),
 }

@@ -1,4 +1,4 @@
-"""Stages identify and check: recordings of a real arm to a consistent model of it; what they are worth."""
+"""Stages identify and check: identify a real arm from recordings; check the recordings."""
 
 import hashlib
 import logging
@@ -34,7 +34,7 @@ def model(run: RunContext) -> Artifact:
     files = _files("recordings", cfg.recordings) | _files("validation", cfg.held_out)
     inputs = {"robot": arm.digest, "urdf": _digest(arm.urdf)}
     sent = [] if cfg.recording.sent is None else commanded_files(Path(cfg.recording.sent))
-    read = files | {f"sent.{one.stem}": one for one in sent}
+    read = files | {f"sent.{path.stem}": path for path in sent}
     inputs |= {key: _digest(path) for key, path in read.items()}
     settings: dict[str, object] = {n: asdict(getattr(cfg, n)) for n in ("recording", "model", "identify")}
     settings |= {} if isinstance(cfg.validation, list) else {"held_out": cfg.validation}
@@ -53,16 +53,16 @@ def model(run: RunContext) -> Artifact:
 
 
 def _files(name: str, recordings: Sequence[Recorded]) -> dict[str, Path]:
-    """All files of recordings by which of their recording they are."""
+    """All files of recordings, by recording and signal."""
     found: dict[str, Path] = {}
-    for i, one in enumerate(recordings):
-        each = vars(one) if isinstance(one, Files) else {"": one}
-        found |= {f"{name}.{i}.{key}".rstrip("."): Path(path) for key, path in each.items() if path}
+    for i, recording in enumerate(recordings):
+        files = vars(recording) if isinstance(recording, Files) else {"": recording}
+        found |= {f"{name}.{i}.{key}".rstrip("."): Path(path) for key, path in files.items() if path}
     return found
 
 
 def recorded_arm(run: RunContext) -> Arm:
-    """The arm of the recordings; joints whose torque they do not have are locked, where they do not move."""
+    """The recorded arm; joints that stand still and have no recorded torque are locked."""
     cfg = run.cfg
     if not cfg.robot.name:
         raise ConfigError("which arm was recorded? robot.name=/path/to/arm.urdf, or robot=kuka_lwr4")
@@ -73,7 +73,7 @@ def recorded_arm(run: RunContext) -> Arm:
 
 
 def checked(run: RunContext) -> steps.Checked:
-    """The configured recordings, checked and preprocessed; the check is printed."""
+    """The configured recordings, checked and preprocessed; prints the check."""
     cfg = run.cfg
     found = steps.check_recordings(
         run.cell,
@@ -96,12 +96,12 @@ def _error(folder: Path) -> Metrics:
 
 
 def _show(run: RunContext, tracker: Tracker) -> None:
-    """Leave all results in the run's folder, and sum up for people."""
+    """Copy all results to the run's folder, and log a summary."""
     folder, target = run.store.require(model(run)), run.store.run_folder
     for path in sorted(folder.iterdir()):
         if path.name != PARAMS:
-            with replacing(target / path.name) as neighbour:
-                shutil.copyfile(path, neighbour)
+            with replacing(target / path.name) as temporary:
+                shutil.copyfile(path, temporary)
             tracker.log_artifact(path, "identify")
     verdict = read_json(folder / VERDICT)
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
@@ -116,14 +116,14 @@ def _digest(path: Path) -> str:
     """Hexadecimal SHA-256 of a file, or of all files of a folder, a bag or a dataset."""
     digest = hashlib.sha256()
     with reading(path, "recording", RecordingError):
-        for one in files_of(path):
-            digest.update(one.name.encode())
-            digest.update(bytes.fromhex(file_digest(one)))
+        for file in files_of(path):
+            digest.update(file.name.encode())
+            digest.update(bytes.fromhex(file_digest(file)))
     return digest.hexdigest()
 
 
 def _show_check(run: RunContext, tracker: Tracker) -> None:
-    """Read and check the configured recordings, and leave what the check says in the run's folder."""
+    """Read and check the configured recordings, and write the check to the run's folder."""
     found = checked(run)
     path = write_checks([*found.training, *found.validation], run.store.run_folder)
     tracker.log_artifact(path, "identify")

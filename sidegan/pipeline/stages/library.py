@@ -17,14 +17,14 @@ from sidegan.pipeline.stages.training import generator, generators, load_generat
 
 log = logging.getLogger(__name__)
 
-_TOGETHER = 20_000  # trajectories of a library and the seeds whose diversity is looked at
+_TOGETHER = 20_000  # largest sample of a library and the seeds for their joint diversity
 
 
 def library(run: RunContext, name: str, training: int) -> Artifact:
-    """The valid trajectories of one generator."""
+    """Valid trajectories of a generator."""
     inputs = {"gan": generator(run, name, training)}
     if run.cfg.gan[name].seeded:
-        inputs["seeds"] = seed_set(run)  # for the diversity of both together
+        inputs["seeds"] = seed_set(run)  # for their joint diversity
     return run.artifact(
         "library",
         name,
@@ -51,7 +51,7 @@ def _make(run: RunContext, build: Build, name: str, training: int) -> None:
 
 
 def _union(run: RunContext, made: Library, random: np.random.Generator) -> dict[str, float]:
-    """Diversity of the library and the seeds put together."""
+    """Joint diversity of the library and the seeds."""
     seeds = run.load(seed_set(run))
     order = random.permutation(len(seeds) + len(made))[:_TOGETHER]
     of_seeds = order < len(seeds)
@@ -60,4 +60,4 @@ def _union(run: RunContext, made: Library, random: np.random.Generator) -> dict[
     return {f"union_{key}": shuffled[key] for key in ("distance", "distance_diagonal", "rank")}
 
 
-STAGES = {"library": Stage(lambda run: [library(run, *one) for one in generators(run)])}
+STAGES = {"library": Stage(lambda run: [library(run, name, k) for name, k in generators(run)])}

@@ -1,7 +1,8 @@
-"""Stage measures: what the trajectories of each set are worth, and how they are like the seeds.
+"""Stage measures: how well each set identifies the arm, and how similar it is to the seeds.
 
-Worth is the expected error of identification from random draws of a set, on the test trajectories: a pick can
-have more of a set's best, a draw cannot. Likeness is that with one half of the seeds; theirs is the other's.
+The error is that of identification from random draws of a set, expected on the test trajectories; unlike a
+pick, a draw does not favour the set's best. Similarity is to one half of the seeds; the seeds' own is that of
+the other half.
 """
 
 from collections.abc import Iterator
@@ -22,17 +23,16 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
-_SMALLEST = 1e-6  # of the largest joint's torque, that a joint's counts as at least
+_SMALLEST = 1e-6  # lower bound of a joint's torque, as a share of the largest joint's
 
 
 def pools(run: RunContext) -> list[Pool]:
-    """What is measured: the baselines, the seeds, and what each generator made alone."""
-    beside = [Pool(name, None, (one,)) for name, one in baselines(run).items()]
-    return [*beside, *whole_sets(run)]
+    """The sets to measure: the baselines, the seeds, and each generator's library."""
+    return [*(Pool(name, None, (made,)) for name, made in baselines(run).items()), *whole_sets(run)]
 
 
 def measures(run: RunContext, pool: Pool) -> Artifact:
-    """Errors expected of random draws of a pool, and its likeness with the seeds."""
+    """Expected errors of random draws from a pool, and its similarity to the seeds."""
     study = run.cfg.identification
     settings = {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
     settings |= {"level": _level(run), "together": _together(run)}
@@ -42,18 +42,18 @@ def measures(run: RunContext, pool: Pool) -> Artifact:
 
 
 def _together(run: RunContext) -> int:
-    """How many trajectories a set has."""
+    """Number of trajectories in a draw."""
     return run.cfg.selection.count if run.cfg.has("selection") else TOGETHER
 
 
 def _level(run: RunContext) -> float:
-    """Noise of measured torques, as a share of them."""
+    """Relative noise of measured torques."""
     noise = run.cfg.identification.noise
     return noise.level if noise.torque else 0.0
 
 
 def _noises(run: RunContext, c: Array) -> Iterator[tuple[str, TorqueNoise]]:
-    """Noise on torques, and how joints are weighted against it, by the names of the errors."""
+    """Name of each error with its torque noise and weights of joints."""
     size = torque_size(run.cell.body, run.cell.trajectory, c)
     size = np.maximum(size, _SMALLEST * size.max())
     yield "error", TorqueNoise.proportional(_level(run), np.ones_like(size))
@@ -62,15 +62,15 @@ def _noises(run: RunContext, c: Array) -> Iterator[tuple[str, TorqueNoise]]:
 
 
 def _make(run: RunContext, build: Build, pool: Pool) -> None:
-    own, seeds, together = pool.load(run), run.load(seed_set(run)), _together(run)
+    library, seeds, together = pool.load(run), run.load(seed_set(run)), _together(run)
     reference, others = (seeds.take(range(k, len(seeds), 2)) for k in (0, 1))
-    compared = others if pool.name == SEEDS else own
+    compared = others if pool.name == SEEDS else library
     report = likeness(compared, reference) if min(len(compared), len(reference)) > 1 else {}
     frames, random = list[pd.DataFrame](), run.number("draws")
-    for name, noise in _noises(run, own.coefficients):
+    for name, noise in _noises(run, library.coefficients):
         errors = np.full((1, 1), np.nan)
-        if len(own) >= together:
-            errors = prediction(run, noise).of_draws(own.coefficients, together, seed=random)
+        if len(library) >= together:
+            errors = prediction(run, noise).of_draws(library.coefficients, together, seed=random)
         mean, geometric = errors.mean(1), np.exp(np.log(errors).mean(1))
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
         report |= {name: float(mean.mean()), f"{name}_geometric": float(np.exp(np.log(geometric).mean()))}

@@ -1,4 +1,4 @@
-"""Stages payload and gains: what an arm carries, and torque per motor current, without and with a load."""
+"""Stages payload and gains: identify a load, or the drive gains, from runs without and with a load."""
 
 import logging
 from dataclasses import replace
@@ -31,18 +31,18 @@ log = logging.getLogger(__name__)
 
 
 def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
-    """Measurements without and with the load, checked and preprocessed; ConfigError where none have it."""
+    """Measurements without and with the load, checked and preprocessed; a ConfigError if none have it."""
     if not cfg.loaded:
         raise ConfigError("loaded is empty, expected recordings with the load: 'loaded=[a.csv]'")
-    together: list[tuple[Recorded, Role]] = [(one, "training") for one in (*cfg.recordings, *cfg.loaded)]
-    found = read_and_check(together, arm, cfg.recording, gains, cfg.model.sign_width)
-    refuse_shared([(one.name, one.statistics.rows) for one in found])
+    files: list[tuple[Recorded, Role]] = [(file, "training") for file in (*cfg.recordings, *cfg.loaded)]
+    found = read_and_check(files, arm, cfg.recording, gains, cfg.model.sign_width)
+    refuse_shared([(recording.name, recording.statistics.rows) for recording in found])
     count = len(cfg.recordings)
     return measurements_of(found[:count]), measurements_of(found[count:])
 
 
 def _payload(run: RunContext, tracker: Tracker) -> None:
-    """Identify the load, and leave it in the run's folder."""
+    """Identify the load, and write it to the run's folder."""
     cfg, arm = run.cfg, recorded_arm(run)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
     found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
@@ -62,7 +62,7 @@ def _payload(run: RunContext, tracker: Tracker) -> None:
 
 
 def as_json(found: Payload) -> dict[str, Any]:
-    """The load for programs: SI units, inertia about the centre of mass in ``VALUES``' order."""
+    """The load as JSON values: SI units, inertia about the centre of mass in ``VALUES``' order."""
     return {
         "link": found.link,
         "certain": found.certain,
@@ -82,10 +82,10 @@ def _table(found: Payload) -> pd.DataFrame:
 
 
 def _gains(run: RunContext, tracker: Tracker) -> None:
-    """Find the gains, and leave them in the run's folder; as a setting too, if all are certain."""
+    """Identify the gains, and write them to the run's folder; log them as a setting if all are certain."""
     cfg, arm, folder = run.cfg, recorded_arm(run), run.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
-    unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # a torque then is a current
+    unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # unit gains: "torques" are currents
     found = drive_gains(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded, cfg.load.parameters)
     gains, deviation = found.gains.tolist(), found.deviation.tolist()
     joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}

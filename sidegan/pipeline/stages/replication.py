@@ -1,4 +1,4 @@
-"""Stage replication: identification from whole sets that are measured with noise, the seeds repeatedly."""
+"""Stage replication: identification from whole sets measured with noise, the seeds repeatedly."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
@@ -22,20 +22,20 @@ from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
 SUMS = "sums.npz"
-FITTED = 0.44, 10**-1.8  # p₀ and s, by which the norms come near those of the paper's table III
+FITTED = 0.44, 10**-1.8  # p₀ and s fitted to the norms in the paper's Table III
 
 
 @dataclass(frozen=True)
 class Replication:
-    """Measurement of a whole set."""
+    """How a whole set is measured."""
 
     noise: Noise
-    repeats: int  # noise realisations; one where nothing is noisy
-    replicas: int  # times in each of them; the seeds as often as they are replicated
+    repeats: int  # noise realisations; 1 if nothing is noisy
+    replicas: int  # measurements in each realisation; more than 1 only for the seeds
 
     @classmethod
     def of(cls, run: RunContext, pool: Pool, reading: Reading) -> "Replication":
-        """Measurement of a set under a reading."""
+        """How a reading measures a set."""
         settings = run.cfg.replication
         if pool.name == SEEDS:
             return cls(settings.of_seeds(reading), settings.repeats, max(settings.replicas))
@@ -44,14 +44,14 @@ class Replication:
 
     @property
     def mark(self) -> str:
-        """Suffix of its artifact's label; empty where everything is noisy."""
+        """Suffix of the artifact's label; empty if everything is noisy."""
         noisy = (self.noise.state and "states", self.noise.torque and "torques")
         named = [] if self.noise.exact else [name for name in noisy if name]
         return "" if len(named) == len(noisy) else f"-{named[0] if named else 'exact'}"
 
 
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
-    """The sums of the measurements of a whole set; readings that measure it alike share them."""
+    """Sums over the measurements of a whole set; readings that measure it the same way share them."""
     measured = Replication.of(run, pool, reading)
     settings, label = asdict(measured) | {"rate": run.cfg.identification.rate}, pool.name + measured.mark
     make = partial(_measure, pool=pool, measured=measured)
@@ -60,7 +60,7 @@ def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
 
 def replication(run: RunContext, reading: Reading) -> Artifact:
     """Errors of identification from each combination of whole sets, under a reading."""
-    inputs = {f"{one.name} {one.training or 0}": sums(run, one, reading) for one in whole_sets(run)}
+    inputs = {f"{pool.name} {pool.training or 0}": sums(run, pool, reading) for pool in whole_sets(run)}
     settings = asdict(run.cfg.replication) | {"repeats": run.cfg.replication.draws(reading)}
     del settings["readings"], settings["others"]
     return run.artifact(
@@ -75,11 +75,11 @@ def replication(run: RunContext, reading: Reading) -> Artifact:
 
 
 def draws(run: RunContext, pool: Pool, reading: Reading) -> list[list[Sums]]:
-    """The sums over a whole set by noise realisation and replica."""
+    """Sums over a whole set by noise realisation and replica."""
     found = _read(run.store.require(sums(run, pool, reading)) / SUMS)
     replicas = Replication.of(run, pool, reading).replicas
-    every = [found[i : i + replicas] for i in range(0, len(found), replicas)]
-    return every * (run.cfg.replication.repeats if len(every) == 1 else 1)
+    repeats = [found[i : i + replicas] for i in range(0, len(found), replicas)]
+    return repeats * (run.cfg.replication.repeats if len(repeats) == 1 else 1)
 
 
 def _mean_errors(folder: Path) -> Metrics:
@@ -89,11 +89,12 @@ def _mean_errors(folder: Path) -> Metrics:
 
 
 def _measure(run: RunContext, build: Build, pool: Pool, measured: Replication) -> None:
-    """Sums of every noise draw; the seeds are measured as often as they are replicated."""
+    """Compute the sums for every realisation and replica, in resumable jobs."""
     coefficients = pool.load(run).coefficients
     settings = replace(run.cfg.identification, noise=measured.noise)
     replicas = [(r, k) for r in range(measured.repeats) for k in range(measured.replicas)]
-    jobs, found = [[one] for one in replicas] if measured.noise.state else [replicas], list[Sums]()
+    # Without noise on states all draws share the regressor, in one job.
+    jobs, found = [[replica] for replica in replicas] if measured.noise.state else [replicas], list[Sums]()
     for done, job in enumerate(jobs):
         path = build.work / f"{done}.npz"
         if not readable(path):
@@ -106,13 +107,13 @@ def _measure(run: RunContext, build: Build, pool: Pool, measured: Replication) -
     _write(build.folder / SUMS, found)
 
 
-def _write(path: Path, every: list[Sums]) -> None:
-    write_arrays(path, {name: np.stack(x) for name, x in zip(Sums._fields, zip(*every))})
+def _write(path: Path, draws: list[Sums]) -> None:
+    write_arrays(path, {name: np.stack(x) for name, x in zip(Sums._fields, zip(*draws))})
 
 
 def _read(path: Path) -> list[Sums]:
     arrays = read_arrays(path)
-    return [Sums(*one) for one in zip(*(arrays[name] for name in Sums._fields))]
+    return [Sums(*draw) for draw in zip(*(arrays[name] for name in Sums._fields))]
 
 
 def _report_part(report: Report, before: int, total: int, done: int, count: int) -> None:
@@ -122,7 +123,7 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
 def _combine(run: RunContext, build: Build, reading: Reading) -> None:
     settings, tests = run.cfg.replication, (run.cell.trajectory, test_trajectories(run))
     study = replace(run.cfg.identification, noise=settings.of_seeds(reading))
-    seeds, *libraries = ((one, draws(run, one, reading)) for one in whole_sets(run))
+    seeds, *libraries = ((pool, draws(run, pool, reading)) for pool in whole_sets(run))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.draws(reading)):
         first = seeds[1][repeat]
@@ -134,17 +135,17 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
             errors, facts = combined(run.cell.body, sets, tests, study)
             fitted = {name: _fitted_norm(reduce(Sums.plus, x), first[0]) for name, x in sets.items()}
             facts["fitted_norm"] = facts["set"].map(fitted)
-            tables.append(tuple(one.assign(training=training, repeat=repeat) for one in (errors, facts)))
+            tables.append(tuple(x.assign(training=training, repeat=repeat) for x in (errors, facts)))
     for file, part in zip((RESULTS, FACTS), zip(*tables)):
         write_parquet(build.folder / file, arrow(pd.concat(part, ignore_index=True)))
 
 
 def _fitted_norm(sums: Sums, seeds: Sums) -> float:
-    """‖diag (s Σ + 1/p₀)⁻¹‖ with Σ the information per sample of the seeds, and two numbers of FITTED."""
+    """‖diag (s Σ + 1/p₀)⁻¹‖ with Σ the information over the seeds' number of samples, and FITTED."""
     prior, scale = FITTED
     information = sums.information.sum(0) / seeds.weight
-    held = scale * information + np.eye(len(information)) / prior
-    return float(np.linalg.norm(np.linalg.inv(held).diagonal()))
+    total = scale * information + np.eye(len(information)) / prior
+    return float(np.linalg.norm(np.linalg.inv(total).diagonal()))
 
 
 def _replications(run: RunContext) -> Iterator[Artifact]:

@@ -1,4 +1,4 @@
-"""Stage seeds: the seed set, by the configured optimiser, or a published one."""
+"""Stage seeds: the seed set, from the configured optimiser or published."""
 
 import logging
 from typing import Any
@@ -18,12 +18,12 @@ from sidegan.seeding.result import SeedBatch, shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 
-FEATURES = "features.npz"  # the authors' own of their seeds
+FEATURES = "features.npz"  # the authors' features of their seeds
 log = logging.getLogger(__name__)
 
 
 def seed_set(run: RunContext) -> Artifact:
-    """The seed set; each method is a maker of its own."""
+    """The seed set; each method is a separate maker."""
     settings = run.cfg.seeds
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     make = _read if settings.method == "published" else _make
@@ -31,7 +31,7 @@ def seed_set(run: RunContext) -> Artifact:
 
 
 def origin(run: RunContext) -> dict[str, Any]:
-    """Settings that make a set, but for its size: the first seeds of a larger set are a smaller one."""
+    """Parameters of the set except its size: the first seeds of a larger set are a smaller set."""
     params = seed_set(run).params
     settings = params["settings"]["paper_seeds"]
     kept = {name: x for name, x in settings.items() if name != "count"}
@@ -39,26 +39,26 @@ def origin(run: RunContext) -> dict[str, Any]:
 
 
 def _read(run: RunContext, build: Build) -> None:
-    """The valid ones of published seeds."""
+    """Save the valid ones among published seeds."""
     published = run.cfg.seeds.published.read(run.cell.trajectory)[: run.cfg.seeds.count]
-    every = measured(run.cell.constraints, run.cell.trajectory, published, run.cfg.seeds.method)
-    valid = every.take(np.flatnonzero(every.valid))
-    faults = run.cell.check(published[~every.valid]).faults()
-    found = f"{len(valid)} of {len(every)} seeds in {run.cfg.seeds.folder} are valid"
+    seeds = measured(run.cell.constraints, run.cell.trajectory, published, run.cfg.seeds.method)
+    valid = seeds.take(np.flatnonzero(seeds.valid))
+    faults = run.cell.check(published[~seeds.valid]).faults()
+    found = f"{len(valid)} of {len(seeds)} seeds in {run.cfg.seeds.folder} are valid"
     found += f"; of the others, {summarise_faults(faults)}" if faults else ""
     if not len(valid):
         raise InfeasibleError(found)
     log.info("%s", found)
     valid.save(build.folder / LIBRARY)
     features = run.cfg.seeds.published.features()
-    if features is not None and len(features) >= len(every):
-        write_arrays(build.folder / FEATURES, {"diagonal": features[: len(every)][every.valid]})
-    attempts = {"attempts": len(every), "failed": len(every) - len(valid), "faults": dict(faults)}
+    if features is not None and len(features) >= len(seeds):
+        write_arrays(build.folder / FEATURES, {"diagonal": features[: len(seeds)][seeds.valid]})
+    attempts = {"attempts": len(seeds), "failed": len(seeds) - len(valid), "faults": dict(faults)}
     write_json(build.folder / REPORT, {**summary(valid), **attempts})
 
 
 def _shipped(run: RunContext) -> SeedBatch | None:
-    """The seeds where they come with the package; None where they have to be made."""
+    """Seeds that come with the package; None if they have to be computed."""
     settings = run.cfg.seeds
     if settings.shipped is None:
         return None

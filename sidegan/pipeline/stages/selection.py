@@ -22,39 +22,39 @@ RANDOM, SEEDS = "random", "seeds"
 class Pool:
     """Trajectories that a set can be picked from."""
 
-    name: str  # of whoever made them: ``random``, ``seeds``, or a variant
-    training: int | None  # of the variant; None where nothing was trained
-    parts: tuple[Artifact, ...]  # that hold them, one after the other
+    name: str  # ``random``, ``seeds``, or a variant
+    training: int | None  # of the variant; None for others
+    parts: tuple[Artifact, ...]  # artifacts with the trajectories
 
     @property
     def inputs(self) -> dict[str, Artifact]:
-        """Its parts as inputs of what is made from it."""
+        """The parts, as inputs of an artifact."""
         return {part.maker: part for part in self.parts}
 
     def load(self, run: RunContext) -> Library:
-        """All its trajectories."""
+        """All trajectories."""
         return run.load(*self.parts)
 
 
 @dataclass(frozen=True)
 class ExcitationSet:
-    """Trajectories that an arm executes to be identified from."""
+    """Trajectories that an arm executes for its identification."""
 
-    name: str  # of the pool that they were picked from, or of the single long one
-    training: int | None  # of the variant; None where nothing was trained
+    name: str  # of the pool, or ``long-<harmonics>``
+    training: int | None  # of the variant; None for others
     family: Trajectory
-    source: Artifact  # that holds them
+    source: Artifact  # with the trajectories
 
 
 def pools(run: RunContext) -> list[Pool]:
-    """The pools of the paper: random ones, the seeds, and the seeds with what each generator made."""
+    """The pools of the paper: random trajectories, the seeds, and the seeds with each generator's library."""
     seeds = seed_set(run)
     grown = [Pool(name, k, (seeds, library(run, name, k))) for name, k in generators(run)]
     return [Pool(RANDOM, None, (random_set(run),)), Pool(SEEDS, None, (seeds,)), *grown]
 
 
 def whole_sets(run: RunContext) -> list[Pool]:
-    """The seeds, and what each generator made alone."""
+    """The seeds, and each generator's library without the seeds."""
     made = [Pool(name, training, (library(run, name, training),)) for name, training in generators(run)]
     return [Pool(SEEDS, None, (seed_set(run),)), *made]
 
@@ -73,7 +73,7 @@ def selection(run: RunContext, pool: Pool) -> Artifact:
 
 
 def excitation_sets(run: RunContext) -> list[ExcitationSet]:
-    """Every set that is compared: the single long trajectories, and what was picked from each pool."""
+    """The sets to compare: the single long trajectories, and the picks from each pool."""
     long = [
         ExcitationSet(f"long-{h}", None, long_family(run, h), long_trajectory(run, h))
         for h in run.cfg.long.harmonics
@@ -86,7 +86,7 @@ def excitation_sets(run: RunContext) -> list[ExcitationSet]:
 
 
 def pick(run: RunContext, library: Library) -> Array:
-    """Indices of the configured pick from a library, in the order of choice, (count,)."""
+    """Indices, (count,), of the configured selection from a library, in the order of choice."""
     return choose(
         run.cfg.selection, run.cell.body, run.cell.trajectory, library.coefficients, library.diagonal
     )

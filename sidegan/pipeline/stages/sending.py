@@ -1,4 +1,4 @@
-"""What is to be done with the files of a set, in words and commands for people."""
+"""Instructions for a set's files: the next steps, as sentences and commands."""
 
 from collections.abc import Mapping
 from itertools import groupby
@@ -13,8 +13,8 @@ from sidegan.robot import words
 
 Steps = list[tuple[str, str]]  # a sentence and a command each
 
-_FIRST = 0.25  # share of the speed of a first run
-_OWN = ("controllers.speed=", "controllers.start=", "controllers.rehearse=")  # of each run
+_FIRST = 0.25  # speed of the first run, as a share of the planned speed
+_PER_RUN = ("controllers.speed=", "controllers.start=", "controllers.rehearse=")  # overrides not to repeat
 _SLOWLY = "First slowly: the same set at a quarter of the speed, with a path from where the arm stands:"
 _LOG = "Log positions and torques or currents throughout, run the whole set at least twice; then:"
 _ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
@@ -22,7 +22,7 @@ _GOAL = "control_msgs/action/FollowJointTrajectory"
 
 
 def order_of(run: RunContext, durations: Mapping[str, float]) -> str:
-    """Which files are to be sent one after another, how long each takes, and where the arm must stand."""
+    """Which files to send in which order, how long each takes, and where the arm must stand."""
     groups = [(length, [*names]) for length, names in groupby(durations, lambda name: plain(durations[name]))]
     parts = [
         f"{names[0]} ({length} s)" if len(names) == 1 else f"{names[0]} … {names[-1]} ({length} s each)"
@@ -42,7 +42,7 @@ def _place(run: RunContext, durations: Mapping[str, float]) -> str:
 
 
 def next_steps(run: RunContext, durations: Mapping[str, float]) -> Steps:
-    """Next steps with the set, a sentence and a command each; the slow run comes before the fast one."""
+    """Next steps with the set, a sentence and a command each; the slow run comes first."""
     speed, folder = run.cfg.controllers.speed, run.store.run_folder.resolve()
     pace = "at the planned speed" if speed == 1 else f"at {speed:.0%} of the planned speed"
     then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {order_of(run, durations)}."
@@ -56,14 +56,14 @@ def _slower(run: RunContext, folder: Path) -> str:
     """Command that writes the same set for a first run."""
     start = run.cfg.controllers.start
     where = "…" if start is None else ",".join(f"{x:.6g}" for x in start)
-    given = [override for override in run.overrides if not override.startswith(_OWN)]
-    own = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
-    said = " ".join(map(quote, given)) or f"+experiment=excite {_robot(run)}"
-    return f"sidegan {said} {' '.join(map(quote, own))}"
+    kept = [override for override in run.overrides if not override.startswith(_PER_RUN)]
+    new = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
+    same = " ".join(map(quote, kept)) or f"+experiment=excite {_robot(run)}"
+    return f"sidegan {same} {' '.join(map(quote, new))}"
 
 
 def _send(run: RunContext, folder: Path, durations: Mapping[str, float]) -> str:
-    """Commands that send the goals of a set one by one, or its files where it has no goals."""
+    """Commands that send the goals of a set one by one, or the files if it has no goals."""
     formats = run.cfg.controllers.formats
     if "ros2" not in formats:
         ending = "script" if "urscript" in formats else "csv"

@@ -1,7 +1,7 @@
 """Stage table: print, write and record the experiment's tables and figures.
 
-The experiment's setting ``table`` names the module that does so, by its functions ``collect(run)``,
-``present(collected, folder, tracker)`` and, where it may refuse a run before any work, ``check(run)``.
+The setting ``table`` names a module with the functions ``collect(run)``, ``present(collected, folder,
+tracker)`` and optionally ``check(run)``, which may refuse a run before any work.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Stage timing: how fast a generator is on this machine, one thread."""
+"""Stage timing: the speed of a generator on this machine, with one thread."""
 
 import os
 import platform
@@ -16,14 +16,14 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.training import generator, load_generator
 
-TIMED = "eigen"  # the variant whose speed stands for all
+TIMED = "eigen"  # variant to time, as a representative
 _BATCH = 1000
-_LENGTHS = (400, 1600, 6400, 25600)  # samples of one evaluation
-_SHARE = 0.2  # of the seconds of a measurement, for the evaluations of each length
+_LENGTHS = (400, 1600, 6400, 25600)  # samples per evaluation
+_SHARE = 0.2  # time for the evaluations of each length, as a share of a measurement's
 
 
 def timing(run: RunContext) -> Artifact:
-    """The speed of the first training of a variant; its numbers are costs, as they are the machine's."""
+    """Generation speed of a variant's first training; stored as costs, since it depends on the machine."""
     training = run.cfg.trainings[0]
     inputs = {"gan": generator(run, TIMED, training)}
     make = partial(_make, seconds=run.cfg.discussion.seconds)
@@ -41,7 +41,7 @@ def _make(run: RunContext, build: Build, seconds: float) -> None:
 
 
 def _rate(work: Callable[[], int], seconds: float) -> float:
-    """Things per second that ``work`` makes, over some seconds of it, the first one left out."""
+    """Items per second that ``work`` makes, over some seconds, after one warm-up call."""
     work()
     began, made = time.perf_counter(), 0
     while time.perf_counter() - began < seconds:
@@ -50,7 +50,7 @@ def _rate(work: Callable[[], int], seconds: float) -> float:
 
 
 def _growth(run: RunContext, seconds: float) -> float:
-    """Exponent with which the time of YᵀY and its condition number grows with the number of samples."""
+    """Exponent of the time for YᵀY and its condition number as a power of the number of samples."""
     c = run.cell.problem.start(1, np.random.default_rng(0), 0.5)
 
     def rate(samples: int) -> float:
@@ -61,7 +61,7 @@ def _growth(run: RunContext, seconds: float) -> float:
 
 
 def _processor() -> str:
-    """Name of the processor, as far as the system tells."""
+    """Name of the processor, if the system provides it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:

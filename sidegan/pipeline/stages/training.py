@@ -1,4 +1,4 @@
-"""Stages surrogates, gan, subsets: success predictor and converters, variants, and both on fewer seeds."""
+"""Stages surrogates, gan and subsets: success predictor and converters, variants, both on fewer seeds."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator
@@ -20,13 +20,13 @@ from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.seeding.published import WEIGHTS, Layout
 
-if TYPE_CHECKING:  # and with it torch
+if TYPE_CHECKING:  # imports torch
     from sidegan.gan.generator import TrajectoryGenerator
 
-_CHECKED = 500  # trajectories whose validity is found at once
+_CHECKED = 500  # trajectories per validity check
 SAMPLES = "samples.npz"  # of every epoch
 log = logging.getLogger(__name__)
-_NEGATIVES_TRAINING = 0  # of the generator whose output the surrogates learn from
+_NEGATIVES_TRAINING = 0  # training of the generator whose samples the surrogates learn from
 
 
 def training_seeds(run: RunContext) -> Library:
@@ -41,7 +41,7 @@ def generators(run: RunContext) -> list[tuple[str, int]]:
 
 
 def generator(run: RunContext, name: str, training: int, variant: Variant | None = None) -> Artifact:
-    """A trained variant; one of the configured ones where none is given."""
+    """A trained variant, by default the configured one of this name."""
     variant = variant or run.cfg.gan[name]
     samples = _samples(run, variant)
     inputs: dict[str, Artifact | str] = {"seeds": seed_set(run)} if variant.seeded else {}
@@ -55,7 +55,7 @@ def generator(run: RunContext, name: str, training: int, variant: Variant | None
 
 
 def load_generator(run: RunContext, made: Artifact) -> "TrajectoryGenerator":
-    """The generator in an artifact that must be there."""
+    """The generator of an artifact, which must exist."""
     with extra("paper"):
         from sidegan.gan.generator import TrajectoryGenerator
 
@@ -63,14 +63,14 @@ def load_generator(run: RunContext, made: Artifact) -> "TrajectoryGenerator":
 
 
 def _box(run: RunContext, variant: Variant) -> float | None:
-    """Largest absolute coefficient [rad/s] that a generator may yield; None where it may yield any."""
+    """Bound on the absolute coefficients [rad/s] that a generator yields; None: no bound."""
     return run.cfg.seeds.box if variant.boxed else None
 
 
 def _samples(run: RunContext, variant: Variant) -> int:
-    """How many samples of each epoch a training leaves: published surrogates learn from a vanilla GAN's."""
-    faulty = variant.published is not None and not variant.features
-    return -(-run.cfg.surrogates.samples // variant.epochs) if faulty else 0
+    """Samples to keep of each epoch: published surrogates learn from a vanilla GAN's samples."""
+    vanilla = variant.published is not None and not variant.features
+    return -(-run.cfg.surrogates.samples // variant.epochs) if vanilla else 0
 
 
 def surrogates(run: RunContext) -> Artifact:
@@ -87,18 +87,18 @@ def surrogates(run: RunContext) -> Artifact:
 
 
 def needed_surrogates(run: RunContext, variants: Iterable[Variant]) -> list[Artifact]:
-    """The surrogates that some variants learn from, and what these learn from."""
+    """The surrogates that variants learn from, and the generator that these learn from."""
     return [negatives(run), surrogates(run)] if any(variant.features for variant in variants) else []
 
 
 def negatives(run: RunContext) -> Artifact:
-    """The generator whose output the surrogates learn from, beside the seeds."""
+    """The generator whose samples the surrogates learn from, in addition to the seeds."""
     ((name, variant),) = run.cfg.surrogates.negatives.items()
     return generator(run, name, _NEGATIVES_TRAINING, variant)
 
 
 def taught(run: RunContext) -> dict[str, Any]:
-    """Settings of a subset of the seeds, where something does not learn from all of them."""
+    """Settings of an artifact that learns from the seeds: the subset, unless it is all of them."""
     return {} if run.cfg.subset is None else {"subset": run.cfg.subset}
 
 
@@ -135,10 +135,10 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
 
     seeds = training_seeds(run)
     samples = read_arrays(run.store.require(negatives(run)) / SAMPLES)["images"]
-    theirs = run.store.require(seed_set(run)) / FEATURES
-    diagonal = read_arrays(theirs)["diagonal"][: len(seeds)] if theirs.exists() else seeds.diagonal
+    published = run.store.require(seed_set(run)) / FEATURES
+    diagonal = read_arrays(published)["diagonal"][: len(seeds)] if published.exists() else seeds.diagonal
     features, weights = {"spectrum": seeds.spectrum, "diagonal": diagonal}, None
-    if settings.shipped:  # of the predictor and of the converter to the eigenvalues
+    if settings.shipped:  # the authors' predictor, and their converter to the eigenvalues
         shipped = run.cfg.seeds.published.weights
         weights = read_weights(shipped("predictor"))
         write_converter(build.folder / "spectrum.pt", read_weights(shipped("converter")))
@@ -166,10 +166,10 @@ def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> Non
 
 
 def on_subset(run: RunContext, size: int) -> RunContext:
-    """A run that trains on so many of the seeds; on all of them it is the run itself."""
+    """The run that trains on ``size`` of the seeds; the run itself if that is all of them."""
     if size >= run.cfg.seeds.count:
         return run
-    variants = {name: one for name, one in run.cfg.gan.items() if one.features} or run.cfg.gan
+    variants = {name: variant for name, variant in run.cfg.gan.items() if variant.features} or run.cfg.gan
     return run.with_settings(subset=size, gan=variants, trainings=run.cfg.discussion.trainings)
 
 
@@ -181,7 +181,7 @@ def _subsets(run: RunContext) -> Iterator[Artifact]:
 
 
 def _gan(run: RunContext) -> list[Artifact]:
-    return [generator(run, *one) for one in generators(run)]
+    return [generator(run, name, training) for name, training in generators(run)]
 
 
 def _surrogates(run: RunContext) -> list[Artifact]:
@@ -192,12 +192,12 @@ def _surrogates(run: RunContext) -> list[Artifact]:
 
 
 def _check(run: RunContext) -> None:
-    """Refuse to begin without what trains."""
+    """Refuse to begin without the packages for training."""
     require("paper", "pytorch_lightning")
 
 
 def _check_surrogates(run: RunContext) -> None:
-    """Refuse a folder without the weights that are wanted from it, too."""
+    """Also refuse a folder of published weights that lacks some."""
     _check(run)
     chosen = run.cfg.surrogates
     if isinstance(chosen, PublishedSurrogates) and chosen.shipped:
