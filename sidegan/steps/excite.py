@@ -1,4 +1,4 @@
-"""The design of a set of trajectories to execute, for what they are to tell."""
+"""Design a set of trajectories to execute, for a goal."""
 
 import re
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.steps.trajectories import TrajectorySet
 
-_ROUNDED = 2e-3  # relative difference of numbers in two formulas that differ in rounding alone
+_ROUNDED = 2e-3  # largest relative difference of rounded numbers in equal formulas
 _NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 _TERMS = ("rotor_inertia", "viscous", "coulomb", "offset")
 
@@ -41,33 +41,33 @@ def excite(
     model: Terms | Mapping[str, Any] | None = None,
     known: str | Path | None = None,
 ) -> TrajectorySet:
-    """Trajectories to execute on an arm, all proven valid, those that take least energy first.
+    """Design trajectories to execute on an arm, all proven valid, in order of increasing energy.
 
     Args:
         cell: the arm in its cell.
-        count: number N of trajectories, each designed given those before it; None: 10, or the goal's.
-        seed: of all random numbers; the same one gives the same set.
-        goal: what the set is to tell best, and what it is measured with: the fields of ``GoalSettings``, such
-            as ``{"objective": "parameters"}``.
-        search: how much is spent on each trajectory: the fields of ``SearchSettings``.
-        model: terms of the torque beside rigid bodies that are to be identified: the fields of ``Terms``.
-        known: folder in which an identification left its results, for what that left uncertain. None: the
-            description is all that is known.
+        count: number N of trajectories, each designed given those before it; None: that of the goal, or 10.
+        seed: random seed; the same seed gives the same set.
+        goal: objective of the set and noise of its measurement: the fields of ``GoalSettings``, such as
+            ``{"objective": "parameters"}``.
+        search: effort per trajectory: the fields of ``SearchSettings``.
+        model: torque terms to identify in addition to rigid bodies: the fields of ``Terms``.
+        known: folder with the results of an identification, to reduce its remaining uncertainty; None: only
+            the description is known.
 
     Returns:
         The set: ``coefficients`` (N, J, H, 2) [rad/s], ``motion(rate)``, ``condition``, ``to_frame()``,
-        ``save(folder)``. Trajectories that came to nothing are left out.
+        ``save(folder)``. It has fewer trajectories if some would hardly move the arm.
 
     Raises:
         ConfigError: when a setting is out of range or does not fit the arm.
-        InfeasibleError: when no trajectory is proven; says what stands in its way.
+        InfeasibleError: when no trajectory is proven valid; names the violated constraints.
     """
     compile_beside()
-    aimed = settings_of(GoalSettings, goal)
-    aimed = aimed if count is None else replace(aimed, count=count)
-    aim = aim_of(cell, aimed, settings_of(Terms, model), known)
-    searched = settings_of(SearchSettings, search)
-    c = design_set(cell.problem, aim, aimed.count, searched, number(seed, "excite"))
+    settings = settings_of(GoalSettings, goal)
+    settings = settings if count is None else replace(settings, count=count)
+    aim = aim_of(cell, settings, settings_of(Terms, model), known)
+    effort = settings_of(SearchSettings, search)
+    c = design_set(cell.problem, aim, settings.count, effort, number(seed, "excite"))
     made = TrajectorySet(cell, measured(cell.constraints, cell.trajectory, c, "excite"), cell.trajectory, aim)
     return replace(made, library=made.library.take(made.energy().argsort(kind="stable")))
 
@@ -75,7 +75,7 @@ def excite(
 def aim_of(
     cell: Cell, goal: GoalSettings, terms: Terms, known: str | Path | None
 ) -> Uncertain | ConditionGoal:
-    """What a set is designed for, before anything of it is; a ConfigError where it does not fit the arm."""
+    """The design goal of a set, before its first trajectory; a ConfigError if it does not fit the arm."""
     if goal.objective == "condition":
         if known is not None:
             raise ConfigError("goal.objective=condition uses no model: leave out known= or choose another")
@@ -83,18 +83,18 @@ def aim_of(
     if known is None:
         return unmeasured(cell.body, terms, goal)
     found, covariance, certainty, rate = known_model(Path(known), cell.arm)
-    if goal.noise is not None:  # what is measured next has another noise than the recordings
+    if goal.noise is not None:  # overrides the noise of the recordings
         certainty, rate = 1 / goal.deviation(usual_torque(cell.body)), goal.rate
     return Uncertain(found, covariance, certainty, rate, goal.objective, identified=True)
 
 
 def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, float]:
-    """The model that a run of identify left in its folder; a ConfigError for any other folder or arm.
+    """The model in the folder of an identify run; a ConfigError for any other folder or arm.
 
-    With it the covariance of its parameters' errors, (P, P), one over the deviation of an independent
+    Also returns the covariance of its parameters, (P, P), the inverse standard deviation of an independent
     sample's torque, (J,), and the rate of the samples [Hz].
     """
-    from sidegan.report.identification import PARAMETERS  # and with it all that makes a report
+    from sidegan.report.identification import PARAMETERS  # slow: imports everything for reports
 
     path = folder / PARAMETERS
     try:
@@ -115,8 +115,7 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
         ) from error
 
 
-def _alike(one: str, other: str) -> bool:
-    """Whether two formulas are the same but for the last digits of their numbers."""
-    ours, theirs = ([float(x) for x in _NUMBER.findall(text)] for text in (one, other))
-    alike = _NUMBER.sub("#", one) == _NUMBER.sub("#", other)
-    return alike and bool(np.allclose(ours, theirs, rtol=_ROUNDED, atol=0))
+def _alike(a: str, b: str) -> bool:
+    """Whether two formulas are equal up to rounding of their numbers."""
+    x, y = ([float(number) for number in _NUMBER.findall(text)] for text in (a, b))
+    return _NUMBER.sub("#", a) == _NUMBER.sub("#", b) and bool(np.allclose(x, y, rtol=_ROUNDED, atol=0))

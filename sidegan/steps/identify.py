@@ -1,4 +1,4 @@
-"""The identification of an arm from recordings: a model with its errors and a verdict, and its files."""
+"""Identify an arm from recordings: a model with its errors, a verdict, and result files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -25,7 +25,7 @@ from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, link_table, parameter_table
 from sidegan.robot import Arm, load_robot, words
 
-# A recording: a file, a table with columns like a file's, or a file for each signal.
+# A recording: a file, a table with the same columns, or a file for each signal.
 Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str]
 Recordings: TypeAlias = Sequence[Given]
 
@@ -33,20 +33,20 @@ Recordings: TypeAlias = Sequence[Given]
 class Checked(NamedTuple):
     """Recordings of an arm, checked and preprocessed."""
 
-    arm: Arm  # the arm as it was recorded
-    recordings: list[CheckedRecording]  # as they were read
-    training: list[CheckedRecording]  # to identify from, whole or their first parts
+    arm: Arm  # as recorded, with locked joints
+    recordings: list[CheckedRecording]  # in the order given
+    training: list[CheckedRecording]  # to identify from: whole recordings, or their first parts
     validation: list[CheckedRecording]  # to test with
-    origin: Origin  # how they came about
+    origin: Origin  # command and settings
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel:
-    """A model that was identified from recordings of an arm with J joints, and what is known about it.
+    """A model identified from recordings of an arm with J joints, its errors and verdict.
 
     Attributes:
         arm: estimates of every method, their errors, and the recordings.
-        origin: command and settings that make the same model.
+        origin: command and settings that reproduce the model.
     """
 
     arm: IdentifiedArm
@@ -59,7 +59,7 @@ class IdentifiedModel:
 
     @property
     def reasons(self) -> list[str]:
-        """Reasons of the verdict, a sentence each, the gravest first."""
+        """Reasons for the verdict, a sentence each, most severe first."""
         return self.arm.quality.reasons
 
     @property
@@ -69,21 +69,21 @@ class IdentifiedModel:
 
     @property
     def links(self) -> pd.DataFrame:
-        """A row per link of the consistent model: mass [kg], its centre [m], inertia about it [kg·m²]."""
+        """A row per link of the consistent model: mass [kg], centre of mass [m], inertia about it [kg·m²]."""
         return link_table(self.arm)
 
     @property
     def errors(self) -> pd.DataFrame:
-        """A row per joint: nMSE and RMSE [N·m or N] of the model to use, in training and in validation."""
+        """A row per joint: nMSE and RMSE [N·m or N] of the recommended model in training and validation."""
         return error_table(self.arm)
 
     def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque [N·m or N], (…, J), at positions [rad or m], velocities and accelerations, (…, J) each.
 
-        It is that of the model to use, with friction and offsets.
+        The recommended model computes it, including friction and offsets.
 
         Raises:
-            ShapeError: when the states are not three times (…, J).
+            ShapeError: when the states do not have equal shapes (…, J).
         """
         states = [np.asarray(x, float) for x in (q, dq, ddq)]
         joints, shape = self.arm.model.joints, states[0].shape
@@ -94,7 +94,7 @@ class IdentifiedModel:
         return self.arm.model.torque(self.arm.used.parameters, *rows).reshape(shape)
 
     def save(self, folder: str | Path) -> None:
-        """Write model, URDF, MJCF, a Python class that stands on its own, tables, verdict and report.
+        """Write model, URDF, MJCF, a standalone Python class, tables, verdict and report.
 
         Raises:
             StorageError: when a file cannot be written.
@@ -113,25 +113,25 @@ def identify(
     estimation: EstimationSettings | Mapping[str, Any] | None = None,
     gains: Sequence[float] | None = None,
 ) -> IdentifiedModel:
-    """The model of an arm from what was recorded, with its errors and a verdict.
+    """Identify an arm's model from recordings, with its errors and a verdict.
 
     Args:
-        cell: the arm in its cell, of which the description counts.
-        recordings: to identify from, files (CSV and others) or data frames with such columns; a file for each
-            signal is a mapping like ``{"position": "q.csv", "torque": "tau.csv"}``.
-        validation: recordings to test with, or the share of each recording that is held out, its last part.
-        recording: what the files hold and how they are preprocessed: the fields of ``RecordingSettings``,
-            such as ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite"}``.
-        model: terms of the torque beside rigid bodies: the fields of ``Terms``.
+        cell: the arm in its cell; only its description is used.
+        recordings: to identify from: files (CSV and others), data frames with the same columns, or a mapping
+            with a file per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
+        validation: recordings to test with, or the share of each recording, at its end, to hold out.
+        recording: contents of the files and their preprocessing: the fields of ``RecordingSettings``, such as
+            ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite"}``.
+        model: torque terms in addition to rigid bodies: the fields of ``Terms``.
         estimation: the method: the fields of ``EstimationSettings``.
-        gains: of the drives [N·m/A], (J,), where currents were recorded and no torques.
+        gains: drive gains [N·m/A], (J,), if currents were recorded instead of torques.
 
     Returns:
         The model: ``verdict``, ``parameters``, ``errors``, ``torque(q, dq, ddq)``, ``save(folder)``.
 
     Raises:
         ConfigError: when a setting is unknown or out of range, or there is no recording.
-        RecordingError: when a recording cannot be read or used, or tells too little; names it.
+        RecordingError: when a recording cannot be read or used, or has too few samples; names it.
     """
     terms = settings_of(Terms, model)
     checked = check_recordings(
@@ -149,15 +149,15 @@ def check_recordings(
     gains: Sequence[float] | None = None,
     sign_width: float = Terms.sign_width,
 ) -> Checked:
-    """Recordings of an arm, checked and preprocessed; what is odd about them is logged.
+    """Check and preprocess recordings of an arm; logs warnings about them.
 
     Args:
-        cell: the arm in its cell, of which the description counts.
-        recordings: as of ``identify``, like ``validation``, ``recording`` and ``gains``.
-        validation: what is held out.
-        recording: what the files hold and how they are preprocessed.
-        gains: of the drives [N·m/A], (J,).
-        sign_width: velocity [rad/s or m/s] at which the smooth sign of Coulomb friction is at 76 %.
+        cell: the arm in its cell; only its description is used.
+        recordings: as in ``identify``, like the next three.
+        validation: recordings or a share to hold out.
+        recording: contents of the files and their preprocessing.
+        gains: drive gains [N·m/A], (J,).
+        sign_width: velocity [rad/s or m/s] at which the smooth sign of Coulomb friction reaches 76 %.
 
     Returns:
         ``training`` and ``validation``, each with ``statistics``, ``segments`` and ``warnings``.
@@ -171,19 +171,19 @@ def check_recordings(
     tests = () if isinstance(validation, float) else validation
     with TemporaryDirectory() as folder:
         first, held_out = (
-            [_named(one, Path(folder, f"{role} {k}.parquet")) for k, one in enumerate(given, 1)]
-            for role, given in (("recording", recordings), ("validation", tests))
+            [_named(given, Path(folder, f"{role} {k}.parquet")) for k, given in enumerate(group, 1)]
+            for role, group in (("recording", recordings), ("validation", tests))
         )
         if not first:
             raise ConfigError("recordings is empty, expected files or tables of the arm")
         arm = recorded_arm(cell, [*first, *held_out], settings)
-        files: list[tuple[Recorded, Role]] = [(one, "training") for one in first]
-        files += [(one, "validation") for one in held_out]
+        files: list[tuple[Recorded, Role]] = [(file, "training") for file in first]
+        files += [(file, "validation") for file in held_out]
         found = read_and_check(files, arm, settings, gains, sign_width)
-    refuse_shared([(one.name, one.statistics.rows) for one in found])
+    refuse_shared([(checked.name, checked.statistics.rows) for checked in found])
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
-        training, validated = map(list, zip(*(split(one, share) for one in training)))
+        training, validated = map(list, zip(*(split(checked, share) for checked in training)))
     commands = _commands(cell, arm, {"recordings": first, "validation": held_out}, share)
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
     origin = Origin(*commands, {"robot": robot, "recording": asdict(settings)})
@@ -191,10 +191,10 @@ def check_recordings(
 
 
 def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: RecordingSettings) -> Arm:
-    """The arm of recordings; joints whose torque they do not have are locked, where they do not move.
+    """The recorded arm; joints without recorded torque are locked where they stand.
 
     Raises:
-        RecordingError: when the arm has no such joint, or one moves.
+        RecordingError: when the arm has no such joint, or it moves.
     """
     if not settings.without:
         return cell.recorded_arm
@@ -203,14 +203,14 @@ def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: Recording
 
 
 def identified(cell: Cell, checked: Checked, terms: Terms, estimation: EstimationSettings) -> IdentifiedModel:
-    """The model of an arm from recordings that were checked; errors as of ``identify``."""
+    """Identify an arm from checked recordings; raises the errors of ``identify``."""
     found = identify_arm(checked.arm, checked.training, checked.validation, terms, estimation)
     settings = {**checked.origin.settings, "model": asdict(terms), "identify": asdict(estimation)}
     return IdentifiedModel(found, checked.origin._replace(settings=settings))
 
 
 def _named(given: Given, path: Path) -> Recorded:
-    """A recording as settings name it; a data frame is written to ``path``, and read as files are."""
+    """A recording as in the settings; a data frame is written to ``path`` first."""
     if isinstance(given, pd.DataFrame):
         given.to_parquet(path, index=False)
         return str(path)
@@ -222,10 +222,10 @@ def _named(given: Given, path: Path) -> Recorded:
 def _commands(
     cell: Cell, arm: Arm, lists: Mapping[str, Sequence[Recorded]], share: float | None
 ) -> tuple[str, str]:
-    """The commands that identify an arm from lists of recordings, and that excite what is left uncertain."""
-    files = " ".join(f"'{name}=[{','.join(map(str, some))}]'" for name, some in lists.items() if some)
+    """The commands that identify an arm from recordings, and that then excite uncertain parameters."""
+    files = " ".join(f"'{name}=[{','.join(map(str, group))}]'" for name, group in lists.items() if group)
     files += "" if share is None else f" validation={share:g}"
-    kept = replace(cell.setup, locked=arm.setup.locked)  # with the joints that stood still
-    which, again = (" ".join([f"robot.name={cell.robot}", *words(x)]) for x in (cell.setup, kept))
+    locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
+    robot, recorded = (" ".join([f"robot.name={cell.robot}", *words(x)]) for x in (cell.setup, locked))
     run = "python -m sidegan.run +experiment="
-    return f"{run}identify {which} {files}", f"{run}excite {again} goal.count=4"
+    return f"{run}identify {robot} {files}", f"{run}excite {recorded} goal.count=4"

@@ -1,4 +1,4 @@
-"""The seed set: optimised trajectories, of which generators learn."""
+"""The seed set: optimised trajectories that generators learn from."""
 
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -24,22 +24,22 @@ def seeds(
     folder: str | Path | None = None,
     workers: int | None = None,
 ) -> TrajectorySet:
-    """Optimised valid trajectories: well conditioned, and different from each other.
+    """Optimise valid trajectories that are well conditioned and different from each other.
 
     Args:
         cell: the arm in its cell.
-        count: number N of trajectories; None: 400, or that of the settings.
-        seed: of all random numbers; the same one gives the same set, however many workers there are.
-        settings: the optimiser and how much it does: the fields of ``sidegan.seeding.Seeds``.
-        folder: of the finished parts, from which an interrupted call goes on; None: none are kept.
+        count: number N of trajectories; None: that of the settings, or 400.
+        seed: random seed; the same seed gives the same set for any number of workers.
+        settings: the optimiser and its effort: the fields of ``sidegan.seeding.Seeds``.
+        folder: for finished parts, so that an interrupted call can resume; None: none are kept.
         workers: processes; None: one per core.
 
     Returns:
         The set: ``coefficients`` (N, J, H, 2) [rad/s], ``conditions`` (N,), ``motion(rate)``, ``to_frame()``.
 
     Raises:
-        ConfigError: when a setting is out of range, or these are of seeds that are read.
-        InfeasibleError: when too few starts become valid; says what they violate.
+        ConfigError: when a setting is out of range, or the method is ``published``.
+        InfeasibleError: when too few starts become valid; names the violated constraints.
     """
     chosen = settings_of(Seeds, settings)
     chosen = chosen if count is None else replace(chosen, count=count)
@@ -52,10 +52,10 @@ def seeds(
 
 
 def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int | None) -> SeedBatch:
-    """Seeds by the settings' optimiser, and how they came about; finished parts are left in ``work``.
+    """Seeds by the settings' optimiser, with statistics; finished parts are kept in ``work``.
 
     Raises:
-        InfeasibleError: when too few starts become valid; says what they violate.
+        InfeasibleError: when too few starts become valid; names the violated constraints.
     """
     problem = settings.problem(cell.constraints, cell.trajectory)
     return make_seeds(

@@ -1,4 +1,4 @@
-"""Generators of trajectories, and the surrogates that they learn from: SIDE-GAN on an arm in its cell."""
+"""Train trajectory generators and their surrogates: SIDE-GAN for an arm in its cell."""
 
 from dataclasses import asdict, replace
 from functools import partial
@@ -29,12 +29,11 @@ with extra("paper"):
 
 
 class Generator:
-    """A trained generator of trajectories of one arm.
+    """A trained generator of trajectories for an arm.
 
     Attributes:
         network: the network with its scale and limits, a ``torch.nn.Module``.
-        history: true physics of what it made after every epoch of its training, a row each; empty for one
-            that was read from a file.
+        history: exact physics of its samples, a row per epoch of training; empty if loaded from a file.
     """
 
     def __init__(self, network: TrajectoryGenerator, history: pd.DataFrame | None = None) -> None:
@@ -42,7 +41,7 @@ class Generator:
         self.history = pd.DataFrame() if history is None else history
 
     def sample(self, count: int, seed: int = 0) -> Array:
-        """New coefficients [rad/s], (count, J, H, 2); the same for the same seed.
+        """New coefficients [rad/s], (count, J, H, 2), determined by the seed.
 
         Raises:
             ShapeError: when count is not positive.
@@ -50,7 +49,7 @@ class Generator:
         return self.network.sample(count, seed)
 
     def save(self, path: str | Path) -> None:
-        """Write one file of tensors and plain values.
+        """Write a file of tensors and plain values.
 
         Raises:
             StorageError: when it cannot be written.
@@ -59,10 +58,10 @@ class Generator:
 
     @classmethod
     def load(cls, path: str | Path, cell: Cell) -> "Generator":
-        """A generator from a file that ``save`` wrote; no code in the file is run.
+        """A generator from a file that ``save`` wrote; no code in the file is executed.
 
         Raises:
-            ArtifactError: for a truncated or foreign file, or another arm.
+            ArtifactError: for a truncated or foreign file, or a different arm.
         """
         return cls(TrajectoryGenerator.load(Path(path), cell.arm))
 
@@ -78,18 +77,18 @@ def train(
     workers: int | None = None,
     **changes: Any,
 ) -> Generator:
-    """A variant of SIDE-GAN, trained.
+    """Train a variant of SIDE-GAN.
 
     Args:
         variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or settings.
         cell: the arm in its cell.
-        seeds: what it learns from, a set or coefficients (N, J, H, 2) [rad/s]; ``"exact"`` needs none.
-        surrogates: folder that ``sidegan.surrogates`` filled, for several variants; None: they are trained
-            first, where the variant learns from them.
-        seed: of all random numbers.
-        box: largest absolute coefficient [rad/s] that the generator may yield; None: any.
+        seeds: training data, a set or coefficients (N, J, H, 2) [rad/s]; ``"exact"`` needs none.
+        surrogates: folder from ``sidegan.surrogates``, to share between variants; None: trains them first if
+            the variant needs them.
+        seed: random seed.
+        box: bound on the generator's absolute coefficients [rad/s]; None: no bound.
         workers: processes for the surrogates; None: one per core.
-        **changes: of the variant's settings, fields of ``Variant``, such as ``epochs=20``.
+        **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20``.
 
     Returns:
         The generator: ``sample(count)``, ``history``, ``save(path)``.
@@ -109,13 +108,12 @@ def train(
             folder = Path(work, "surrogates")
             _from_vanilla(cell, c, folder, SurrogateSettings(), seed, box, workers)
         run = Run(name, number(seed, f"gan {name}"), Path(work, name))
-        own = box if settings.boxed else None
-        made = trained(cell, settings, c, run, surrogates=folder, box=own)
+        made = trained(cell, settings, c, run, surrogates=folder, box=box if settings.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
 
 
 def _settings(variant: str | Variant, changes: dict[str, Any]) -> tuple[str, Variant]:
-    """Name and settings of a variant with changes; a ConfigError where there is none."""
+    """Name and settings of a variant with changes; a ConfigError if there is none."""
     if isinstance(variant, str) and variant not in RECIPES:
         raise ConfigError(f"there is no variant {variant!r}, expected one of {', '.join(RECIPES)}")
     recipe = RECIPES[variant] if isinstance(variant, str) else variant
@@ -133,19 +131,19 @@ def surrogates(
     workers: int | None = None,
     **changes: Any,
 ) -> dict[str, float]:
-    """Networks that tell what is valid and how it excites, from which variants learn; left in a folder.
+    """Train networks that predict validity and excitation, which variants learn from, into a folder.
 
     Args:
         cell: the arm in its cell.
         seeds: a set or coefficients (N, J, H, 2) [rad/s].
-        folder: which is made when it is missing; ``train(…, surrogates=folder)`` reads it.
-        seed: of all random numbers.
-        box: largest absolute coefficient [rad/s] of the generator that they learn from beside; None: any.
+        folder: created if missing; ``train(…, surrogates=folder)`` reads it.
+        seed: random seed.
+        box: bound on the absolute coefficients [rad/s] of the generator of further samples; None: no bound.
         workers: processes; None: one per core.
-        **changes: of the settings, fields of ``SurrogateSettings``, such as ``samples=2000``.
+        **changes: changes of the settings, fields of ``SurrogateSettings``, such as ``samples=2000``.
 
     Returns:
-        Held-out accuracies of the success predictor and mean R² of the converters, by their names.
+        Held-out accuracies of the success predictor and mean R² of the converters, by name.
 
     Raises:
         ConfigError: when a setting is unknown or out of range.
@@ -165,7 +163,7 @@ def _from_vanilla(
     box: float | None,
     workers: int | None,
 ) -> dict[str, float]:
-    """Surrogates in a folder, from seeds (N, J, H, 2) and a vanilla GAN that is trained for them."""
+    """Train a vanilla GAN, then surrogates from its samples and seeds (N, J, H, 2), into a folder."""
     ((name, variant),) = settings.negatives.items()
     with TemporaryDirectory() as work:
         run = Run(name, number(seed, f"gan {name}"), Path(work))
@@ -184,9 +182,9 @@ def pretrain(
     seed: int,
     workers: int | None,
 ) -> dict[str, float]:
-    """Surrogates from seeds (N, J, H, 2) and what a vanilla GAN makes; how good they are, by their names."""
-    faulty = vanilla.sample(negatives_count(settings.samples), number(seed, "negatives"))
-    training = Pretraining(cell.constraints, cell.trajectory, settings, seeds, faulty)
+    """Train surrogates from seeds (N, J, H, 2) and samples of a vanilla GAN; their scores, by name."""
+    negatives = vanilla.sample(negatives_count(settings.samples), number(seed, "negatives"))
+    training = Pretraining(cell.constraints, cell.trajectory, settings, seeds, negatives)
     shares = [partial(training.label, number(seed, f"labels {share}")) for share in range(SHARES)]
     labelled = Labelled.join(run_jobs("labels", shares, workers, settings.samples))
     jobs: list[Job] = [partial(training.train_success, labelled, folder, number(seed, "success"))]
@@ -205,12 +203,12 @@ def trained(
     surrogates: Path | None = None,
     box: float | None = None,
 ) -> Trained:
-    """A variant, trained from the start or from where its training was killed.
+    """Train a variant, or resume its interrupted training.
 
-    It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories where there are
-    none, and from the surrogates in a folder. It may yield coefficients within a box [rad/s] alone. Errors
-    are those of ``sidegan.gan.training.train``, and an ArtifactError where a surrogate is missing, damaged,
-    or of another arm.
+    It learns from seeds, coefficients [rad/s], (N, J, H, 2), or from random trajectories if None, and from
+    the surrogates in a folder; ``box`` bounds its absolute coefficients [rad/s]. Raises the errors of
+    ``sidegan.gan.training.train``, and an ArtifactError if a surrogate is missing, damaged, or for a
+    different arm.
     """
     if seeds is None:
         seeds = random_trajectories(cell.constraints, cell.trajectory, run.seed, box)

@@ -1,4 +1,4 @@
-"""Trajectories of an arm in its cell, with what is measured about them, as arrays, tables and files."""
+"""Sets of trajectories of an arm in its cell, with their measures, as arrays, tables and files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,24 +29,26 @@ from sidegan.robot import placeholder_links
 from sidegan.validity import check
 from sidegan.validity.remedies import binding, remedy
 
-_LITTLE = 0.3  # share of its limits on motion that half of the joints exceed in a good set
-_CONDITION = 1e5  # of a good set at most
-_UNCERTAIN = 0.1  # share of their usual size by which torques are uncertain after a good set at most
-_LOOKED_AT = 25.0  # [Hz] at which distances are looked at
-_RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # derivatives, by order
+# Thresholds of a good set.
+_LITTLE = 0.3  # least median over joints of the share of the limits on motion that they use
+_CONDITION = 1e5  # largest condition number
+_UNCERTAIN = 0.1  # largest uncertainty of torques, relative to their usual size
+
+_DISTANCE_RATE = 25.0  # [Hz] at which distances are computed
+_RATES = {"velocity": (1, "/s"), "acceleration": (2, "/s²"), "jerk": (3, "/s³")}  # order and unit
 _UNLIMITED = np.array(np.inf)
 _SIGNALS = {"q": "position", "dq": "velocity", "ddq": "acceleration"}
 
 
 @dataclass(frozen=True, eq=False)
 class TrajectorySet:
-    """N cyclic trajectories of an arm with J joints, with what is measured about each.
+    """N cyclic trajectories of an arm with J joints, and their measures.
 
     Attributes:
         cell: the arm in its cell.
         library: coefficients, margins of every constraint, and excitation of each trajectory, as arrays.
         family: the trajectories' harmonics, period and home.
-        aim: what the set was designed for; None where it was not.
+        aim: the goal that the set was designed for, if any.
     """
 
     cell: Cell
@@ -59,7 +61,7 @@ class TrajectorySet:
         """Trajectories with these coefficients [rad/s], (N, J, H, 2), of the cell's family.
 
         Raises:
-            ShapeError: when they are of another family.
+            ShapeError: when they do not fit the family.
         """
         c = np.asarray(coefficients, float)
         cell.trajectory.check(c)
@@ -67,10 +69,10 @@ class TrajectorySet:
 
     @classmethod
     def load(cls, folder: str | Path, cell: Cell) -> "TrajectorySet":
-        """The set that ``save`` left in a folder, of the cell's family.
+        """The set that ``save`` wrote to a folder, of the cell's family.
 
         Raises:
-            ArtifactError: when there is none, or it is of another arm.
+            ArtifactError: when there is none, or it is for a different arm.
         """
         return cls(cell, Library.load(Path(folder) / LIBRARY, cell.arm), cell.trajectory)
 
@@ -89,26 +91,26 @@ class TrajectorySet:
 
     @property
     def conditions(self) -> Array:
-        """Condition number of YᵀY of each trajectory, (N,); infinite where a direction is not excited."""
+        """Condition number of YᵀY of each trajectory, (N,); infinite if a direction is not excited."""
         return self.library.fitness
 
     @cached_property
     def condition(self) -> float:
-        """Condition number of YᵀY of all trajectories together; infinite where a direction is not excited."""
+        """Condition number of YᵀY of all trajectories together; infinite if a direction is not excited."""
         return condition_of(information_of(self.cell.body, self.family, self.coefficients).sum(0))
 
     @property
     def warnings(self) -> list[str]:
-        """Why the set excites the arm little, and what helps; empty for a good one."""
+        """Why the set hardly excites the arm, and what helps; empty for a good set."""
         found = describe_weak_set(self.cell, self.aim, self.coefficients, self.condition)
         return [found] if found else []
 
     def motion(self, rate: float = 100.0) -> Motion:
-        """Joint motion over one period with both ends, at a rate [Hz]."""
+        """Joint motion over one period, both ends included, at a rate [Hz]."""
         return self.family.roll_out(self.coefficients, self.family.times(rate))
 
     def to_frame(self, rate: float = 100.0) -> pd.DataFrame:
-        """A row per trajectory and moment: ``trajectory``, ``time`` [s], ``q_<joint>``, ``dq_…``, ``ddq_…``.
+        """A row per trajectory and time: ``trajectory``, ``time`` [s], ``q_<joint>``, ``dq_…``, ``ddq_…``.
 
         Trajectories count from 1.
         """
@@ -123,10 +125,9 @@ class TrajectorySet:
     def at_speed(self, speed: float) -> "TrajectorySet":
         """The same paths at a share of the speed.
 
-        What cannot be run slower is refused: accelerations may help to hold an arm that is too weak.
-
         Raises:
-            InfeasibleError: with the trajectory, and what it would violate.
+            InfeasibleError: when a slower trajectory is invalid, as when a weak arm needs its accelerations
+                to hold itself.
         """
         if speed == 1:
             return self
@@ -148,20 +149,20 @@ class TrajectorySet:
         return np.trapezoid(power, motion.time, axis=1)
 
     def demands(self, rate: float = 100.0) -> pd.DataFrame:
-        """What each trajectory asks of the arm, in words: peaks at a rate [Hz], clearance and energy."""
+        """Demands of each trajectory as text: peaks at a rate [Hz], clearance and energy."""
         arm, cell, c = self.cell.whole_arm, self.cell, self.coefficients
         times = self.family.times(rate)
-        q = self.family.derivative(c, self.family.times(_LOOKED_AT), 0)
+        q = self.family.derivative(c, self.family.times(_DISTANCE_RATE), 0)
         nearest = cell.constraints.nearest(q.reshape(-1, arm.joints))[0].reshape(len(q), -1).min(1)
         known = bool(arm.inertial_parameters.any()) and not placeholder_links(arm)
         slides = arm.prismatic.tolist()
         limits = {"velocity": arm.velocity_limit, **arm.higher_limits}
         columns: dict[str, list[str] | str] = {"cond(YᵀY)": [plain(x) for x in self.conditions.tolist()]}
         for name, (order, per) in _RATES.items():
-            units = [f"{'m' if one else 'rad'}{per}" for one in slides]
+            units = [f"{'m' if prismatic else 'rad'}{per}" for prismatic in slides]
             x = self.family.derivative(c, times, order)
             columns[f"peak {name}"] = peaks(x, limits.get(name, _UNLIMITED), units)
-        efforts = ["N" if one else "N·m" for one in slides]
+        efforts = ["N" if prismatic else "N·m" for prismatic in slides]
         torque = cell.body.drive_torque(*self.motion(rate)[1:])
         columns["peak torque"] = peaks(torque, arm.torque_limit, efforts) if known else "—"
         columns["clearance [m]"] = [f"{x:.3f}" if isfinite(x) else "—" for x in nearest.tolist()]
@@ -174,16 +175,16 @@ class TrajectorySet:
         """Write the set, and files for controllers in ``trajectories/`` below the folder.
 
         Args:
-            folder: which is made when it is missing.
-            controllers: formats of the files, rate, share of the speed and so on: the fields of
+            folder: created if missing.
+            controllers: formats, rate, speed and so on: the fields of
                 ``sidegan.controllers.ExportSettings``, such as ``{"formats": ["csv"], "rate": 1000}``.
 
         Returns:
-            Duration [s] of each file, by its name, in the order in which they are to be sent.
+            Duration [s] of each file, by name, in the order in which to send them.
 
         Raises:
             ConfigError: when a setting is unknown or out of range.
-            InfeasibleError: when the set cannot be run at this speed, or the way to home is not free.
+            InfeasibleError: when the set is invalid at this speed, or no path to home is free.
             StorageError: when a file cannot be written.
         """
         settings = settings_of(ExportSettings, controllers)
@@ -193,12 +194,12 @@ class TrajectorySet:
         return export_set(self.cell.constraints, run.family, c, settings, files)
 
     def view(self, path: str | Path, rate: float = 100.0, steps: Sequence[tuple[str, str]] = ()) -> None:
-        """Write one HTML page on which the arm moves, with what the trajectories ask of it.
+        """Write an HTML page that animates the arm, with a table of the trajectories' demands.
 
         Args:
             path: of the page.
-            rate: at which peaks are looked for [Hz].
-            steps: what to do with them, a sentence and a command each.
+            rate: sampling rate for peaks [Hz].
+            steps: instructions, a sentence and a command each.
 
         Raises:
             ArtifactError: when trimesh has no three.js.
@@ -213,40 +214,38 @@ class TrajectorySet:
 
 
 def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Array, condition: float) -> str:
-    """Why a set [rad/s], (N, J, H, 2), of this condition tells little, and what helps; or nothing."""
+    """Why a set [rad/s], (N, J, H, 2), with this condition is weak, and what helps; empty for a good set."""
     use = np.median(cell.problem.limit_use(c).max(0))
-    said = []
+    reasons = []
     if use < _LITTLE:
-        said.append(f"it uses {use:.0%} of the limits on motion")
+        reasons.append(f"it uses {use:.0%} of the limits on motion")
     if not condition <= _CONDITION:
-        said.append(f"its condition is {plain(condition)}")
+        reasons.append(f"its condition is {plain(condition)}")
     if isinstance(aim, Uncertain) and isinstance(aim.purpose, Prediction):
-        left = np.sqrt(np.square(aim.deviations).mean())
-        if not left <= _UNCERTAIN:
-            said.append(f"it leaves torques uncertain by {left:.0%} of their usual size")
-    if not said:
+        error = np.sqrt(np.square(aim.deviations).mean())
+        if not error <= _UNCERTAIN:
+            reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")
+    if not reasons:
         return ""
+    text = f"the set hardly excites the arm: {', '.join(reasons)}"
     where = binding(cell.constraints, cell.trajectory, c)
     if where is None:
-        return f"the set hardly excites the arm: {', '.join(said)}"
+        return text
     constraint, which = where
-    return (
-        f"the set hardly excites the arm: {', '.join(said)}; it is limited by {constraint} of {which}: try "
-        f"{remedy(cell.constraints, where)}"
-    )
+    return f"{text}; it is limited by {constraint} of {which}: try {remedy(cell.constraints, where)}"
 
 
 def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:
-    """Largest value of joints (N, T, J) beside their limits (J,), as a share and with its unit, (N,)."""
+    """Largest value over joints (N, T, J), relative to limits (J,), as text with share and unit, (N,)."""
     most = np.abs(x).max(1)
     limited = np.isfinite(limit).any()
     share = most / limit if limited else most
     values = [f"{plain(row[j])} {units[j]}" for row, j in zip(most, share.argmax(1))]
-    return [f"{one:.0%}, {value}" for one, value in zip(share.max(1), values)] if limited else values
+    return [f"{used:.0%}, {value}" for used, value in zip(share.max(1), values)] if limited else values
 
 
 def coefficients_of(given: TrajectorySet | ArrayLike) -> Array:
-    """Coefficients [rad/s], (N, J, H, 2), of a set or as they are given."""
+    """Coefficients [rad/s], (N, J, H, 2), of a set or as given."""
     if isinstance(given, TrajectorySet):
         return given.coefficients
     return np.asarray(given, float)
