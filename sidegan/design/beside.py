@@ -1,6 +1,6 @@
-"""Kernels of a search that another process compiles, while this one compiles the others.
+"""Compile some kernels of a search in another process, while this one compiles the others.
 
-They are what descents call last, and the proof that follows; ``python -m sidegan.design.beside`` does it.
+They are those that a descent calls last, and the proof's; ``python -m sidegan.design.beside`` compiles them.
 """
 
 import subprocess
@@ -11,20 +11,20 @@ from functools import cache
 from sidegan.base.parallel import cores
 from sidegan.kernels.proof import visit
 
-_begun: list[subprocess.Popen[bytes]] = []  # held: what is dropped while it runs is warned of
+_begun: list[subprocess.Popen[bytes]] = []  # kept: dropping a running process causes a warning
 
 
 @cache
 def compile_beside() -> None:
-    """Begin to compile them, unless that was done or is being done.
+    """Start compiling in another process, unless the kernels are already compiled.
 
-    Once in a process, where there is a second core, and never by a program that has Python within it, which
-    would start itself.
+    At most once per process, only with a second core, and never from a frozen program, which would start
+    itself.
     """
     python = "" if getattr(sys, "frozen", False) else sys.executable or ""
     if "python" in python.rpartition("/")[2] and cores(None) > 1 and visit.to_be_compiled():
         quiet = subprocess.DEVNULL
-        with suppress(OSError):  # then it is compiled when it is needed
+        with suppress(OSError):  # the kernels then compile when they are needed
             command = [python, "-m", "sidegan.design.beside"]
             _begun.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet))
 
@@ -42,9 +42,9 @@ def _compile() -> None:
     from sidegan.robot import load_robot
     from sidegan.validity import Constraints, check
 
-    one = np.eye(2)
-    goal = goals.GoalArrays(goals.CONDITION, one, 1.0, one, one, 1.0)
-    goals.goal_of.compile_for(goal, one, one, goals.scratch(goal))
+    unit = np.eye(2)
+    goal = goals.GoalArrays(goals.CONDITION, unit, 1.0, unit, unit, 1.0)
+    goals.goal_of.compile_for(goal, unit, unit, goals.scratch(goal))
     constraints, family = Constraints(load_robot("planar2")), Trajectory(2)
     objective = Objective(Problem(constraints, family), Goal())
     slopes.compile_for(objective.plan, 1, objective.scratch)

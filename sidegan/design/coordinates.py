@@ -1,4 +1,4 @@
-"""Coordinates in which a random trajectory uses all of its limits and all directions cost alike."""
+"""Coordinates in which random trajectories use all limits, and all directions cost the same."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ _POINTS = 20  # per harmonic, for the means over time
 class Coordinates:
     """A linear map per joint from x, (B, J, 2 H), to coefficients [rad/s], (B, J, H, 2).
 
-    The quintic that brings a joint to rest ties its coefficients together: most changes of a single one
-    move the arm far, few combinations hardly at all. At 560 s and 210 harmonics a random draw of
-    coefficients is nearly all quintic. In natural coordinates |x|² is the mean square of position and
-    velocity, and of acceleration and jerk where they are limited, as shares of their limits, plus that of the
-    coefficients over the velocity limit, which keeps the combinations that hardly move the arm small.
+    The quintic that brings a joint to rest couples its coefficients: most changes of a single coefficient
+    move the arm far, a few combinations hardly at all. At 560 s and 210 harmonics, random coefficients give
+    almost only the quintic. In natural coordinates |x|² is the mean square of position and velocity, and of
+    acceleration and jerk if limited, relative to their limits, plus that of the coefficients over the
+    velocity limit, which bounds the combinations that hardly move the arm.
     """
 
     matrix: Array  # symmetric, (J, 2 H, 2 H); c = matrix @ x
@@ -42,12 +42,12 @@ class Coordinates:
         return cls(vectors @ (vectors / np.sqrt(values)[:, None]).mT)
 
     def coefficients(self, x: Array) -> Array:
-        """Coefficients [rad/s], (B, J, H, 2), of points (B, J, 2 H)."""
+        """Coefficients [rad/s], (B, J, H, 2), from points (B, J, 2 H)."""
         c = (x.swapaxes(0, 1) @ self.matrix.mT).swapaxes(0, 1)
         return c.reshape(*c.shape[:2], c.shape[2] // 2, 2)
 
     def points(self, c: Array) -> Array:
-        """Points (B, J, 2 H) of coefficients [rad/s], (B, J, H, 2)."""
+        """Points (B, J, 2 H) from coefficients [rad/s], (B, J, H, 2)."""
         return np.linalg.solve(self.matrix, flatten(c, 2).transpose(1, 2, 0)).transpose(2, 0, 1)
 
     def start(self, problem: Problem, count: int, generator: np.random.Generator, reach: float) -> Array:

@@ -1,4 +1,4 @@
-"""How exciting a trajectory is."""
+"""Excitation of trajectories: spectrum and diagonal of YᵀY."""
 
 from dataclasses import dataclass
 
@@ -14,13 +14,13 @@ class Excitation:
     """Excitation of B trajectories."""
 
     # eigenvalues of YᵀY / T in an orthonormal basis of the identifiable subspace, ascending, (B, p); rounding
-    # can leave the smallest slightly below zero
+    # can make the smallest slightly negative
     spectrum: Array
     diagonal: Array  # diagonal of YᵀY / T over the base columns, (B, p)
 
     @property
     def eigenvalue_fitness(self) -> Array:
-        """Condition number of YᵀY, (B,); infinite for a trajectory that leaves a direction unexcited."""
+        """Condition number of YᵀY, (B,); infinite if a direction is not excited."""
         low, high = self.spectrum[:, 0], self.spectrum[:, -1]
         return _ratio(high, low, self.spectrum.shape[1])
 
@@ -31,13 +31,13 @@ class Excitation:
 
 
 def _ratio(high: Array, low: Array, errors: int) -> Array:
-    """Ratio of high to low, infinite where low is no more than so many rounding errors of high."""
-    told = low > errors * np.finfo(float).eps * high
-    return np.divide(high, low, out=np.full_like(high, np.inf), where=told)
+    """Ratio of high to low, infinite if low is within a number of rounding errors of high."""
+    significant = low > errors * np.finfo(float).eps * high
+    return np.divide(high, low, out=np.full_like(high, np.inf), where=significant)
 
 
 def excitation_of(body: RigidBody, grams: Array) -> Excitation:
-    """Excitation of Gram matrices of the base regressor, (B, p, p)."""
+    """Excitation from Gram matrices of the base regressor, (B, p, p)."""
     c = body.base.subspace
     return Excitation(np.linalg.eigvalsh(c.T @ grams @ c), np.linalg.diagonal(grams))
 

@@ -1,6 +1,6 @@
-"""How diverse a set of trajectories is, and how like another: what offsets, copies and sizes do not fool.
+"""Diversity of a set of trajectories and its similarity to another, robust to offsets, copies and sizes.
 
-A set is rows of any shape, (N, …): coefficients [rad/s], or the logarithm of diag(YᵀY).
+A set has rows of any shape, (N, …): coefficients [rad/s], or the logarithm of diag(YᵀY).
 """
 
 import logging
@@ -11,23 +11,23 @@ from sidegan.base.arrays import Array, flatten, split
 from sidegan.errors import ShapeError
 
 _NOISE_BATCHES = 10  # the paper averages over ten noise batches
-_NUMBERS = 2_000_000  # that are held at once: 16 MB
-_PAIRED = 5_000  # rows, all pairs of which are looked at
-_EXACT = 20_000  # rows, each of which is compared with all others
-_SAMPLED = 500  # rows that stand for more than those
-_NEIGHBOURS = 5  # k of density and coverage, as their authors have it
+_NUMBERS = 2_000_000  # largest temporary array: 16 MB
+_PAIRED = 5_000  # most rows for distances between all pairs
+_EXACT = 20_000  # most rows for nearest neighbours of all
+_SAMPLED = 500  # rows to sample from larger sets
+_NEIGHBOURS = 5  # k of density and coverage, as in the source
 _FOLDS = 10  # of the classifier's cross-validation
-_RIDGE = 0.1  # of its least squares
-_NOTHING = 1e-12  # a shorter row has no direction
+_RIDGE = 0.1  # of the classifier
+_NOTHING = 1e-12  # norm below which a row has no direction
 
 log = logging.getLogger(__name__)
 
 
 def diversity(c: Array, diagonal: Array) -> dict[str, float]:
-    """The paper's two mean distances, over batches, and two measures that modes cannot fool.
+    """The paper's two mean distances, over batches, and two measures that a few modes cannot fool.
 
-    Of coefficients, (N, J, H, 2), and the diagonals of YᵀY, (N, p). Of very large sets they are estimates
-    from a sample, which is logged. A single trajectory has none.
+    Of coefficients, (N, J, H, 2), and the diagonals of YᵀY, (N, p). Very large sets are sampled, which is
+    logged. Empty for a single trajectory.
     """
     if len(c) < 2:
         return {}
@@ -49,9 +49,9 @@ def diversity(c: Array, diagonal: Array) -> dict[str, float]:
 
 
 def mean_distance(x: Array) -> float:
-    """Mean Euclidean distance over all pairs of rows, N ≥ 2 rows of any shape (the paper's diversity).
+    """Mean Euclidean distance over all pairs of N ≥ 2 rows of any shape (the paper's diversity).
 
-    Of more than 5,000 rows, over the pairs of that many of them.
+    Over the pairs of a sample of 5,000 rows if there are more.
     """
     from scipy.spatial.distance import pdist
 
@@ -60,9 +60,9 @@ def mean_distance(x: Array) -> float:
 
 
 def nearest_distance(x: Array) -> float:
-    """Mean distance of a row to its nearest other row: zero when samples repeat themselves.
+    """Mean distance of a row to its nearest other row: zero when samples repeat.
 
-    Of more than 20,000 rows, the mean over 500 of them, each with its nearest one among all.
+    With more than 20,000 rows, the mean over a sample of 500, each with its nearest neighbour among all.
     """
     rows = _rows(x)
     chosen = _sample(len(rows), _SAMPLED) if len(rows) > _EXACT else np.arange(len(rows))
@@ -75,32 +75,32 @@ def nearest_distance(x: Array) -> float:
 
 
 def _sample(count: int, size: int) -> Array:
-    """Indices of some of so many rows, the same each time."""
+    """Indices of a reproducible random sample of ``count`` rows."""
     return np.random.default_rng(0).permutation(count)[:size]
 
 
 def effective_rank(x: Array, centred: bool = True) -> float:
     """Number of directions that the rows span: exp of the entropy of the covariance's eigenvalues.
 
-    Of the second moments' where the mean is not taken off: one, where a common offset is all that there is.
+    Not ``centred``, it uses the second moments: 1 if all rows are a common offset.
 
     Source: Roy and Vetterli 2007, on the covariance instead of the singular values.
     """
     rows = _rows(x)
-    middle = rows.mean(0) if centred else np.zeros_like(rows[0])
-    parts = (part - middle for part in split(rows, max(1, _NUMBERS // rows.shape[1])))
-    moments = sum((away.T @ away for away in parts), np.zeros(()))
+    centre = rows.mean(0) if centred else np.zeros_like(rows[0])
+    parts = (part - centre for part in split(rows, max(1, _NUMBERS // rows.shape[1])))
+    moments = sum((part.T @ part for part in parts), np.zeros(()))
     eigenvalues = np.maximum(np.linalg.eigvalsh(moments / len(rows)), 0)
     total = eigenvalues.sum()
     rounding = len(rows) * np.finfo(float).eps * max(-rows.min(), rows.max())  # of the mean
-    if total <= rounding**2 * rows.shape[1]:  # all rows are one
+    if total <= rounding**2 * rows.shape[1]:  # all rows are equal
         return 0.0
     share = eigenvalues[eigenvalues > 0] / total
     return float(np.exp(-(share * np.log(share)).sum()))
 
 
 def proportions(x: Array) -> dict[str, float]:
-    """Size, cosine and uncentred rank of a set: what it has in common, which distances do not show."""
+    """Size, cosine and uncentred rank of a set: common offsets, which distances do not show."""
     return {
         "norm": float(np.linalg.norm(flatten(x, 1), axis=1).mean()),
         "cosine": mean_cosine(x),
@@ -109,44 +109,44 @@ def proportions(x: Array) -> dict[str, float]:
 
 
 def mean_cosine(x: Array) -> float:
-    """Mean cosine over all pairs of rows: zero where directions are random, one where all have one."""
+    """Mean cosine over all pairs of rows: 0 for random directions, 1 if all are the same."""
     rows = _rows(x)
     unit = rows / np.maximum(np.linalg.norm(rows, axis=1, keepdims=True), _NOTHING)
     return float((np.square(unit.sum(0)).sum() - np.square(unit).sum()) / (len(unit) * (len(unit) - 1)))
 
 
 def beyond(x: Array, other: Array) -> float:
-    """Share of elements outside of the range that the same element has in another set."""
+    """Share of elements outside the range that the same element has in another set."""
     return float(((x < other.min(0)) | (x > other.max(0))).mean())
 
 
 def distance_to(x: Array, other: Array) -> float:
-    """Mean distance of a row to the nearest one of another set: zero for copies."""
+    """Mean distance of a row to the nearest row of another set: zero for copies."""
     return float(_distances(x, other).min(1).mean())
 
 
 def density_and_coverage(x: Array, other: Array) -> tuple[float, float]:
-    """Density and coverage of another set's neighbourhoods by this one's rows.
+    """Density and coverage of another set's neighbourhoods by the rows of x.
 
-    The neighbourhood of a row reaches to the fifth nearest of its own set. Density is in how many of them a
-    row of x lies, over five: one on average where both sets are drawn alike, zero elsewhere. Coverage is the
-    share of those that hold a row of x: 1 − 2⁻⁵ where both are drawn alike and as large, little where few
-    rows are repeated.
+    The neighbourhood of a row of ``other`` reaches to its fifth nearest neighbour in ``other``. Density is
+    the mean number of neighbourhoods that a row of x lies in, over five: 1 if both sets have the same
+    distribution, 0 if they are far apart. Coverage is the share of neighbourhoods with a row of x: 1 − 2⁻⁵
+    for the same distribution and size, small if x repeats few rows.
 
     Source: Naeem et al. 2020, Reliable fidelity and diversity metrics for generative models.
     """
-    own = _distances(_rows(other), other)
+    within = _distances(_rows(other), other)
     k = min(_NEIGHBOURS, len(other) - 1)
-    reach = np.partition(own, k, axis=1)[:, k]  # the nearest is the row itself
+    reach = np.partition(within, k, axis=1)[:, k]  # the nearest row is the row itself
     inside = _distances(x, other) <= reach
     return float(inside.sum(1).mean() / k), float(inside.any(0).mean())
 
 
 def told_apart(x: Array, other: Array) -> float:
-    """Accuracy with which a fresh classifier tells rows of two sets, as many of each, that it has not seen.
+    """Cross-validated accuracy of a classifier that tells rows of two sets apart; 0.5: it cannot.
 
-    One half: it cannot. Ridge regression, cross-validated, on the elements, their sizes, squares and products
-    in units of their deviation.
+    Ridge regression on standardised elements, their sizes, squares and products, with equally many rows of
+    each set.
 
     Source: Lopez-Paz and Oquab 2017, Revisiting classifier two-sample tests.
     """

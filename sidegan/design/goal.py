@@ -1,4 +1,4 @@
-"""Goals of trajectories, and their form for compiled kernels."""
+"""Design goals of trajectories, and their form for compiled kernels."""
 
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
@@ -19,10 +19,10 @@ _KINDS = {
 
 
 class Linear(Protocol):
-    """A model of torque that is linear in P parameters: rigid body first, then terms of single joints."""
+    """A torque model that is linear in P parameters: rigid body first, then terms of single joints."""
 
     body: RigidBody
-    extras: Array  # term · J + joint of each of the latter
+    extras: Array  # term · J + joint for each parameter of a term
 
     @property
     def terms(self) -> Any:
@@ -31,34 +31,34 @@ class Linear(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Function of a trajectory that is to be small, in units of the P parameters of a model.
+    """A function of a trajectory to minimise, in terms of the P parameters of a model.
 
-    The condition number of prior and information together; the sum of the targets' variances, or the volume
-    that they lie in; or the volume of a tool's parameters, whose torques are those of the targets, with all
-    others unknown too.
+    The condition number of prior plus information; the sum of the targets' variances, or the volume of their
+    uncertainty; or that of a tool's parameters, whose effects on torque are the targets, with the arm's
+    parameters unknown too.
     """
 
     kind: Literal["condition", "variance", "volume", "tool"] = "condition"
-    prior: Array | None = None  # information that there is already, (P, P)
-    certainty: Array | None = None  # one over the deviation of each joint's torque, (J,); None: ones
+    prior: Array | None = None  # prior information, (P, P)
+    certainty: Array | None = None  # inverse standard deviation of each joint's torque, (J,); None: ones
     rate: float = 1.0  # of samples with independent errors [Hz]
-    model: Linear | None = None  # what is identified, friction and rotors included; None: rigid bodies
+    model: Linear | None = None  # to identify, with friction and rotors; None: rigid bodies
     targets: Array | None = None  # (R, P)
-    doubt: Array | None = None  # information on a tool that there is already, (R, R)
-    runs: int = 1  # 2: a tool's trajectory is executed without it as well
+    doubt: Array | None = None  # prior information on a tool, (R, R)
+    runs: int = 1  # 2: a tool's trajectory is also executed without it
 
 
 def compiled(
     goal: Goal, body: RigidBody, period: float
 ) -> tuple[information.JointTerms, Array, goals.GoalArrays]:
-    """A goal for trajectories of so many seconds of an arm, as kernels take it.
+    """A goal for trajectories of a period [s], in the form that kernels take.
 
-    First what the model has beside rigid bodies, and how much each joint's torque counts; then parameters
-    from coordinates in an orthonormal basis, lower triangular, (P, P); last the goal in these. Parameters are
-    the base's, then those of joints, joint by joint.
+    Returns the model's terms with the certainty of joints; the map from coordinates in an orthonormal basis
+    to parameters, lower triangular, (P, P); and the goal in these coordinates. Parameters are the base
+    parameters, then those of terms, joint by joint.
 
     Raises:
-        ShapeError: for a model of another arm, or when something does not fit the model.
+        ShapeError: for a model of a different arm, or when a shape does not fit the model.
     """
     rigid = len(body.base.columns)
     if goal.model is not None and not np.array_equal(goal.model.body.base.columns, body.base.columns):
@@ -75,7 +75,7 @@ def compiled(
     subspace[:rigid, :rigid] = body.base.subspace
     prior = _fitting("prior", goal.prior, (size, size))[np.ix_(order, order)]
     targets = _fitting("targets", goal.targets, (count, size))[:, order]
-    # Columns of torque of a tool; elsewhere what variances are of.
+    # A tool's targets are columns of torque; others are directions of parameters.
     targets = np.linalg.solve(subspace, targets.T).T if goal.kind == "tool" else targets @ subspace
     arrays = goals.GoalArrays(
         _KINDS[goal.kind],
@@ -89,7 +89,7 @@ def compiled(
 
 
 def _fitting(name: str, given: Array | None, shape: tuple[int, ...]) -> Array:
-    """Finite numbers of a shape; zeros where nothing is given."""
+    """Finite numbers of a shape; zeros if None."""
     if given is None:
         return np.zeros(shape)
     if given.shape != shape or not np.isfinite(given).all():
@@ -98,7 +98,7 @@ def _fitting(name: str, given: Array | None, shape: tuple[int, ...]) -> Array:
 
 
 def _terms(model: Linear | None, kinds: Array, joints: Array, count: int) -> information.JointTerms:
-    """Terms of a model beside rigid bodies, joints in order."""
+    """Terms of a model in addition to rigid bodies, joints in order."""
     if model is None:
         return information.no_terms(count)
     first = np.searchsorted(joints, np.arange(count + 1))

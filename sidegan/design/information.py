@@ -1,4 +1,4 @@
-"""Information of trajectories about the identifiable parameters."""
+"""Information of trajectories on the identifiable parameters."""
 
 import math
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
-_AT_ONCE = 1000  # trajectories whose Gram matrices are held beside what is found
+_AT_ONCE = 1000  # trajectories per batch of Gram matrices
 
 
 def information_of(
@@ -22,7 +22,7 @@ def information_of(
 ) -> Array:
     """Information per sample on the identifiable parameters, in their orthonormal basis, (N, q, q).
 
-    The noise is the deviation of each joint's torque [N·m or N], J of them; ones when None.
+    ``noise`` is the standard deviation of each joint's torque [N·m or N], J values; ones when None.
     """
     trajectory.check(c)
     certainty = None
@@ -36,7 +36,7 @@ def information_of(
 
 
 def condition_of(information: Array) -> float:
-    """Condition number of one information matrix, (q, q); infinite where it is singular."""
+    """Condition number of an information matrix, (q, q); infinite if it is singular."""
     if not np.isfinite(information).all():
         raise ShapeError("information is not finite")
     eigenvalues = np.linalg.eigvalsh(information)

@@ -1,8 +1,8 @@
 """The penalised goal of trajectories and its exact gradient, by compiled kernels.
 
-For an eigenpair (λ, v) of YᵀY, dλ = 2 (Y v)ᵀ d(Y v), and Y v is the torque of the robot whose
-inertial parameters are v: the gradient of any function of a few eigenvalues costs a few inverse
-dynamics, never a differentiated regressor.
+For an eigenpair (λ, v) of YᵀY, dλ = 2 (Y v)ᵀ d(Y v), and Y v is the torque of a robot with inertial
+parameters v: the gradient of a function of a few eigenvalues costs a few inverse dynamics, and no derivative
+of the regressor.
 """
 
 from collections.abc import Callable
@@ -20,45 +20,44 @@ from sidegan.motion.operations import columns_of_links
 from sidegan.motion.threads import share
 from sidegan.validity.constraints import NAMES
 
-# share of a torque limit that counts where dry friction leaves nothing: an optimiser divides by it
-_LEAST = 1e-3
-_DISTANCE = 0.25  # [m] clearance that counts like a whole limit
+_LEAST = 1e-3  # lower bound of the torque that dry friction leaves, as a share of the limit: a divisor
+_DISTANCE = 0.25  # clearance equivalent to a whole limit [m]
 
 
 @dataclass(frozen=True)
 class Penalty:
-    """Cost of violated constraints: squared relative violations, and what is kept in reserve."""
+    """Cost of violated constraints: squared relative violations, with a reserve."""
 
     weight: float
     limits: float = 0.05  # share of position, velocity, acceleration and jerk kept in reserve
-    torque: float = 0.05  # share of torque limits
-    distance: float = 0.1  # of 0.25 m
+    torque: float = 0.05  # share of torque limits kept in reserve
+    distance: float = 0.1  # share of 0.25 m kept in reserve
 
     @classmethod
     def reserving(cls, weight: float, reserve: float) -> "Penalty":
-        """A share of each limit, and twice that share of 0.25 m, in reserve."""
+        """A penalty with a share of each limit, and twice that share of 0.25 m, in reserve."""
         return cls(weight, limits=reserve, torque=reserve, distance=2 * reserve)
 
     @property
     def reach(self) -> float:
-        """Smallest distance that costs nothing [m]."""
+        """Smallest distance without cost [m]."""
         return self.distance * _DISTANCE
 
     @property
     def close(self) -> float:
-        """Weight of the square of what a distance lacks [1/m²]."""
+        """Weight of the squared shortfall of a distance [1/m²]."""
         return self.weight / _DISTANCE**2
 
 
 class Objective:
-    """Goal and penalty of single trajectories; not for several threads at once.
+    """Goal and penalty of single trajectories; not thread-safe.
 
     Args:
-        problem: of which they are.
-        goal: what is to be small.
-        penalty: what violations cost; None: nothing.
-        refine: odd; so many finer points for each sample, at which limits on motion and distances count.
-        matrix: coefficients [rad/s] of points, (J, K, K), symmetric; None: points are coefficients.
+        problem: constraints and family of the trajectories.
+        goal: to minimise.
+        penalty: of violations; None: no penalty.
+        refine: points per sample, odd, at which limits on motion and distances are evaluated.
+        matrix: maps points to coefficients [rad/s], (J, K, K), symmetric; None: points are coefficients.
     """
 
     def __init__(
@@ -75,8 +74,7 @@ class Objective:
         joints, harmonics, _ = trajectory.shape
         lower, upper = arm.position_lower, arm.position_upper
         middle, room = (upper + lower) / 2, (upper - lower) / 2
-        most = arm.torque_limit - drives.coulomb
-        torque = np.maximum(most, _LEAST * arm.torque_limit)
+        torque = np.maximum(arm.torque_limit - drives.coulomb, _LEAST * arm.torque_limit)
         torque = torque if constraints.torque else np.full(joints, np.inf)
         parameters = array(arm.inertial_parameters.reshape(1, 1, -1))
         higher = array(constraints.higher_rows).reshape(-1, joints)
@@ -113,11 +111,11 @@ class Objective:
 
     def penalised(self, plan: kernel.Plan, penalty: Penalty) -> kernel.Plan:
         """Plan with another penalty."""
-        of_torques = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
+        torque_weight = penalty.weight if np.isfinite(plan.limits.torque).any() else 0.0
         limits = plan.limits._replace(
             weight=penalty.weight / self.finer,
             reserve=penalty.limits,
-            torque_weight=of_torques / self.samples,
+            torque_weight=torque_weight / self.samples,
             torque_reserve=penalty.torque,
         )
         return plan._replace(limits=limits, close=penalty.close / self.finer, reach=penalty.reach)
@@ -128,19 +126,19 @@ class Objective:
 
 
 def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
-    """Fitness and margins for an optimiser without gradients; not for several threads at once.
+    """Function that evaluates fitness and margins for an optimiser without gradients; not thread-safe.
 
-    The function answers coefficients [rad/s], (B, J, H, 2), contiguous, with log fitness, and the worst
-    relative margin of each constraint with its sign turned, (B, 1 + G), in the order of their labels. The
-    distance is the clearance that counts like a whole limit [m].
+    It maps contiguous coefficients [rad/s], (B, J, H, 2), to log fitness and the negated worst relative
+    margin of each constraint, in the order of labels, (B, 1 + G). ``distance`` is the clearance equivalent
+    to a whole limit [m].
     """
-    one = Objective(problem, Goal())
+    objective = Objective(problem, Goal())
     measure = kernel.Measure(weakest=problem.weakest, distance=distance)
     kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
     def evaluate(c: Array) -> Array:
         numbers = np.empty((len(c), kernel.NUMBERS))
-        kernel.evaluate(one.plan, measure, c.reshape(*c.shape[:2], -1), numbers, one.scratch)
+        kernel.evaluate(objective.plan, measure, c.reshape(*c.shape[:2], -1), numbers, objective.scratch)
         return numbers[:, kept]
 
     return evaluate
@@ -154,19 +152,19 @@ def pull_back(
     penalty: Penalty | None = None,
     certainty: Array | None = None,
 ) -> tuple[Array, Array]:
-    """Penalty, (B,), and the gradient of it and of an energy, (B, J, H, 2), at coefficients c [rad/s].
+    """Penalty, (B,), and the gradient of penalty plus energy, (B, J, H, 2), at coefficients c [rad/s].
 
-    The energy is Σ weight · |Y v|² / T over directions v, (B, D, p), with weights (B, D), D ≤ p: for
-    eigenvectors of YᵀY / T and the slopes of a function of its eigenvalues its gradient is that function's.
-    Each joint's rows of Y count by its certainty, (J,).
+    The energy is Σ weight · |Y v|² / T over directions v, (B, D, p), with weights (B, D), D ≤ p. With
+    eigenvectors of YᵀY / T and the derivatives of a function of its eigenvalues, its gradient is that of the
+    function. The rows of Y are scaled by each joint's certainty, (J,).
     """
     x, v, w = array(flatten(c, 2)), array(vectors), array(weights)
     cost, gradient = np.empty(len(x)), np.empty(x.shape)
 
     def work(k: slice) -> None:
-        one = Objective(problem, Goal(certainty=certainty), penalty)
+        local = Objective(problem, Goal(certainty=certainty), penalty)  # for this thread
         for n in range(len(x))[k]:
-            cost[n] = kernel.pull_back(one.plan, x[n], v[n], w[n], gradient[n], one.scratch)
+            cost[n] = kernel.pull_back(local.plan, x[n], v[n], w[n], gradient[n], local.scratch)
 
     share(work, len(x), problem.samples)
     return cost, gradient.reshape(c.shape)

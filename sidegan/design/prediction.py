@@ -1,9 +1,9 @@
-"""How well sets of trajectories predict torques: errors that least squares is expected to make.
+"""Expected errors of the torques that a model identified from a set of trajectories predicts.
 
-A trajectory has the information M = Σ wⱼ² yᵀ y on the base parameters, over joints and times, and noise
-S = Σ wⱼ⁴ σ² yᵀ y where torques have noise of variance σ² and joint j's equations y count by wⱼ. Those of a
-set are their sums. An estimate's covariance is then M⁻¹ S M⁻¹, and torques that it predicts have the expected
-squared error tr(V M⁻¹ S M⁻¹), V being the information of the motions whose torques are predicted.
+A trajectory has information M = Σ wⱼ² yᵀ y on the base parameters, over joints and times, and noise
+S = Σ wⱼ⁴ σ² yᵀ y, with noise variance σ² and weight wⱼ of joint j's equations y. Both add up over a set. The
+covariance of the estimate is M⁻¹ S M⁻¹, and the expected squared error of predicted torques is
+tr(V M⁻¹ S M⁻¹), with V the information of the motions to predict.
 """
 
 from collections.abc import Iterator
@@ -19,34 +19,34 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.threads import eigh
 from sidegan.motion.trajectory import Trajectory
 
-SAMPLES = 40  # of a trajectory, whose sums differ by less than 1 % from those of many more
-_PER_HARMONIC = 7  # of a trajectory with many harmonics
-TOGETHER, DRAWS = 35, 200  # trajectories of a set, as the paper has it, and sets that are drawn
-_STATES_AT_ONCE = 4096  # whose regressor is kept: 10 MB at seven joints
-_STATES, _PACE = 1000, 0.5  # random ones, and their share of the velocity limits
-_FLOOR = 0.02  # of the largest joint's torque, that a small joint's counts as at least
-_STILL = 1e-12  # of the mean square: a torque of smaller variance does not vary
+SAMPLES = 40  # least samples per trajectory: more change the sums by less than 1 %
+_PER_HARMONIC = 7  # least samples per harmonic
+TOGETHER, DRAWS = 35, 200  # trajectories per set, as in the paper, and number of random sets
+_STATES_AT_ONCE = 4096  # per regressor: 10 MB at seven joints
+_STATES, _PACE = 1000, 0.5  # random states for typical torques, and their share of the velocity limits
+_FLOOR = 0.02  # lower bound of a joint's torque, as a share of the largest joint's
+_STILL = 1e-12  # share of the mean square below which the variance of a torque is rounding
 _ROUNDING = 16  # an eigenvalue below 16 p ε of the largest is rounding
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueNoise:
-    """Noise on measured torques, and how much the joints' equations count."""
+    """Noise on measured torques, and weights of the joints' equations."""
 
-    weights: Array  # what each joint's equations are multiplied with, (J,)
-    level: float  # uniform noise as a share of the torque, τ (1 + level · U(−1, 1))
-    deviation: Array  # of noise of one size whatever the torque [N·m or N], (J,)
+    weights: Array  # of each joint's equations, (J,)
+    level: float  # uniform noise relative to the torque, τ (1 + level · U(−1, 1))
+    deviation: Array  # standard deviation of noise independent of the torque [N·m or N], (J,)
 
     @classmethod
     def proportional(cls, level: float, weights: Array) -> "TorqueNoise":
-        """Noise in proportion to the torque, as the paper has it, with equal weights or others."""
+        """Noise proportional to the torque, as in the paper."""
         return cls(weights, level, np.zeros_like(weights))
 
     @classmethod
     def constant(cls, body: RigidBody, share: float) -> "TorqueNoise":
-        """Noise of a share of each joint's torque limit, whose inverse is the weight.
+        """Constant noise, a share of each joint's torque limit, with inverse weights.
 
-        Where the arm states no limit it is a share of the largest torque over random states.
+        Without a limit, it is a share of the largest torque over random states.
         """
         limit = body.arm.torque_limit
         if not np.isfinite(limit).all():
@@ -59,7 +59,7 @@ class TorqueNoise:
 
 
 def _largest_torque(body: RigidBody) -> Array:
-    """Largest torque of each joint over random states [N·m or N], not below a share of the largest one's."""
+    """Largest torque of each joint over random states [N·m or N], bounded below by ``_FLOOR``, (J,)."""
     arm, random = body.arm, np.random.default_rng(0)
     speed, size = _PACE * arm.velocity_limit, (_STATES, arm.joints)
     q = random.uniform(arm.position_lower, arm.position_upper, size)
@@ -70,19 +70,19 @@ def _largest_torque(body: RigidBody) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """Expected errors of the torques that are predicted from what was measured along trajectories.
+    """Expected errors of predicted torques, after measuring torques along trajectories.
 
-    The estimate is that of recursive least squares with P₀ = 1 / least: a direction that nothing excites
-    stays at zero, and is wrong by all that it is.
+    The estimate is that of recursive least squares with P₀ = 1 / least: directions without excitation stay at
+    zero.
     """
 
     body: RigidBody
     trajectory: Trajectory  # the family of the trajectories
-    wanted: Array  # information of the torques that are to be predicted, by ``wanted_torques``, (K, p, p)
+    wanted: Array  # information of the torques to predict, from ``wanted_torques``, (K, p, p)
     noise: TorqueNoise
-    times: Array  # at which torques are measured [s], (T,)
-    each: float = 1.0  # measurements that stand at each of the times
-    least: float = 1e-6  # information that there is of each parameter before
+    times: Array  # of the measurements [s], (T,)
+    each: float = 1.0  # measurements that each time represents
+    least: float = 1e-6  # prior information on each parameter
 
     @classmethod
     def at_rate(
@@ -94,13 +94,13 @@ class Prediction:
         rate: float = 100.0,
         prior: float = 1e6,
     ) -> "Prediction":
-        """Errors after measurements at a rate [Hz], for which ``sampled`` times stand; P₀ = prior · I."""
+        """Errors after measurements at a rate [Hz], represented by ``sampled`` times; P₀ = prior · I."""
         times = sampled(trajectory)
         each = trajectory.period * rate / len(times)
         return cls(body, trajectory, wanted, noise, times, each=each, least=1 / prior)
 
     def informations(self, c: Array) -> tuple[Array, Array]:
-        """Information M and noise S of trajectories [rad/s] (N, J, H, 2), (N, p, p) each."""
+        """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""
         both = []
         for y, torque in _equations(self.body, self.trajectory, c, self.times):
             weighted = self.noise.weights[:, None] * y
@@ -110,14 +110,14 @@ class Prediction:
         return information, noise
 
     def nmse(self, information: Array, noise: Array) -> Array:
-        """Expected nMSE of each joint whose torque varies, (B, K), of sets with such sums, (B, p, p) each."""
+        """Expected nMSE, (B, K), of each joint whose torque varies, from sums over sets, (B, p, p) each."""
         inverse = inverse_of(information, self.least)
         bias = self.least * inverse @ self.body.base.values
         squares = inverse @ noise @ inverse + bias[:, :, None] * bias[:, None]
         return flatten(squares, 1) @ flatten(self.wanted, 1).T
 
     def of_draws(self, c: Array, count: int = TOGETHER, draws: int = DRAWS, seed: int = 0) -> Array:
-        """Expected nMSE, (draws, K), of sets of so many trajectories drawn from c (N, J, H, 2), at random."""
+        """Expected nMSE, (draws, K), of random sets of ``count`` trajectories from c, (N, J, H, 2)."""
         if len(c) < count:
             raise ShapeError(f"a set of {count} trajectories cannot be drawn from {len(c)}")
         random = np.random.default_rng(seed)
@@ -132,11 +132,11 @@ def error_slope(wanted: Array, information: Array, noise: Array) -> tuple[Array,
     """Directions in which a set's expected error falls with its information, (p, p), and their shares, (p,).
 
     With the mean information M and noise S of a set's trajectories, the error of joint k is tr(Vₖ M⁻¹ S M⁻¹)
-    over their number. Small joints count in the mean logarithm of the joints' errors, large ones in the
-    logarithm of the mean: half of each falls by 2 tr(A Mᵢ) for a trajectory's Mᵢ more, A = M⁻¹ V M⁻¹ S M⁻¹
-    made symmetric, where V weighs the Vₖ so that tr(A M) = 1. In directions v with vᵀ M v = 1, which are the
-    columns, that is 2 Σ b vᵀ Mᵢ v, with the shares b in descending order. Their sum is one, but for those
-    below zero, which are left out. What a trajectory adds to S is left out, too.
+    over their number. The objective is half the mean logarithm of the joints' errors, where small joints
+    count, and half the logarithm of the mean, where large ones do. Adding a trajectory with Mᵢ reduces it by
+    2 tr(A Mᵢ), where A is the symmetric part of M⁻¹ V M⁻¹ S M⁻¹, and V weights the Vₖ so that tr(A M) = 1. In
+    directions v, the columns, with vᵀ M v = 1, this is 2 Σ b vᵀ Mᵢ v with shares b in descending order. They
+    add up to one, except that negative shares are set to zero. The change of S is neglected.
     """
     scale = np.sqrt(np.maximum(information.diagonal(), np.finfo(float).tiny))
     values, vectors = np.linalg.eigh(information / scale / scale[:, None])
@@ -144,14 +144,14 @@ def error_slope(wanted: Array, information: Array, noise: Array) -> tuple[Array,
     white = vectors / np.sqrt(values) / scale[:, None]  # whiteᵀ M white = 1
     wanted, noise = white.T @ wanted @ white, white.T @ noise @ white
     errors = (wanted * noise).sum((1, 2))
-    weighed = (wanted / errors[:, None, None] + wanted / errors.mean()).mean(0) / 2
-    slope = weighed @ noise
-    shares, turned = np.linalg.eigh(-(slope + slope.T) / 2)  # the largest first
-    return white @ turned, np.maximum(-shares, 0)
+    weighted = (wanted / errors[:, None, None] + wanted / errors.mean()).mean(0) / 2
+    slope = weighted @ noise
+    shares, rotation = np.linalg.eigh(-(slope + slope.T) / 2)  # negated: largest first
+    return white @ rotation, np.maximum(-shares, 0)
 
 
 def sampled(trajectory: Trajectory) -> Array:
-    """Times [s] whose sums stand for those of many more, (T,)."""
+    """Times [s], (T,), sufficient for sums over a period."""
     return trajectory.grid(max(SAMPLES, _PER_HARMONIC * trajectory.harmonics))
 
 
@@ -166,9 +166,9 @@ def inverse_of(information: Array, least: float) -> Array:
 
 
 def wanted_torques(body: RigidBody, trajectory: Trajectory, c: Array, times: Array) -> Array:
-    """Information of exact torques along trajectories over each joint's variance of torque, (K, p, p).
+    """Information of exact torques along trajectories over each joint's torque variance, (K, p, p).
 
-    For a parameter error e, eᵀ V e is the nMSE. Joints whose torque does not vary have none.
+    For a parameter error e, eᵀ V e is the nMSE. Joints with constant torque are left out.
     """
     torques, parts = [], []
     for y, torque in _equations(body, trajectory, c, times):
@@ -188,7 +188,7 @@ def torque_size(body: RigidBody, trajectory: Trajectory, c: Array) -> Array:
 
 
 def random_motions(problem: Problem, count: int = 20, reach: float = 0.55, seed: int = 99) -> Array:
-    """Motions within the limits on motion, each joint using a share of its tightest one, (count, J, H, 2)."""
+    """Random motions, (count, J, H, 2), each joint using the share ``reach`` of its tightest limit."""
     natural, random = Coordinates.of(problem), np.random.default_rng(seed)
     return natural.coefficients(natural.start(problem, count, random, reach))
 
@@ -196,7 +196,7 @@ def random_motions(problem: Problem, count: int = 20, reach: float = 0.55, seed:
 def _equations(
     body: RigidBody, trajectory: Trajectory, c: Array, times: Array
 ) -> Iterator[tuple[Array, Array]]:
-    """Base regressor, (n, p, J, T), and torque, (n, T, J), along some of the trajectories after others."""
+    """Base regressor, (n, p, J, T), and torque, (n, T, J), along batches of the trajectories."""
     for part in split(c, max(1, _STATES_AT_ONCE // len(times))):
         states = trajectory.roll_out(part, times)[1:]
         y = body.base_regressor(*states)  # (n, T, J, p)

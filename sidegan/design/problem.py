@@ -1,7 +1,4 @@
-"""The optimisation problem of a trajectory: make YᵀY well conditioned, inside all constraints.
-
-Beside it stands what a search spends on it.
-"""
+"""The optimisation problem of a trajectory: make YᵀY well conditioned within all constraints."""
 
 from dataclasses import dataclass, replace
 
@@ -17,31 +14,31 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER
 from sidegan.validity import Constraints
 
-_LEAST_ROOM = 0.1  # share of a joint's range that a start may use although home lies at its edge
+_LEAST_ROOM = 0.1  # share of a joint's range that a start may use even if home is at its edge
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings:
-    """How much is spent on each trajectory of a set."""
+    """Effort of the search for each trajectory of a set."""
 
-    evaluations: Count = 400  # of the goal, for each trajectory
-    patience: Count = 130  # of them from one start
-    samples: Size = 40  # time points per period at which information and torques are taken
-    reserve: Share = 0.03  # of each limit that a search keeps free, and half of it in metres as clearance
+    evaluations: Count = 400  # of the goal, per trajectory
+    patience: Count = 130  # evaluations per start
+    samples: Size = 40  # time points per period for information and torques
+    reserve: Share = 0.03  # share of each limit to keep free; the clearance is half this number [m]
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Condition number and constraints of trajectories of one arm.
+    """Condition number and constraints of an arm's trajectories.
 
     Raises:
-        ShapeError: when the trajectories are not the arm's, or too few samples see the highest harmonic.
+        ShapeError: when the trajectories do not fit the arm, or the samples do not resolve all harmonics.
     """
 
     constraints: Constraints  # the arm and its workspace
     trajectory: Trajectory  # the family of trajectories
-    samples: int = 60  # time points per period at which the objective and the constraints are taken
-    strongest: int | None = None  # eigenvalues that the fitness counts; None: all of them
+    samples: int = 60  # time points per period for the objective and the constraints
+    strongest: int | None = None  # number of largest eigenvalues in the fitness; None: all
 
     def __post_init__(self) -> None:
         joints, harmonics, _ = self.trajectory.shape
@@ -61,7 +58,7 @@ class Problem:
 
     @property
     def weakest(self) -> int:
-        """Rank, from the smallest, of the first eigenvalue that counts."""
+        """Index, in ascending order, of the smallest eigenvalue in the fitness."""
         return 0 if self.strongest is None else max(0, len(self.body.base.columns) - self.strongest)
 
     def start(self, count: int, generator: np.random.Generator, reach: float = 0.7) -> Array:
@@ -72,8 +69,8 @@ class Problem:
     def limit_use(self, c: Array) -> Array:
         """Largest share of its tightest limit that each joint uses, (B, J).
 
-        Limits are those of position, from home, of velocity and, where there are any, of acceleration and
-        jerk: what is linear in the coefficients.
+        The limits are those that are linear in the coefficients: position from home, velocity and, if
+        present, acceleration and jerk.
         """
         arm, times = self.constraints.arm, self.trajectory.grid(4 * self.samples)
         lower, upper, home = arm.position_lower, arm.position_upper, np.array(self.trajectory.home)
@@ -89,13 +86,13 @@ class Problem:
         return np.maximum(use, 1e-9)
 
     def gram(self, c: Array) -> Array:
-        """Gram matrices of the base regressor, (B, p, p); zero where a trajectory makes them non-finite."""
+        """Gram matrices of the base regressor, (B, p, p); zero if they are not finite."""
         grams = gram(self.body, self.trajectory, c, self.samples)
         finite = np.isfinite(grams).all((1, 2), keepdims=True)
         return np.where(finite, grams, 0.0)
 
     def fitness(self, c: Array) -> Array:
-        """The number to minimise, (B,), at most ``HOPELESS``."""
+        """Condition number to minimise, (B,), at most ``HOPELESS``."""
         excitation = excitation_of(self.body, self.gram(c))
         strongest = replace(excitation, spectrum=excitation.spectrum[:, self.weakest :])
         return np.fmin(strongest.eigenvalue_fitness, HOPELESS)

@@ -1,6 +1,6 @@
-"""The search for trajectories: compiled descents from many starts, then the proof.
+"""Search for trajectories: compiled descents from many starts, then a proof of validity.
 
-Example, the best one that is proven within 50 ms: ``search(problem, Goal(), settings, deadline=0.05)``.
+Example, the best proven trajectory within 50 ms: ``search(problem, Goal(), settings, deadline=0.05)``.
 """
 
 import logging
@@ -26,41 +26,41 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Validity, check
 from sidegan.validity.remedies import remedy
 
-_ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: at first the search moves freely
-_ROUGH_SHARE = 0.7  # of the evaluations
-_DENSE = 12  # points per period of the highest harmonic at which limits on motion and distances are taken
-_REFINE = 3  # finer points for each sample, where these are fewer
+_ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: a small weight first lets the search move freely
+_ROUGH_SHARE = 0.7  # share of evaluations with the small weight
+_DENSE = 12  # least points per period of the highest harmonic for limits on motion and distances
+_REFINE = 3  # finer points per sample, if the samples are fewer
 _RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shortest=1e-6)
-_MEMORY = 25  # pairs of steps and slopes
-_REACH = 0.7  # share of the tightest limit that a joint of a start uses
-_FULL = 0.99  # share of the limits on motion that the end of a search uses at most
-_SHARES = (1.0, 0.99, 0.975, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3, 0.15, 0.05, 0.02)  # of what is too large
-_SLIGHTLY = 0.9  # such a share, where there is a proven trajectory already
-_BETTER = 1e-3  # by which a goal must be better to be worth a proof
-_PROOF = 4e-3  # [s] that is left for a proof before a deadline
-_AGAIN = 4  # searches for a trajectory at most
-_WHOLE, _SCRAP = 0.5, 0.2  # share of its size below which it is searched again, and left out
-_SAMPLES = 80  # at which the information of a trajectory of a set is taken
+_MEMORY = 25  # pairs of steps and gradient changes of L-BFGS
+_REACH = 0.7  # share of its tightest limit that each joint of a start uses
+_FULL = 0.99  # largest share of the limits on motion at the end of a descent
+_SHARES = (1.0, 0.99, 0.975, 0.95, 0.9, 0.8, 0.65, 0.5, 0.3, 0.15, 0.05, 0.02)  # scales tried for validity
+_SLIGHTLY = 0.9  # smallest scale tried after each descent; smaller ones only if all of them fail
+_BETTER = 1e-3  # improvement of the goal that is worth a proof
+_PROOF = 4e-3  # time reserved for a proof before a deadline [s]
+_AGAIN = 4  # searches per trajectory, at most
+_WHOLE, _SCRAP = 0.5, 0.2  # scales below which a trajectory is searched again, and left out
+_SAMPLES = 80  # time points for the information of a trajectory in a set
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Found:
-    """A proven trajectory."""
+    """A trajectory proven valid."""
 
     coefficients: Array  # (J, H, 2) [rad/s]
     value: float  # of the goal
-    share: float = 1.0  # of the size that the search gave it, which is left
+    share: float = 1.0  # its scale relative to the result of the descent
 
 
 class Descent:
-    """L-BFGS from one start after another, whose penalties become strict; not for several threads at once.
+    """L-BFGS from a start, with a small and then a large penalty; not thread-safe.
 
     Args:
-        problem: of the trajectories.
-        goal: what is to be small.
-        reserve: share of each limit that is kept free, and half of it in metres as clearance.
+        problem: constraints and family of the trajectories.
+        goal: to minimise.
+        reserve: share of each limit to keep free; the clearance is half this number [m].
     """
 
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
@@ -73,11 +73,11 @@ class Descent:
         self._state = descent.search(joints, 2 * harmonics, _MEMORY)
 
     def start(self, random: np.random.Generator, reach: float = _REACH) -> Array:
-        """A random point, (J, 2 H), of which each joint uses ``reach`` of its tightest limit."""
+        """A random point, (J, 2 H), at which each joint uses ``reach`` of its tightest limit."""
         return self.coordinates.start(self.problem, 1, random, reach)[0]
 
     def run(self, x: Array, evaluations: int) -> Array:
-        """Coefficients [rad/s], (J, H, 2), within the limits on motion, to which a point leads."""
+        """Coefficients [rad/s], (J, H, 2), within the limits on motion, after a descent from a point."""
         first = round(_ROUGH_SHARE * evaluations)
         self._state.x[:] = x.ravel()
         for plan, count in ((self._objective.plan, first), (self._strict, evaluations - first)):
@@ -92,15 +92,15 @@ class Descent:
         return float(self._state.numbers[descent.GOAL])
 
     def _descend(self, plan: Plan, evaluations: int) -> None:
-        """So many evaluations from where the search stands; the first is that of its start."""
+        """Continue the descent for a number of evaluations, the first at the current point."""
         self._state.numbers[descent.STARTED] = 0.0
         descent.descend(plan, _RULES, self._state, self._objective.scratch, evaluations)
 
 
 def proven(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, Validity]:
-    """Trajectories [rad/s], (B, J, H, 2), as much smaller as they must be to be valid, and which are, (B,).
+    """Scale trajectories [rad/s], (B, J, H, 2), down until they are valid; also whether they are, (B,).
 
-    They shrink towards home to no less than a share of their size; the last verdict is on what is left.
+    They shrink towards home, but not below the scale ``smallest``; the verdict is that of the last check.
     """
     c = np.where(np.isfinite(c).all((1, 2, 3), keepdims=True), c, 0.0)
     valid = np.zeros(len(c), dtype=bool)
@@ -122,16 +122,16 @@ def search(
     deadline: float | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Found:
-    """The best proven trajectory after the settings' evaluations, or when a deadline [s] has come.
+    """The best proven trajectory after the settings' evaluations, or within a deadline [s].
 
-    As many evaluations give the same answer again. What is compiled is loaded at the first call.
+    The result is reproducible for a number of evaluations. The first call loads compiled kernels.
 
     Raises:
-        InfeasibleError: when the arm cannot rest at home, or no trajectory is proven; says what is violated.
+        InfeasibleError: when the arm cannot rest at home, or no trajectory is proven; names the violations.
         ShapeError: when the goal does not fit the arm.
     """
     began = clock()
-    done, pace = 0, 0.0  # evaluations, and [s] of one
+    done, pace = 0, 0.0  # evaluations, and time per evaluation [s]
     compile_beside()
     problem = replace(problem, samples=max(settings.samples, 2 * problem.trajectory.harmonics + 1))
     problem.constraints.refuse_home(problem.trajectory.home or ())
@@ -170,24 +170,25 @@ def search(
             best = Found(shrunk[0], searching.value(shrunk[0]), share)
     if best is None:
         faults = verdict.failures(0) if verdict else []
-        said = "; ".join(map(str, faults)) or "out of time"
+        reason = "; ".join(map(str, faults)) or "out of time"
         helps = [remedy(problem.constraints, (fault.constraint, fault.where)) for fault in faults[:1]]
-        raise InfeasibleError("; ".join([f"no trajectory was proven in {done} evaluations: {said}", *helps]))
+        text = f"no trajectory was proven in {done} evaluations: {reason}"
+        raise InfeasibleError("; ".join([text, *helps]))
     return best
 
 
 class SetGoal(Protocol):
-    """Goal of a set, given the trajectories that it holds already."""
+    """Goal of a set, given the trajectories that it already has."""
 
     def next(self) -> Goal:
         """The goal of the next trajectory."""
 
     def take(self, trajectory: Trajectory, c: Array) -> None:
-        """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
+        """Add a trajectory with coefficients [rad/s], (J, H, 2), to the set."""
 
 
 class ConditionGoal:
-    """A small condition number of a whole set, of rigid bodies alone."""
+    """The condition number of a whole set, for rigid bodies alone."""
 
     def __init__(self, problem: Problem) -> None:
         self._body, size = problem.body, problem.body.parameters_count
@@ -198,15 +199,15 @@ class ConditionGoal:
         return Goal("condition", prior=self._sum)
 
     def take(self, trajectory: Trajectory, c: Array) -> None:
-        """Count a trajectory with coefficients [rad/s], (J, H, 2), as one of the set."""
+        """Add a trajectory with coefficients [rad/s], (J, H, 2), to the set."""
         self._sum = self._sum + trajectory.period * gram(self._body, trajectory, c[None], _SAMPLES)[0]
 
 
 def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSettings, seed: int) -> Array:
     """A set of proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
 
-    A trajectory that had to become much smaller to be valid is searched again. If next to nothing is left of
-    it every time, and others are as they should be, it is left out, so that there are fewer.
+    A trajectory that had to be scaled down much is searched again. If it stays tiny, it is left out, unless
+    all are: the set may be smaller than ``count``.
 
     Raises:
         InfeasibleError: when no trajectory is proven.
@@ -223,11 +224,11 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
             if tried and tried[-1].share >= _WHOLE:
                 break
         if tried:
-            found.append(max(tried, key=lambda one: one.share))
+            found.append(max(tried, key=lambda trajectory: trajectory.share))
             goal.take(problem.trajectory, found[-1].coefficients)
         elif failed is not None and not found:
             raise failed
-    worth = [one for one in found if one.share >= _SCRAP] or found
-    if len(worth) < count:
-        _log.warning("%d of %d trajectories hardly move the arm and are left out", count - len(worth), count)
-    return np.stack([one.coefficients for one in worth])
+    kept = [trajectory for trajectory in found if trajectory.share >= _SCRAP] or found
+    if len(kept) < count:
+        _log.warning("%d of %d trajectories hardly move the arm and are left out", count - len(kept), count)
+    return np.stack([trajectory.coefficients for trajectory in kept])

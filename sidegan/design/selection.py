@@ -1,6 +1,6 @@
-"""The pick of an excitation set from a pool: the paper's score, or optimal experimental design.
+"""Select an excitation set from a pool: by the paper's score, or by optimal experimental design.
 
-All of it is deterministic, and the first of equals wins.
+All methods are deterministic; the first of equal candidates wins.
 """
 
 import math
@@ -17,21 +17,20 @@ from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 
-_ROWS = 4000  # whose differences stay near the processor
+_ROWS = 4000  # rows per batch, whose differences stay in the cache
 _TIE = 1e-9  # criteria (logarithms) that differ by less are equal
-_AT_ONCE = 1024  # candidates: 15 MB of 43 × 43
-_PRIOR = 1e-3  # of an average trajectory, that is known before the first choice
-_HELD = 20_000  # trajectories whose information is held: 300 MB at 43 parameters
+_AT_ONCE = 1024  # candidates per batch: 15 MB at 43 parameters
+_PRIOR = 1e-3  # prior information, as a share of an average trajectory's
+_HELD = 20_000  # most trajectories whose information is kept in memory: 300 MB at 43 parameters
 
 
 @dataclass(frozen=True, kw_only=True)
 class Selection:
-    """How many trajectories are picked from a pool, and by what."""
+    """Number of trajectories to select from a pool, and the method."""
 
     count: Count = 35
     method: Literal["greedy", "d_optimal", "a_optimal"] = "greedy"
-    # of each joint's torque [N·m], by which the joints count; not for greedy
-    noise: list[Positive] | None = None
+    noise: list[Positive] | None = None  # of each joint's torque [N·m], to weight joints; not for greedy
 
     def __post_init__(self) -> None:
         if self.method == "greedy" and self.noise is not None:
@@ -39,15 +38,15 @@ class Selection:
 
 
 def choose(settings: Selection, body: RigidBody, trajectory: Trajectory, c: Array, diagonal: Array) -> Array:
-    """Indices of the trajectories picked from a pool (N, J, H, 2), in the order of choice, (count,).
+    """Indices, (count,), of trajectories selected from a pool, (N, J, H, 2), in the order of choice.
 
-    The paper's score looks at the diagonal of each YᵀY / T over the base columns alone, (N, p).
+    The paper's score only uses the diagonal of each YᵀY / T over the base columns, (N, p).
     """
     if settings.method == "greedy":
         return greedy(diagonal, settings.count)
 
-    def information(some: Array) -> Array:
-        return information_of(body, trajectory, some, noise=settings.noise)
+    def information(part: Array) -> Array:
+        return information_of(body, trajectory, part, noise=settings.noise)
 
     pick = a_optimal if settings.method == "a_optimal" else d_optimal
     pool = information(c) if len(c) <= _HELD else Candidates(len(c), lambda index: information(c[index]))
@@ -56,7 +55,7 @@ def choose(settings: Selection, body: RigidBody, trajectory: Trajectory, c: Arra
 
 @dataclass(frozen=True)
 class Candidates:
-    """Candidates whose information is made when it is looked at: 15 kB each at 43 parameters."""
+    """Candidates whose information is computed on access: 15 kB each at 43 parameters."""
 
     count: int
     information: Callable[[Array], Array]  # indices (K,) → information, (K, q, q)
@@ -70,16 +69,16 @@ class Candidates:
     def mean(self, axis: Literal[0]) -> Array:
         """Mean information, (q, q)."""
         parts = split(np.arange(self.count), _AT_ONCE)
-        return sum((self[some].sum(axis) for some in parts), np.zeros(())) / self.count
+        return sum((self[part].sum(axis) for part in parts), np.zeros(())) / self.count
 
 
 def greedy(diagonals: Array, count: int) -> Array:
-    """Indices of the chosen trajectories in the order of choice, (count,).
+    """Indices of the chosen trajectories, (count,), in the order of choice.
 
-    With ψ_i the diagonal of YᵀY over the base columns of trajectory i, a row of (N, p), the next choice is
-    the largest of d_i = g_i / max g + f_i / max f over those not chosen yet, where g_i = ‖ψ_i − ψ_previous‖
-    (ψ_previous = 0 at first) and f_i = Σ ψ_i. A maximum of zero (all that is left equals the previous choice,
-    or nothing is excited) makes its term zero.
+    With ψ_i the diagonal of YᵀY over the base columns of trajectory i, a row of (N, p), the next choice
+    maximises d_i = g_i / max g + f_i / max f over those not chosen yet, where g_i = ‖ψ_i − ψ_previous‖
+    (ψ_previous = 0 at first) and f_i = Σ ψ_i. A term whose maximum is zero (all others equal the previous
+    choice, or nothing is excited) is zero.
 
     Raises:
         ShapeError: when the diagonals are not finite, non-negative (N, p), or ``count`` is not in 1 … N.
@@ -96,10 +95,10 @@ def greedy(diagonals: Array, count: int) -> Array:
     chosen = np.zeros(len(diagonals), dtype=bool)
     previous, order = np.zeros_like(diagonals[0]), list[int]()
     for _ in range(count):
-        # Not by inner products: their cancellation would decide between near neighbours.
-        apart = (part - previous for part in split(diagonals, _ROWS))
-        away = np.sqrt(np.concatenate([np.linalg.vecdot(x, x) for x in apart]))
-        score = _share(away, chosen) + _share(excitation, chosen)
+        # Differences, since inner products lose near neighbours to cancellation.
+        differences = (part - previous for part in split(diagonals, _ROWS))
+        distance = np.sqrt(np.concatenate([np.linalg.vecdot(x, x) for x in differences]))
+        score = _share(distance, chosen) + _share(excitation, chosen)
         best = int(np.where(chosen, -1.0, score).argmax())
         chosen[best] = True
         previous = diagonals[best]
@@ -108,21 +107,21 @@ def greedy(diagonals: Array, count: int) -> Array:
 
 
 def _share(x: Array, chosen: Array) -> Array:
-    """Part of the largest value that is left, (N,); zeros when that is zero."""
+    """Values relative to the largest not chosen yet, (N,); zeros if that is zero."""
     largest = x.max(where=~chosen, initial=0.0)
     return x / largest if largest > 0 else np.zeros_like(x)
 
 
 def d_optimal(information: Array | Candidates, count: int) -> Array:
-    """Indices of the greedy pick of N matrices, (N, q, q), by log det(prior + Σ), in order, (count,).
+    """Greedy selection from N matrices, (N, q, q), by log det(prior + Σ): indices in order, (count,).
 
-    The prior is a thousandth of an average trajectory. The gain over it is monotone and submodular, so the
-    pick has at least 1 − 1/e of the largest gain of any set of ``count``, and what a candidate would have
-    added before bounds what it adds now: most need not be looked at again. Units and mixtures of parameters
-    do not matter.
+    The prior is a thousandth of an average trajectory. The gain over it is monotone and submodular: the
+    selection has at least 1 − 1/e of the largest gain of any set of ``count``, and a candidate's earlier gain
+    bounds its present one, so that most need not be evaluated again. The result does not depend on units or
+    linear combinations of parameters.
 
     Raises:
-        ShapeError: when the information is not finite, leaves a direction out, or has fewer than ``count``.
+        ShapeError: when the information is not finite or singular, or has fewer than ``count`` matrices.
 
     Source: Nemhauser, Wolsey, Fisher 1978 (guarantee); Minoux 1978 (bounds).
     """
@@ -130,10 +129,10 @@ def d_optimal(information: Array | Candidates, count: int) -> Array:
 
 
 def a_optimal(information: Array | Candidates, count: int) -> Array:
-    """Indices of the greedy pick of N matrices, (N, q, q), by tr (prior + Σ)⁻¹, in order, (count,).
+    """Greedy selection from N matrices, (N, q, q), by tr (prior + Σ)⁻¹: indices in order, (count,).
 
-    The sum of the parameters' variances, in their own units, is made small step by step. That is not
-    submodular: there is no guarantee like D-optimal's, and every candidate is looked at for every choice.
+    It minimises the sum of the parameters' variances, in their own units. The gain is not submodular: there
+    is no guarantee like D-optimal's, and every choice evaluates every candidate.
 
     Raises:
         ShapeError: as ``d_optimal``.
@@ -144,22 +143,22 @@ def a_optimal(information: Array | Candidates, count: int) -> Array:
 def _optimal(
     information: Array | Candidates, count: int, criterion: Callable[[Array], Array], bounded: bool
 ) -> Array:
-    """Indices of the greedy pick; ``bounded``: a candidate never adds more than it would have before."""
+    """Indices of the greedy selection; ``bounded``: a candidate's gain never grows."""
     if isinstance(information, np.ndarray) and (information.ndim != 3 or not len(information)):
         raise ShapeError(f"information is {information.shape}, expected (N, q, q), N ≥ 1")
     total, order = _PRIOR * information.mean(0), list[int]()
     if not math.isfinite(condition_of(total)):
         raise ShapeError("no trajectory excites some combination of parameters: they cannot be told apart")
     _check_count(count, len(information))
-    most = np.full(len(information), np.inf)  # that each can add
+    most = np.full(len(information), np.inf)  # bound on each candidate's gain
     for _ in range(count):
         added, best, before = np.full_like(most, -np.inf), 0.0, criterion(total[None])
-        for some in split(np.argsort(-most, stable=True), _AT_ONCE):
-            some = some[most[some] >= best - 2 * _TIE]
-            if not len(some):
+        for batch in split(np.argsort(-most, stable=True), _AT_ONCE):
+            batch = batch[most[batch] >= best - 2 * _TIE]
+            if not len(batch):
                 break
-            added[some] = criterion(total + information[some]) - before
-            best = max(best, float(added[some].max()))
+            added[batch] = criterion(total + information[batch]) - before
+            best = max(best, float(added[batch].max()))
         chosen = int((added >= added.max() - _TIE).argmax())
         order.append(chosen)
         total = total + information[np.array([chosen])][0]
@@ -175,12 +174,12 @@ def _check_count(count: int, available: int) -> None:
 
 
 def _log_det(matrices: Array) -> Array:
-    """Logarithm of the determinants of positive definite matrices (K, q, q), (K,)."""
+    """Log determinants, (K,), of positive definite matrices, (K, q, q)."""
     return 2 * np.log(np.linalg.diagonal(np.linalg.cholesky(matrices))).sum(1)
 
 
 def _log_precision(matrices: Array) -> Array:
-    """Minus the logarithm of the traces of the inverses of positive definite matrices (K, q, q), (K,)."""
+    """Negative logarithm of the trace of the inverse, (K,), of positive definite matrices, (K, q, q)."""
     from scipy.linalg import lapack  # takes a fifth of a second to import
 
     traces = np.empty(len(matrices))
