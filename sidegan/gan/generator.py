@@ -1,4 +1,4 @@
-"""The generator of trajectories: its network, scale and limits, in one file once it is trained."""
+"""The generator of trajectories: network, scaling and limits, saved in one file."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -21,16 +21,16 @@ _FORMAT = 8
 
 
 class TrajectoryGenerator(nn.Module):
-    """A generator with its scale, the trajectories' family and the robot that it was trained for.
+    """A generator network with its scaling, the trajectories' family and the arm that it was trained for.
 
     Args:
         network: noise → images.
-        scaling: images → coefficients; where there is a box, before it.
+        scaling: images → coefficients, before the box if there is one.
         trajectory: the family of trajectories.
-        arm: whose trajectories they are.
-        limited: whether a last layer keeps the limits on motion.
-        box: largest absolute coefficient [rad/s]; None where there is no such bound.
-        corrections: networks that correct images by what their trajectories do, one after the other.
+        arm: that the trajectories are for.
+        limited: whether a last layer enforces the limits on motion.
+        box: bound on the absolute coefficients [rad/s]; None: no bound.
+        corrections: number of networks that correct images, given their trajectories, one after the other.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class TrajectoryGenerator(nn.Module):
         self.float()
 
     def coefficients(self, images: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of images, within the box and the limits where it has them."""
+        """Coefficients [rad/s], (B, J, H, 2), from images, within the box and the limits if it has them."""
         c = self.scaling.coefficients(images)
         c = c if self.box is None else self.box(c)
         return c if self.limits is None else self.limits(c)
@@ -68,22 +68,19 @@ class TrajectoryGenerator(nn.Module):
 
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Array:
-        """New coefficients [rad/s], (count, J, H, 2) float64; the same for the same seed.
-
-        A stream of random numbers in place of a seed goes on.
-        """
+        """New coefficients [rad/s], (count, J, H, 2) float64, from a seed or the next numbers of a stream."""
         if count < 1:
             raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
         stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
         return array(self.coefficients(self.images(count, stream)))
 
     def stream(self, seed: int) -> Callable[[int], Array]:
-        """A function that draws so many new coefficients [rad/s], (count, J, H, 2), others at every call."""
+        """Function that draws new coefficients [rad/s], (count, J, H, 2), different at every call."""
         noise = torch.Generator().manual_seed(seed)
         return lambda count: self.sample(count, noise)
 
     def save(self, path: Path) -> None:
-        """Write one file of tensors and plain values."""
+        """Write a file of tensors and plain values."""
         content = {
             "format": _FORMAT,
             "robot": self.robot,
@@ -100,10 +97,10 @@ class TrajectoryGenerator(nn.Module):
 
     @classmethod
     def load(cls, path: Path, arm: Arm) -> "TrajectoryGenerator":
-        """Generator of an arm from a file that ``save`` wrote; no code in the file is run.
+        """Generator for an arm from a file that ``save`` wrote; no code in the file is executed.
 
         Raises:
-            ArtifactError: for a truncated or foreign file, or another arm.
+            ArtifactError: for a truncated or foreign file, or a different arm.
         """
         content = read_tensors(path)
         if not isinstance(content, dict) or content.get("format") != _FORMAT:

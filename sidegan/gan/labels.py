@@ -1,4 +1,4 @@
-"""Exactly labelled samples for the surrogates: labels are cheap because the physics is ours."""
+"""Samples for the surrogates with exact labels, which the compiled physics makes cheap."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -14,24 +14,24 @@ from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
-_DISTANCE = 0.1  # [m] clearance that counts like a whole joint range
-_CLIP = 1.0  # scaled margins beyond this carry no information about validity
+_DISTANCE = 0.1  # clearance equivalent to a whole joint range [m]
+_CLIP = 1.0  # larger scaled margins carry no information about validity
 _BATCH = 250
-_SMALLEST, _LARGEST = 0.8, 1.2  # of what surrogates learn from, in its own size
+_SMALLEST, _LARGEST = 0.8, 1.2  # range of random scales of the samples
 
 
 class Labelled(NamedTuple):
-    """Samples with their true labels."""
+    """Samples with their exact labels."""
 
     c: Array  # coefficients, (N, J, H, 2) float32
-    valid: Array  # dense validity, (N,)
-    margins: Array  # scaled margins by moment, (N, G, T) float32, clipped to ±1
+    valid: Array  # validity over the whole period, (N,)
+    margins: Array  # scaled margins over time, (N, G, T) float32, clipped to ±1
     spectrum: Array  # spectrum of YᵀY, (N, p)
     diagonal: Array  # diagonal of YᵀY, (N, p)
-    energies: Array  # by ``reward.Energies``, (N, K); (N, 0) where they are not wanted
+    energies: Array  # of ``reward.Energies``, (N, K); (N, 0) if not requested
 
     def take(self, rows: Array) -> "Labelled":
-        """Some of the samples."""
+        """The samples of these rows."""
         return Labelled(*(x[rows] for x in self))
 
     @staticmethod
@@ -43,8 +43,8 @@ class Labelled(NamedTuple):
 def blend(seeds: Array, others: Array, count: int, seed: int) -> Array:
     """Coefficients (count, J, H, 2) for the surrogates to learn from.
 
-    Half are seeds, half are others (a vanilla GAN's output), each at 0.8 to 1.2 of its size: optimised seeds
-    sit on the boundary of what is valid, so that both sides of it are seen.
+    Half are seeds, half are others (samples of a vanilla GAN), each scaled by 0.8 to 1.2: optimised seeds are
+    on the boundary of validity, so that scaling puts samples on both sides of it.
     """
     half, noise = count // 2, torch.Generator().manual_seed(seed)
     parts = [
@@ -63,21 +63,21 @@ def label(
     progress: Report,
     energies: Callable[[Array], Array] | None = None,
 ) -> Labelled:
-    """True labels of coefficients (N, J, H, 2); ``steps`` time points per trajectory for the margins."""
+    """Exact labels of coefficients (N, J, H, 2), with margins at ``steps`` time points per trajectory."""
     parts = []
     for done, batch in enumerate(split(c, _BATCH)):
         excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, batch))
         valid = check(constraints, trajectory, batch).valid
         margins = scaled_margins(constraints, trajectory, batch, steps)
-        more = batch[:, 0, 0, :0] if energies is None else energies(batch)
+        reward = batch[:, 0, 0, :0] if energies is None else energies(batch)
         single = batch.astype(np.float32)
-        parts.append(Labelled(single, valid, margins, excitation.spectrum, excitation.diagonal, more))
+        parts.append(Labelled(single, valid, margins, excitation.spectrum, excitation.diagonal, reward))
         progress(min(len(c), (done + 1) * _BATCH), len(c))
     return Labelled.join(parts)
 
 
 def scaled_margins(constraints: Constraints, trajectory: Trajectory, c: Array, steps: int) -> Array:
-    """Smallest margin of each constraint by moment, (B, G, T) float32, in shares of its limit."""
+    """Smallest margin of each constraint over time, (B, G, T) float32, relative to its limit."""
     times = trajectory.grid(steps)
     motion = [trajectory.derivative(c, times, order) for order in range(constraints.orders)]
     states = [x.reshape(-1, x.shape[2]) for x in motion]

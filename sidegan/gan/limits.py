@@ -1,4 +1,4 @@
-"""Last layers after which a limit holds whatever they are given: limits on motion, a box of coefficients."""
+"""Output layers that enforce limits on motion, or a box of coefficients, for any input."""
 
 import numpy as np
 import torch
@@ -10,28 +10,27 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
 _POINTS = 24  # time points per harmonic
-_SHARPNESS = 8.0  # of the turn from proportional to saturated; use 1 becomes 0.92
-_ROUNDING = 1e-5  # of single precision, kept free
-_LEAST_ROOM = 1e-3  # [rad or m] below which a joint whose home lies at its limit stands still
-_EDGE = 0.97  # of a box, as which what lies on it, or beyond, counts when it is taken out
+_SHARPNESS = 8.0  # of the saturation; a use of 1 becomes 0.92
+_ROUNDING = 1e-5  # reserve for single precision
+_LEAST_ROOM = 1e-3  # lower bound of the distance from home to a limit [rad or m]
+_EDGE = 0.97  # share of the box to which coefficients are clipped before the inverse
 
 
 class LimitLayer(nn.Module):
-    """Coefficients of which each joint uses less than the whole of its limits on motion.
+    """Scale coefficients so that each joint stays within its limits on motion.
 
-    Those are the limits of position, velocity and, where there are any, of acceleration and jerk.
+    The limits are those of position, velocity and, if present, acceleration and jerk.
 
-    A joint's motion away from home is linear in its coefficients, so scaling them scales what is used of
-    every limit; a joint that would use u is scaled by (1 + uᵖ)^(−1/p), which is smooth, leaves small
-    motions alone, and never reaches the limit. Between samples a signal lies within dt²/8 of its largest
-    second derivative of the line through its neighbours; those derivatives are bounded likewise, up to the
-    fourth of the position, which has a closed form, as the fifth has. The bound scales with the coefficients
-    too.
+    A joint's motion away from home is linear in its coefficients, so scaling them scales the use of every
+    limit. A joint that would use u is scaled by (1 + uᵖ)^(−1/p), which is smooth, hardly changes small
+    motions, and never reaches the limit. Between samples, a signal differs from linear interpolation by at
+    most dt²/8 times its largest second derivative. These derivatives are bounded in the same way, up to the
+    fourth and fifth of the position, which have closed bounds. The bounds also scale with the coefficients.
     """
 
     bases: Tensor  # of position, velocity, acceleration and jerk, (4, T, 2 H)
-    peaks: Tensor  # bounds of the fourth and of the fifth derivative, (2, 2 H)
-    room: Tensor  # from home to the upper and to the lower position limits [rad or m], (2, J)
+    peaks: Tensor  # bounds of the fourth and fifth derivatives, (2, 2 H)
+    room: Tensor  # from home to the upper and lower position limits [rad or m], (2, J)
     limits: Tensor  # of the derivatives in ``orders``, (L, J)
 
     def __init__(self, arm: Arm, trajectory: Trajectory) -> None:
@@ -53,12 +52,12 @@ class LimitLayer(nn.Module):
 
     def forward(self, c: Tensor) -> Tensor:
         """Scaled coefficients [rad/s], (B, J, H, 2)."""
-        # exp(−softplus(p log u) / p), which overflows nowhere.
-        turn = nn.functional.softplus(_SHARPNESS * torch.log(self.use(c).clamp_min(1e-12)))
-        return c * ((1 - _ROUNDING) * torch.exp(-turn / _SHARPNESS))[:, :, None, None]
+        # exp(−softplus(p log u) / p) does not overflow.
+        log = nn.functional.softplus(_SHARPNESS * torch.log(self.use(c).clamp_min(1e-12)))
+        return c * ((1 - _ROUNDING) * torch.exp(-log / _SHARPNESS))[:, :, None, None]
 
     def use(self, c: Tensor) -> Tensor:
-        """Upper bound of the share of its tightest limit that each joint uses in the period, (B, J)."""
+        """Upper bound of the share of its tightest limit that each joint uses over the period, (B, J)."""
         x, between = c.flatten(2), self.gap**2 / 8
         motion = [x @ basis.to(c).T for basis in self.bases]
         snap, crackle = (x.abs() @ peak.to(c) for peak in self.peaks)
@@ -74,16 +73,16 @@ class LimitLayer(nn.Module):
 
 
 class Box(nn.Module):
-    """Coefficients of absolute values below a size [rad/s]."""
+    """Map free coefficients smoothly into a box of absolute values below a size [rad/s]."""
 
     def __init__(self, size: float) -> None:
         super().__init__()
         self.size = size
 
     def forward(self, free: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of free ones; those far within the box are left alone."""
+        """Coefficients [rad/s], (B, J, H, 2), from free ones; those far inside the box hardly change."""
         return (1 - _ROUNDING) * self.size * torch.tanh(free / self.size)
 
     def free(self, c: Tensor) -> Tensor:
-        """Free coefficients [rad/s], (B, J, H, 2), that become nearly those in the box."""
+        """Free coefficients [rad/s], (B, J, H, 2), from those in the box, clipped at its edge."""
         return self.size * torch.atanh((c / self.size).clamp(-_EDGE, _EDGE))

@@ -1,4 +1,4 @@
-"""How good a generator is, measured with the true physics and not with the surrogates."""
+"""Quality of a generator, measured with exact physics instead of the surrogates."""
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
-_LEVEL, _SHARE = 0.1, 0.01  # noise, of the torque as the paper has it, and of each joint's torque limit
-_POOL, _DRAWS = 200, 100  # valid trajectories from which sets are drawn, and how many of these
+_LEVEL, _SHARE = 0.1, 0.01  # noise relative to the torque, as in the paper, and to each joint's torque limit
+_POOL, _DRAWS = 200, 100  # valid trajectories to draw sets from, and number of sets
 
 
 def noises(body: RigidBody) -> dict[str, TorqueNoise]:
-    """Noise on torques under which a model is identified, by the names in ``settings.Reward``."""
+    """Torque noise in the identification of a model, by the names in ``settings.Reward``."""
     return {
         "proportional": TorqueNoise.proportional(_LEVEL, np.ones(body.joints)),
         "constant": TorqueNoise.constant(body, _SHARE),
@@ -33,13 +33,12 @@ def noises(body: RigidBody) -> dict[str, TorqueNoise]:
 def measure(
     constraints: Constraints, trajectory: Trajectory, c: Array, seeds: Array | None = None
 ) -> dict[str, float]:
-    """Validity, fitness, diversity and worth of generated coefficients (N, J, H, 2), beside seeds.
+    """Validity, fitness, diversity and prediction errors of generated coefficients, (N, J, H, 2).
 
-    They only count together: a generator that hardly moves is valid, one with a few distant modes has a large
-    mean distance, one that adds the same motion to all of them has a small condition number. ``condition``
-    is the median over all samples and ``condition_mean`` their mean, as in figure 3 of the paper;
-    ``condition_valid`` is the median over the valid ones (not a number when there are none), and those alone
-    count for the errors of ``expected_errors``.
+    None of them suffices alone: a generator that hardly moves is valid, one with a few distant modes has a
+    large mean distance, one with a common offset a small condition number. ``condition`` is the median over
+    all samples and ``condition_mean`` their mean, as in figure 3 of the paper; ``condition_valid`` is the
+    median over the valid ones (NaN if there are none). ``expected_errors`` uses the valid ones only.
     """
     valid = check(constraints, trajectory, c).valid
     excitation = excite(constraints.body, trajectory, c)
@@ -59,10 +58,10 @@ def measure(
 
 
 def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Array) -> dict[str, float]:
-    """Expected nMSE of 35 of some valid trajectories (N, J, H, 2), drawn at random, on random motions.
+    """Expected nMSE on random motions after identification from random sets of 35 of N trajectories.
 
-    Under the paper's noise and equal weights, and under a constant noise by which joints are weighted; mean
-    over joints and draws, and geometric mean. Infinite where there are no 35.
+    With the paper's noise and equal weights, and with constant noise and joints weighted by it; arithmetic
+    and geometric mean over joints and draws. Infinite for fewer than 35 trajectories, (N, J, H, 2).
     """
     body, motions = constraints.body, random_motions(Problem(constraints, trajectory))
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))

@@ -1,6 +1,6 @@
-"""Generator and discriminators: ours, four full layers each, on (2, J, H) images; and the published ones.
+"""Generator and discriminators: ours, four dense layers on (2, J, H) images; and the published ones.
 
-Those are convolutions of 7 × 7 images; source: as ``gan.variants``.
+The latter are convolutions of 7 × 7 images; source: as in ``gan.variants``.
 """
 
 import math
@@ -11,18 +11,18 @@ from typing import cast
 import torch
 from torch import Tensor, nn
 
-_SMALL = 0.1  # share of the layers in the output of a generator that starts as a Gaussian
-_DRAWS = 1024  # over which the layers' mean is taken
+_SMALL = 0.1  # initial scale of the layers next to the shortcut
+_DRAWS = 1024  # samples for the layers' mean
 
-IMAGE = (2, 7, 7)  # shape of a published image: 7 joints, and 6 harmonics with the row that repeats the first
-_PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, whose images have the sides 3, 3, 3, 5 and 7
-_STRIDES = {True: (2, 2, 1, 1), False: (2, 2, 2, 1)}  # of the discriminator's layers, of images or of lists
+IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
+_PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, with output sides 3, 3, 3, 5 and 7
+_STRIDES = {True: (2, 2, 1, 1), False: (2, 2, 2, 1)}  # of the discriminator's layers, for images or lists
 _SLOPE = 0.2  # of the leaky ReLU below zero
-_DEVIATION = 0.02  # of the weights at first
+_DEVIATION = 0.02  # of the initial weights
 
 
 class FromNoise(nn.Module):
-    """A network that makes images of noise (B, Z), uniform in [−1, 1]."""
+    """A network that maps noise (B, Z), uniform in [−1, 1], to images."""
 
     noise: int  # Z
 
@@ -33,14 +33,14 @@ class FromNoise(nn.Module):
         return (2 * z - 1).to(parameter.device)
 
     def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Images of as much noise, (count, …)."""
+        """Images of new noise, (count, …)."""
         return self(self.draw(count, generator))
 
 
 class Generator(FromNoise):
-    """Images (B, 2, J, H) of noise (B, Z) in [−1, 1], of unit spread from the start.
+    """Maps noise (B, Z) in [−1, 1] to images (B, 2, J, H), initially of unit spread.
 
-    A shortcut is a linear path beside the layers (``start_from``).
+    A shortcut is a linear path parallel to the layers (``start_from``).
     """
 
     def __init__(
@@ -72,10 +72,10 @@ class Generator(FromNoise):
 
     @torch.no_grad()
     def start_from(self, images: Tensor) -> None:
-        """Make a network with a shortcut yield the mean of images (N, 2, J, H), and that their covariance.
+        """Initialise a network with a shortcut to the mean and covariance of images (N, 2, J, H).
 
-        Beside it the layers are small. Noise dimensions beyond the image's stay free for them; fewer
-        than those keep the leading principal directions.
+        The layers' output becomes small. Noise dimensions beyond the image's only enter the layers; with
+        fewer dimensions, the shortcut keeps the leading principal directions.
         """
         shortcut, x = cast("nn.Linear", self.shortcut), images.flatten(1).double()
         values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
@@ -85,12 +85,12 @@ class Generator(FromNoise):
         shortcut.weight.zero_()
         shortcut.weight[:, :count] = root.to(shortcut.weight)
         self._last.weight *= _SMALL
-        beside = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
-        shortcut.bias.copy_(x.mean(0) - beside.flatten(1).mean(0))
+        output = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
+        shortcut.bias.copy_(x.mean(0) - output.flatten(1).mean(0))
 
 
 class Discriminator(nn.Module):
-    """Logits (B,) of being an example, of images (B, 2, J, H) or of standardised features (B, p)."""
+    """Logits (B,) of being an example, for images (B, 2, J, H) or standardised features (B, p)."""
 
     def __init__(self, inputs: int, width: int) -> None:
         super().__init__()
@@ -102,15 +102,15 @@ class Discriminator(nn.Module):
 
 
 def _hidden(inputs: int, width: int) -> list[nn.Module]:
-    """Three full layers with a ReLU after each."""
+    """Three dense layers, each with a ReLU."""
     sizes = [inputs, width, width, width]
     return [module for a, b in pairwise(sizes) for module in (nn.Linear(a, b), nn.ReLU())]
 
 
 class ConvolutionalGenerator(FromNoise):
-    """Images (B, 2, 7, 7) in [−1, 1] of noise (B, Z) in [−1, 1].
+    """Maps noise (B, Z) in [−1, 1] to images (B, 2, 7, 7) in [−1, 1].
 
-    Batches are normalised by their own statistics, when sampling too.
+    Batches are normalised by their own statistics, also when sampling.
     """
 
     def __init__(self, noise: int = 100, width: int = 64, batch: int = 100) -> None:
@@ -132,16 +132,16 @@ class ConvolutionalGenerator(FromNoise):
         return self.layers(z)
 
     def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Images (count, 2, 7, 7), drawn in whole batches of the size of the training's."""
+        """Images (count, 2, 7, 7), drawn in whole batches of the training's size."""
         batches = [self(self.draw(self.batch, generator)) for _ in range(-(-count // self.batch))]
         return torch.cat(batches)[:count]
 
 
 class ConvolutionalDiscriminator(nn.Module):
-    """Logits (B,) of being an example, of images (B, 2, 7, 7) or of lists of p features (B, p).
+    """Logits (B,) of being an example, for images (B, 2, 7, 7) or features (B, p).
 
     Args:
-        shape: of one example, (2, 7, 7) or (p,).
+        shape: of an example, (2, 7, 7) or (p,).
         width: channels of the first layer.
     """
 
@@ -166,7 +166,7 @@ class ConvolutionalDiscriminator(nn.Module):
 
 
 def _initialised(network: nn.Sequential) -> nn.Sequential:
-    """The network with convolutions from N(0, 0.02), and gains of the normalisation from N(1, 0.02)."""
+    """The network with convolutions drawn from N(0, 0.02) and normalisation gains from N(1, 0.02)."""
     for layer in network:
         if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.BatchNorm2d):
             nn.init.normal_(layer.weight, float(isinstance(layer, nn.BatchNorm2d)), _DEVIATION)

@@ -1,4 +1,4 @@
-"""Training of the surrogates: samples are labelled by the physics in shares, then each learns from all."""
+"""Training of the surrogates: label samples with exact physics in parallel, then train each network."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
 
-SHARES = 8  # of the labelled samples, one job each
+SHARES = 8  # jobs that label the samples
 _BATCH = 100
 _HELD_OUT = 0.15  # of the seeds, and of the labelled samples
 _HELD_OUT_NEGATIVES = 500
@@ -33,13 +33,13 @@ _LEAST_NEGATIVES = 100  # for training
 
 @dataclass(frozen=True)
 class Pretraining:
-    """Data and settings from which the surrogates of an arm learn."""
+    """Data and settings for training an arm's surrogates."""
 
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
     settings: SurrogateSettings  # numbers of samples and epochs, sizes of the networks
     seeds: Array  # coefficients [rad/s], (N, J, H, 2)
-    negatives: Array  # a vanilla GAN's samples, as many as ``negatives_count`` says or more
+    negatives: Array  # at least ``negatives_count`` samples of a vanilla GAN
 
     def label(self, seed: int, progress: Report) -> Labelled:
         """One of ``SHARES`` shares of the labelled samples."""
@@ -51,7 +51,7 @@ class Pretraining:
     def train_success(
         self, labelled: Labelled, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
-        """Held-out accuracies of the success predictor, which is left in ``folder``.
+        """Train the success predictor, save it in ``folder``, and return its held-out accuracies.
 
         ``accuracy_paper`` is the paper's task (held-out seeds against faulty samples of the vanilla GAN),
         ``accuracy_broad`` is over all held-out samples.
@@ -73,7 +73,7 @@ class Pretraining:
     def train_features(
         self, features: str, labelled: Labelled, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
-        """Held-out mean R² of the converter to some features, which is left in ``folder``."""
+        """Train the converter to some features, save it in ``folder``, and return its held-out mean R²."""
         data, held, random = _begin(labelled, seed)
         target = tensor(getattr(data, features))
         sizes = {"width": self.settings.width, "steps": self.settings.feature_steps}
@@ -87,7 +87,7 @@ class Pretraining:
 
     @property
     def _learnt(self) -> int:
-        """How many seeds the surrogates learn from; the others are held out."""
+        """Number of seeds to learn from; the others are held out."""
         return max(1, int(len(self.seeds) * (1 - _HELD_OUT)))
 
     def _fit(
@@ -99,7 +99,7 @@ class Pretraining:
 
 
 def _begin(labelled: Labelled, seed: int) -> tuple[Labelled, Labelled, torch.Generator]:
-    """Training data, held-out data and the random numbers of one training."""
+    """Training data, held-out data and random numbers of a training."""
     torch.manual_seed(seed)
     random = torch.Generator().manual_seed(seed)
     order = array(torch.randperm(len(labelled.c), generator=random))
@@ -108,7 +108,7 @@ def _begin(labelled: Labelled, seed: int) -> tuple[Labelled, Labelled, torch.Gen
 
 
 def negatives_count(samples: int) -> int:
-    """Number of a vanilla GAN's samples to draw: half of the labelled ones, with what is held out."""
+    """Number of samples to draw from a vanilla GAN: half of the labelled ones, or enough to hold some out."""
     return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
 
 
@@ -118,7 +118,7 @@ def load_surrogates(
     """Frozen success predictor and converter of a variant with features, from their folder.
 
     Raises:
-        ArtifactError: when one is missing, damaged, or of another arm.
+        ArtifactError: when one is missing, damaged, or for a different arm.
     """
     success, features = folder / "success.pt", folder / f"{variant.features}.pt"
     if variant.published is not None:

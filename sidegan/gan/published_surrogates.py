@@ -1,6 +1,6 @@
-"""The published surrogates: a predictor of faulty and valid samples, converters of seeds.
+"""The published surrogates: a success predictor trained on GAN samples, and converters trained on seeds.
 
-Source: as ``gan.variants``.
+Source: as in ``gan.variants``.
 """
 
 import math
@@ -19,14 +19,14 @@ from sidegan.gan.trainer import Progress, fit
 
 _FIRST = 200  # channels of the first layer
 _BATCH, _RATE = 100, 1e-4
-_HELD_OUT = 0.2  # of the samples and of the seeds
+_HELD_OUT = 0.2  # share of the samples and of the seeds
 
 
 class ShallowNetwork(pl.LightningModule):
-    """Outputs (B, n) of images (B, 2, 7, 7): two convolutions and a full layer, as both surrogates are.
+    """Maps images (B, 2, 7, 7) to outputs (B, n): two convolutions and a dense layer, for both surrogates.
 
-    ``scale`` is the unit of each output: one in the authors' weights, the features' medians in ours, which
-    then need a tenth of their steps.
+    ``scale`` is the unit of each output: one with the authors' weights, the features' medians with ours,
+    which reduces the number of training steps tenfold.
     """
 
     scale: Tensor
@@ -60,7 +60,7 @@ class PublishedPredictor(ShallowNetwork):
 
 
 class PublishedConverter(ShallowNetwork):
-    """The authors' converter: the features themselves, (B, p)."""
+    """The authors' converter: features without logarithm, (B, p)."""
 
     def __init__(self, features: int) -> None:
         super().__init__(10, features)
@@ -73,20 +73,20 @@ class PublishedConverter(ShallowNetwork):
 
 @dataclass(frozen=True)
 class PublishedPretraining:
-    """Data from which the published surrogates learn."""
+    """Data for training the published surrogates."""
 
-    steps: int  # of a training
+    steps: int  # per training
     seeds: Array  # images (N, 2, 7, 7) float32
-    samples: Array  # images (M, 2, 7, 7) float32 of a vanilla GAN, of all of its epochs
-    valid: Array  # of the samples, by true physics, (M,)
+    samples: Array  # images (M, 2, 7, 7) float32 from all epochs of a vanilla GAN
+    valid: Array  # exact validity of the samples, (M,)
 
     def train_success(
         self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
     ) -> dict[str, float]:
-        """Held-out accuracies of the success predictor in ``folder``, trained or of given weights.
+        """Save the success predictor, trained or with given weights, and return its held-out accuracies.
 
-        ``accuracy_broad`` is over samples that it has not seen, ``accuracy_paper`` over the seeds and the
-        faulty ones among these.
+        ``accuracy_broad`` is over held-out samples, ``accuracy_paper`` over the seeds and the faulty ones
+        among these samples.
         """
         torch.manual_seed(seed)
         samples, valid = tensor(self.samples), tensor(self.valid)
@@ -106,7 +106,7 @@ class PublishedPretraining:
     def train_features(
         self, name: str, features: Array, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
-        """Mean relative error on held-out seeds of a converter to features (N, p), left in ``folder``."""
+        """Train and save a converter to features (N, p); return its mean relative error on held-out seeds."""
         torch.manual_seed(seed)
         seeds, target = tensor(self.seeds), tensor(features).float()
         held, learnt = _split(len(target))
@@ -118,20 +118,20 @@ class PublishedPretraining:
             return {f"error_{name}": float(network.training_step([seeds[held], target[held]], 0))}
 
     def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
-        """So many steps, each on a batch of rows drawn anew."""
+        """Train for ``steps`` steps, each on a new random batch."""
         count = len(tensors[0])
-        rows = (torch.randperm(count)[:_BATCH] for _ in range(self.steps))
-        fit(network, ([x[some] for x in tensors] for some in rows), 1, [Progress(progress, self.steps)])
+        batches = (torch.randperm(count)[:_BATCH] for _ in range(self.steps))
+        fit(network, ([x[rows] for x in tensors] for rows in batches), 1, [Progress(progress, self.steps)])
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:
-    """Write a published converter, as ``pretraining.load_surrogates`` reads it; the authors' has no scale."""
+    """Write a published converter for ``pretraining.load_surrogates``; the authors' weights have no scale."""
     outputs = len(weights["fc2.bias"])
     write_network(path, {"scale": torch.ones(outputs), **weights}, {"features": outputs})
 
 
 def _split(count: int) -> tuple[Tensor, ...]:
-    """Rows that are held out, and those that are learnt from, at random."""
+    """Random rows to hold out, and the others to learn from."""
     return torch.randperm(count).tensor_split([int(_HELD_OUT * count)])
 
 

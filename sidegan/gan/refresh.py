@@ -1,4 +1,4 @@
-"""Surrogates that go on learning during a training, from what the generator makes at that time."""
+"""Surrogates that keep learning during a GAN's training, from the generator's current samples."""
 
 from itertools import chain
 from typing import Any
@@ -16,20 +16,20 @@ _BATCH = 100
 
 
 class Refreshed(pl.Callback):
-    """Surrogates taught anew before every epoch, by exact labels of new samples and of those before.
+    """Train the surrogates further before every epoch, on exact labels of recent samples.
 
-    A generator goes where frozen surrogates are wrong: what it then makes is what they learn from here. A
-    checkpoint holds all of it, so that an interrupted training goes on as it would have.
+    A generator learns to exploit the errors of frozen surrogates; here they learn from these samples. The
+    state is part of checkpoints, so that a resumed training gives the same result.
     """
 
     def __init__(self, settings: Refresh, seed: int) -> None:
         self.settings = settings
-        self.random = torch.Generator().manual_seed(-1 - seed)  # unlike that of weights and batches
-        self.window: list[Labelled] = []  # of the last epochs
+        self.random = torch.Generator().manual_seed(-1 - seed)  # independent of weights and batches
+        self.window: list[Labelled] = []  # samples of the last epochs
         self.saved: dict[str, Any] | None = None  # state of the optimiser in a checkpoint
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
-        """Begin with an optimiser at rest, or as it was; the surrogates are on their device by now."""
+        """Create or restore the optimiser, now that the surrogates are on their device."""
         self.surrogates = (pl_module.success_predictor, pl_module.converter)
         weights = chain(*(surrogate.parameters() for surrogate in self.surrogates))
         self.adam = torch.optim.Adam(weights, self.settings.learning_rate)
@@ -37,18 +37,18 @@ class Refreshed(pl.Callback):
             self.adam.load_state_dict(self.saved)
 
     def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
-        """Label new samples, and take some steps on those of the last epochs."""
+        """Label new samples, and train on those of the last epochs."""
         data, settings, (predictor, converter) = pl_module.data, self.settings, self.surrogates
         new, steps = pl_module.generator.sample(settings.samples, self.random), predictor.roll_out.steps
         made = label(data.constraints, data.trajectory, new, steps, lambda *_: None, pl_module.energies)
         self.window = [*self.window, made][-settings.window :]
-        every = Labelled.join(self.window)
-        features = getattr(every, str(pl_module.settings.features)).astype(np.float32)
-        labels = [tensor(x).to(pl_module.device) for x in (every.c, every.margins, every.valid, features)]
+        recent = Labelled.join(self.window)
+        features = getattr(recent, str(pl_module.settings.features)).astype(np.float32)
+        labels = [tensor(x).to(pl_module.device) for x in (recent.c, recent.margins, recent.valid, features)]
         for network in self.surrogates:
             network.requires_grad_(True)
         for _ in range(settings.steps):
-            rows = torch.randint(len(every.c), (_BATCH,), generator=self.random)
+            rows = torch.randint(len(recent.c), (_BATCH,), generator=self.random)
             c, margins, valid, target = (x[rows] for x in labels)
             loss = predictor.training_step([c, margins, valid], 0)
             loss = loss + converter.training_step([c, converter.standardise(target)], 0)
@@ -59,12 +59,12 @@ class Refreshed(pl.Callback):
             network.freeze()
 
     def state_dict(self) -> dict[str, Any]:
-        """What a checkpoint needs to go on."""
+        """State for a checkpoint."""
         window = [tuple(map(tensor, batch)) for batch in self.window]
         return {"adam": self.adam.state_dict(), "window": window, "random": self.random.get_state()}
 
     def load_state_dict(self, state_dict: dict[str, Any]) -> None:
-        """Go on from a checkpoint."""
+        """Restore the state of a checkpoint."""
         self.saved = state_dict["adam"]
-        self.window = [Labelled(*(x.cpu().numpy() for x in one)) for one in state_dict["window"]]
+        self.window = [Labelled(*(x.cpu().numpy() for x in batch)) for batch in state_dict["window"]]
         self.random.set_state(state_dict["random"].cpu())

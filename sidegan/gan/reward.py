@@ -1,7 +1,7 @@
-"""Exact physics that gradients pass through, and what trajectories are worth for the prediction of torques.
+"""Differentiable exact physics, and the worth of trajectories for the prediction of torques.
 
-The gradient of an energy |Y v|² of the information needs the torques of one parameter vector, never a
-differentiated regressor (``design.objective``); what follows from the energies is plain torch.
+The gradient of an energy |Y v|² of the information needs the torques of one parameter vector, and no
+derivative of the regressor (``design.objective``); functions of the energies are plain torch.
 """
 
 from typing import Any
@@ -27,23 +27,23 @@ from sidegan.gan.tensors import array, tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
-_MOTIONS, _STREAM = 60, 7  # random motions that are to be predicted; those of tests and metrics are others
-_FEW = 8  # trajectories of a batch that count for the running means
-_FORGETTING = 0.02  # share of these in the means, once there were enough
-_DIRECTIONS = 24  # that count, those with the largest shares of the error
-_SEEDS = 200  # that these are of
-_STATES_AT_ONCE = 4096  # whose regressor is kept: 10 MB at seven joints
+_MOTIONS, _STREAM = 60, 7  # random motions to predict, and their seed, unlike that of tests and metrics
+_FEW = 8  # trajectories per batch that update the running means
+_FORGETTING = 0.02  # least weight of an update of the means
+_DIRECTIONS = 24  # directions in use, those with the largest shares of the error
+_SEEDS = 200  # seeds that determine the directions of ``Energies``
+_STATES_AT_ONCE = 4096  # per regressor: 10 MB at seven joints
 
 
 def energies(problem: Problem, c: Tensor, directions: Array, weights: Array) -> Tensor:
-    """``energies_of``, through which gradients pass."""
+    """Differentiable ``energies_of``."""
     return _Energies.apply(c, problem, directions, weights)
 
 
 def energies_of(problem: Problem, c: Array, directions: Array, weights: Array) -> Array:
-    """Energies Σ (wⱼ yⱼ v)² / T, (B, K), of directions v (p, K), of coefficients c [rad/s].
+    """Energies Σ (wⱼ yⱼ v)² / T, (B, K), of directions v (p, K), for coefficients c [rad/s].
 
-    Each joint's equations y count by its weight, (J,).
+    ``weights``, (J,), scale each joint's equations y.
     """
     times, trajectory, values = problem.trajectory.grid(problem.samples), problem.trajectory, []
     for part in split(c, max(1, _STATES_AT_ONCE // problem.samples)):
@@ -87,14 +87,14 @@ class _Violation(torch.autograd.Function):
 
 
 class Worth:
-    """How much less the expected error of a generator's sets is by each of its trajectories.
+    """Reduction of the expected error of a generator's sets by each of its trajectories.
 
-    The slope of the error in a set's information is taken at running means of what the generator makes: what
-    is known already counts ever less.
+    The derivative of the error with respect to a set's information is taken at running means over the
+    generator's samples: known directions count less and less.
 
     Args:
-        problem: of which the trajectories are.
-        noise: under which a model is identified from them.
+        problem: constraints and family of the trajectories.
+        noise: torque noise in the identification.
     """
 
     def __init__(self, problem: Problem, noise: TorqueNoise) -> None:
@@ -106,13 +106,13 @@ class Worth:
         self.means, self.seen = np.zeros((2, *wanted.shape[1:])), 0
 
     def __call__(self, c: Tensor) -> Tensor:
-        """Log worth of coefficients [rad/s] (B, J, H, 2) beside that of the running means, (B,) float64."""
+        """Log worth of coefficients [rad/s], (B, J, H, 2), relative to the running means, (B,) float64."""
         self.learn(array(c[:_FEW]))
         directions, shares = self.slope
         return (energies(self.problem, c, directions, self.prediction.noise.weights) @ tensor(shares)).log()
 
     def learn(self, c: Array) -> None:
-        """Take trajectories [rad/s] (B, J, H, 2) into the running means of information and noise."""
+        """Update the running means of information and noise with trajectories [rad/s], (B, J, H, 2)."""
         new, self.seen = np.stack([x.mean(0) for x in self.prediction.informations(c)]), self.seen + 1
         self.means = self.means + max(_FORGETTING, 1 / self.seen) * (new - self.means)
 
@@ -124,10 +124,10 @@ class Worth:
 
 
 class Energies:
-    """Energies of trajectories in the directions in which the seeds' expected errors fall, for a converter.
+    """Energies of trajectories in the directions in which the seeds' expected error falls, for a converter.
 
     Args:
-        constraints: of the arm in its workspace.
+        constraints: the arm in its workspace.
         trajectory: the family of trajectories.
         seeds: coefficients [rad/s], (N, J, H, 2).
     """
@@ -141,13 +141,13 @@ class Energies:
             self.parts[name] = *worth.slope, noise.weights
 
     def __call__(self, c: Array) -> Array:
-        """Energies under one noise after the other, (N, K), about one for the seeds."""
+        """Energies for each noise in turn, (N, K), about 1 for the seeds."""
         return np.concatenate([energies_of(self.problem, c, v, w) for v, _, w in self.parts.values()], 1)
 
     def worth(self, logs: Tensor, reward: Reward) -> Tensor:
-        """Mean log worth by the logarithms of energies, (B, K); 0-dimensional.
+        """Mean log worth from log energies, (B, K); 0-dimensional.
 
-        In these directions the error is about Σ b / x̄ with the mean energies x̄, its slope b / x̄².
+        In these directions the error is about Σ b / x̄ with mean energies x̄, and its slope b / x̄².
         """
         total, sizes = logs.new_zeros(()), [len(shares) for _, shares, _ in self.parts.values()]
         for x, (name, (_, shares, _)) in zip(logs.exp().split(sizes, 1), self.parts.items()):

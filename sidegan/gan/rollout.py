@@ -1,4 +1,4 @@
-"""The roll-out as a fixed first layer of networks that see what a trajectory does over time."""
+"""The roll-out as a fixed first layer of networks that see trajectories over time."""
 
 import math
 
@@ -11,18 +11,17 @@ from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 
-_PEAKS = 4  # finer time points per step at which the limit use is taken, so that peaks are seen
-_POINTS = 4  # time points per harmonic that corrections see
-_ACCELERATION = 5.0  # [rad/s²] that counts as one
+_PEAKS = 4  # finer time points per step for the use of limits, to catch peaks
+_POINTS = 4  # time points per harmonic in corrections
+_ACCELERATION = 5.0  # unit of accelerations [rad/s²]
 
 
 class RollOut(nn.Module):
-    """Channels (B, 5 J + L, T) of coefficients (B, J, H, 2), float32.
+    """Maps coefficients (B, J, H, 2) to channels (B, 5 J + L, T), float32, without weights.
 
-    sin and cos of the positions, the used share of the position and velocity ranges, scaled
-    accelerations, and the largest used share over the joints of each of the L kinds of limits that are
-    linear in the coefficients: position, velocity and, where there are any, acceleration and jerk. It has
-    no weights: the basis of the trajectories is linear and known.
+    The channels are sin and cos of the positions, the used shares of the position and velocity ranges, scaled
+    accelerations, and the largest share over the joints of each of the L kinds of limits that are linear in
+    the coefficients: position, velocity and, if present, acceleration and jerk.
     """
 
     basis: Tensor
@@ -63,10 +62,10 @@ class RollOut(nn.Module):
 
 
 class Correction(nn.Module):
-    """Changes of images (B, 2, J, H), by the images and the roll-out of their trajectories; none at first.
+    """Corrections of images (B, 2, J, H), from the images and their roll-out; initially zero.
 
-    What a joint's motion is worth depends on where the others are at that time, which coefficients hide and
-    positions show: it learns the step that an optimiser would take from there.
+    The worth of a joint's motion depends on the other joints' positions at that time, which the roll-out
+    shows: the network learns the step that an optimiser would take.
     """
 
     def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
@@ -81,6 +80,6 @@ class Correction(nn.Module):
         self.layers = nn.Sequential(*hidden, last)
 
     def forward(self, images: Tensor, c: Tensor) -> Tensor:
-        """Changes of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""
+        """Corrections of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""
         seen = torch.cat([images.flatten(1), self.roll_out(c).flatten(1)], 1)
         return self.layers(seen).view_as(images)

@@ -1,4 +1,4 @@
-"""Maps between coefficients and the images that the networks see."""
+"""Maps between coefficients and the networks' images."""
 
 from dataclasses import dataclass
 
@@ -8,15 +8,15 @@ from torch import Tensor, nn
 from sidegan.errors import ShapeError
 from sidegan.seeding.published import SCALE, Layout
 
-_SHRINKAGE = 1e-3  # share of the mean variance added to each covariance: few seeds may span less than 2 H
+_SHRINKAGE = 1e-3  # share of the mean variance added to each covariance, which few seeds leave singular
 
 
 class Scaling(nn.Module):
-    """Images of unit spread: (coefficients − mean) whitened, per joint.
+    """Images of unit spread: centred and whitened coefficients of each joint.
 
     Args:
         mean: mean coefficients [rad/s], (J, 2 H).
-        spread: from image to coefficients, per joint, (J, 2 H, 2 H).
+        spread: maps a joint's image to its coefficients, (J, 2 H, 2 H).
     """
 
     mean: Tensor
@@ -29,7 +29,7 @@ class Scaling(nn.Module):
 
     @staticmethod
     def fit(c: Tensor) -> "Scaling":
-        """Scaling that whitens each joint's 2 H coefficients of a seed set (N, J, H, 2)."""
+        """Scaling that whitens each joint's 2 H coefficients in a seed set (N, J, H, 2)."""
         if len(c) < 2:
             raise ShapeError(f"scaling needs at least two seeds, got {len(c)}")
         x = c.flatten(2).double().transpose(0, 1)
@@ -42,13 +42,13 @@ class Scaling(nn.Module):
         return Scaling(mean, vectors @ torch.diag_embed(values.sqrt()) @ vectors.transpose(1, 2))
 
     def coefficients(self, image: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, J, H)."""
+        """Coefficients [rad/s], (B, J, H, 2), from images (B, 2, J, H)."""
         x = image.permute(0, 2, 3, 1).flatten(2)
         c = torch.einsum("bjk,jlk->bjl", x, self.spread) + self.mean
         return c.reshape(*c.shape[:2], -1, 2)
 
     def image(self, c: Tensor) -> Tensor:
-        """Images (B, 2, J, H) of coefficients (B, J, H, 2)."""
+        """Images (B, 2, J, H) from coefficients (B, J, H, 2)."""
         x = (c.to(self.mean).flatten(2) - self.mean).transpose(0, 1)
         whitened = torch.linalg.solve(self.spread, x.transpose(1, 2)).permute(2, 0, 1)
         return whitened.reshape(c.shape).permute(0, 3, 1, 2)
@@ -56,16 +56,16 @@ class Scaling(nn.Module):
 
 @dataclass(frozen=True)
 class PublishedScaling:
-    """The images of the paper's authors: ``Layout``, through which gradients pass."""
+    """The images of the paper's authors: a differentiable ``Layout``."""
 
     layout: Layout
 
     def coefficients(self, image: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J)."""
+        """Coefficients [rad/s], (B, J, H, 2), from images (B, 2, H + 1, J)."""
         rows = image[:, :, :-1].reshape(len(image), 2, self.layout.joints, self.layout.harmonics)
         return rows.permute(0, 2, 3, 1) / SCALE
 
     def image(self, c: Tensor) -> Tensor:
-        """Images (B, 2, H + 1, J) float32 of coefficients (B, J, H, 2)."""
+        """Images (B, 2, H + 1, J) float32 from coefficients (B, J, H, 2)."""
         rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.layout.harmonics, self.layout.joints)
         return torch.cat([rows, rows[:, :, :1]], 2).float()

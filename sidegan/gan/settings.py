@@ -1,4 +1,4 @@
-"""Settings of the variants and of the surrogates that they learn from."""
+"""Settings of the variants and of their surrogates."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -12,16 +12,16 @@ from sidegan.errors import ConfigError
 _Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
 Name = Literal[_Ours, "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"]
 Beta = Annotated[float, Field(ge=0, lt=1)]
-_SURROGATES = ("features", "success", "fitness")  # losses by surrogates
+_SURROGATES = ("features", "success", "fitness")  # losses that use surrogates
 
 
 class Traits(NamedTuple):
-    """What kind of variant a class is."""
+    """Properties of a variant's class."""
 
-    features: str | None = None  # that its converter predicts: a key of ``Labelled``
-    seeded: bool = True  # whether it learns from a seed set, or from the arm and its workspace alone
-    rewarded: bool = False  # whether for the prediction of torques
-    published: bool = False  # whether by the recipe of the paper's authors
+    features: str | None = None  # predicted by its converter: a field of ``Labelled``
+    seeded: bool = True  # whether it learns from a seed set, or only from the arm and its workspace
+    rewarded: bool = False  # whether it is rewarded for the prediction of torques
+    published: bool = False  # whether it follows the recipe of the paper's authors
     missing: tuple[str, ...] = ()  # losses that it does not have
 
 
@@ -39,11 +39,11 @@ TRAITS: dict[Name, Traits] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """Weights of the generator's losses, which are off unless a variant's file says otherwise.
+    """Weights of the generator's losses, off by default.
 
-    ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others
-    keep a batch as diverse as the seeds: ``distance`` on the average, ``rank`` in the number of directions
-    from home, ``offset`` in what all have in common.
+    ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others keep a
+    batch as diverse as the seeds: in the mean ``distance``, in the number of directions (``rank``), and in
+    the common ``offset``.
     """
 
     adversarial: NonNegative = 0.0
@@ -57,20 +57,20 @@ class Weights:
 
 @dataclass(frozen=True, kw_only=True)
 class Refresh:
-    """How surrogates go on learning from what the generator makes, before every epoch."""
+    """Further training of surrogates on the generator's samples, before every epoch."""
 
-    samples: Size = 600  # new ones, labelled by the true physics
-    window: Count = 6  # epochs whose samples are learned from
-    steps: Natural = 40  # of batches of 100
+    samples: Size = 600  # new samples, labelled by exact physics
+    window: Count = 6  # number of recent epochs whose samples are used
+    steps: Natural = 40  # batches of 100
     learning_rate: Positive = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reward:
-    """What counts how much, of the errors of torques that models predict, by the noise of identification."""
+    """Weights of the prediction errors under two kinds of noise in the identification."""
 
-    proportional: NonNegative = 1.0  # in proportion to the torque, as the paper has it, with equal weights
-    constant: NonNegative = 2.0  # of a share of each joint's torque limit, by which the joints are weighted
+    proportional: NonNegative = 1.0  # noise proportional to the torque, as in the paper; equal joint weights
+    constant: NonNegative = 2.0  # noise of a share of each joint's torque limit, with joints weighted by it
 
     def __post_init__(self) -> None:
         if not self.proportional + self.constant:
@@ -79,49 +79,50 @@ class Reward:
 
 @dataclass(frozen=True, kw_only=True)
 class ExactPhysics:
-    """Exact physics in place of the surrogates."""
+    """Exact physics instead of surrogates."""
 
     samples: Size = 36  # time points per period
-    # For what happens between the time points; position and velocity limits hold anyway.
-    reserve: Share = 0.05  # of each torque limit, and four times that share of 0.25 m as clearance
+    # share of each torque limit, and four times that share of 0.25 m of clearance, to keep free, for what
+    # happens between the time points; position and velocity limits hold by construction
+    reserve: Share = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
-    """Choices within the published recipe."""
+    """Options of the published recipe."""
 
-    # Measure of the predicted features that is made small: their entropy as shares of their sum, by the code;
-    # minus that, as the text wants them even; the ratio of the largest to the smallest, as printed.
+    # fitness loss of the predicted features: the entropy of their shares, as in the authors' code; its
+    # negative, which makes them even as the text intends; the ratio of largest to smallest, as printed
     fitness: Literal["entropy", "minus_entropy", "ratio"] = "entropy"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Variant:
-    """A SIDE-GAN variant by its class, the weights of its losses, and how it is trained."""
+    """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
 
     variant: Name
     weights: Weights
     epochs: Count = 50
-    steps: Count | None = 18  # discriminator steps per epoch; null: as many as the seeds fill
+    steps: Count | None = 18  # discriminator steps per epoch; null: one pass over the seeds
     width: Width = 256  # of generator and discriminators
     noise: Width = 100  # dimension of the generator's noise
     batch: Annotated[int, Field(ge=2, le=10**5)] = 100
     generator_steps: Count = 2  # per discriminator step
-    fitness_start: Natural = 10  # first epoch in which the fitness loss counts
+    fitness_start: Natural = 10  # first epoch with the fitness loss
     learning_rate: Positive = 2e-3
     warm_up: Share = 0.0  # share of the training over which the learning rate rises
-    last_rate: Share = 0.02  # of the learning rate, to which it falls along half a cosine
+    last_rate: Share = 0.02  # final share of the learning rate, after a cosine decay
     betas: tuple[Beta, Beta] = (0.5, 0.999)  # of Adam
-    gaussian_start: bool = True  # the generator starts as the Gaussian with the seeds' mean and covariance
-    limited: bool = True  # position and velocity limits hold by construction
-    boxed: bool = True  # the box of the seeds' coefficients holds by construction, where they have one
-    reserve: Share = 0.0  # of each limit, and of 0.1 m, that is kept free where the success predictor judges
-    refresh: Refresh | None = None  # of our variants with surrogates; null: these stay as they were trained
-    diversity: Part = 1.0  # share of the seeds' rank at which its floor lies
-    corrections: Natural = 0  # networks that correct a trajectory by what it does over time
-    exact: ExactPhysics | None = None  # of Exact
-    reward: Reward | None = None  # of Exact and Predicting
-    published: Published | None = None  # of the published ones
+    gaussian_start: bool = True  # initialise the generator to the seeds' mean and covariance
+    limited: bool = True  # enforce limits on motion by construction
+    boxed: bool = True  # enforce the box of the seeds' coefficients, if any, by construction
+    reserve: Share = 0.0  # share of each limit, and of 0.1 m, to keep free by the success predictor
+    refresh: Refresh | None = None  # only our variants with surrogates; null: surrogates stay frozen
+    diversity: Part = 1.0  # lower bound of the rank, as a share of the seeds' rank
+    corrections: Natural = 0  # networks that correct a trajectory given its roll-out
+    exact: ExactPhysics | None = None  # only Exact
+    reward: Reward | None = None  # only Exact and Predicting
+    published: Published | None = None  # only published variants
 
     def __post_init__(self) -> None:
         if foreign := [k for k in self.traits.missing if getattr(self.weights, k)]:
@@ -154,17 +155,17 @@ class Variant:
 
     @property
     def traits(self) -> Traits:
-        """What kind of variant it is."""
+        """Properties of the variant's class."""
         return TRAITS[self.variant]
 
     @property
     def seeded(self) -> bool:
-        """Whether the variant learns from a seed set, or from the arm and its workspace alone."""
+        """Whether the variant learns from a seed set, or only from the arm and its workspace."""
         return self.traits.seeded
 
     @property
     def features(self) -> str | None:
-        """Features that a converter predicts for the variant, which learns from a success predictor too."""
+        """Features that the variant's converter predicts; None for a variant without surrogates."""
         return self.traits.features
 
 
@@ -173,14 +174,14 @@ _SIDE = Variant(
     weights=Weights(
         adversarial=0.3, features=0.3, success=150.0, fitness=60.0, distance=250.0, rank=200.0, offset=600.0
     ),
-    fitness_start=0,  # a start as the seeds' Gaussian needs no time without it
+    fitness_start=0,  # the Gaussian start makes a delay unnecessary
     learning_rate=3e-3,
-    warm_up=0.04,  # Adam's first steps are as large as any, and carry a whole batch into the box
-    betas=(0.9, 0.99),  # the discriminators are one part among others
+    warm_up=0.04,  # Adam's first steps are large, and would push a whole batch against the box
+    betas=(0.9, 0.99),  # more momentum than usual, since the discriminators are a small part of the loss
     reserve=0.03,
     refresh=Refresh(),
 )
-# Our variants by the names that ``conf/gan`` has for them too.
+# Our variants, with the same names as in ``conf/gan``.
 RECIPES: dict[str, Variant] = {
     "vanilla": Variant(variant="Vanilla", weights=Weights(adversarial=1.0), limited=False, last_rate=1.0),
     "eigen": _SIDE,
@@ -202,7 +203,7 @@ RECIPES: dict[str, Variant] = {
         generator_steps=1,
         learning_rate=1e-3,
         last_rate=0.05,
-        betas=(0.9, 0.99),  # no discriminator to follow
+        betas=(0.9, 0.99),  # no discriminator
         diversity=0.8,
         corrections=5,
         exact=ExactPhysics(),
@@ -211,32 +212,33 @@ RECIPES: dict[str, Variant] = {
 }
 
 
-# The variant whose output surrogates learn from, by its name.
+# The variant whose samples surrogates learn from, by its name.
 Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SurrogateSettings:
-    """How our success predictor and converters are trained, before any variant that learns from them."""
+    """Training of our success predictor and converters."""
 
     recipe: Literal["ours"] = "ours"
-    negatives: Negatives = field(default_factory=lambda: {"vanilla": RECIPES["vanilla"]})  # beside the seeds
+    # source of samples in addition to the seeds
+    negatives: Negatives = field(default_factory=lambda: {"vanilla": RECIPES["vanilla"]})
     samples: Count = 12_000
     epochs: Count = 24
     width: Count = 128
-    margin_steps: Count = 24  # time points per trajectory at which margins are predicted
-    feature_steps: Count = 16  # time points per trajectory that the converter sees
+    margin_steps: Count = 24  # time points per trajectory for margins
+    feature_steps: Count = 16  # time points per trajectory for the converter
 
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedSurrogates:
-    """How the surrogates that the paper's authors published are trained."""
+    """Training of the surrogates by the recipe of the paper's authors."""
 
     recipe: Literal["published"]
-    negatives: Negatives  # for the predictor; converters learn from the seeds
-    samples: Count  # of the predictor
-    steps: Count  # of batches of 100
-    shipped: bool  # the authors' weights from seeds.folder in place of a training
+    negatives: Negatives  # source of the predictor's samples; converters learn from the seeds
+    samples: Count  # for the predictor
+    steps: Count  # batches of 100
+    shipped: bool  # use the authors' weights from seeds.folder instead of training
 
 
 Surrogates = Annotated[SurrogateSettings | PublishedSurrogates, Field(discriminator="recipe")]

@@ -1,4 +1,4 @@
-"""SIDE-GAN: the adversarial loop, once for all variants."""
+"""SIDE-GAN: the adversarial loop, shared by all variants."""
 
 from abc import abstractmethod
 from copy import deepcopy
@@ -27,23 +27,21 @@ from sidegan.validity import Constraints
 
 @dataclass(frozen=True)
 class Data:
-    """Data from which a variant learns."""
+    """Data that a variant learns from."""
 
     constraints: Constraints  # the arm in its workspace
     trajectory: Trajectory  # the family of trajectories
-    # Coefficients [rad/s], (N, J, H, 2); of ``training.random_trajectories`` for Exact, which needs none.
-    seeds: Array
-    success_predictor: Any = None  # a trained network, where the variant has features; None elsewhere
-    converter: Any = None  # likewise
-    box: float | None = None  # largest absolute coefficient [rad/s] that a generator may yield; None: any
+    seeds: Array  # coefficients [rad/s], (N, J, H, 2); from ``training.random_trajectories`` for Exact
+    success_predictor: Any = None  # a trained network, if the variant has features
+    converter: Any = None  # a trained network, if the variant has features
+    box: float | None = None  # bound on the generator's absolute coefficients [rad/s]; None: no bound
 
 
 class SideGAN(pl.LightningModule):
-    """A generator that learns from a sum of losses, some of which are discriminators that learn too.
+    """A generator trained on a sum of losses, some of which are discriminators trained with it.
 
-    A variant is a subclass of ``variants``: its ``__init__`` makes the networks that its losses need, and
-    ``losses`` says which losses it adds. To add one of your own, write it in that list as a function of a
-    ``Batch``, with its weight,
+    A variant is a subclass in ``variants``: its ``__init__`` makes the networks for its losses, and
+    ``losses`` lists them. To add a loss, add a function of a ``Batch`` with its weight to that list,
 
         Loss(weights.slow, lambda batch: batch.coefficients.square().mean())
 
@@ -52,12 +50,12 @@ class SideGAN(pl.LightningModule):
 
     Args:
         settings: of the variant.
-        data: seeds, and trained surrogates for a variant that learns from them.
-        name: of what is trained, for messages.
+        data: seeds, and trained surrogates if the variant needs them.
+        name: of the variant, for messages.
     """
 
-    share = 1.0  # of the training that is done
-    energies: Energies | None = None  # that a converter predicts, where it does
+    share = 1.0  # completed share of the training
+    energies: Energies | None = None  # set if the converter predicts energies
 
     def __init__(self, settings: Variant, data: Data, name: str = "sidegan") -> None:
         super().__init__()
@@ -65,11 +63,11 @@ class SideGAN(pl.LightningModule):
         self.settings, self.data, self.name = settings, data, name
         self.seeds = tensor(data.seeds)
         self.generator = self.make_generator()
-        # Copies, since they may go on learning.
+        # Copies, since they may be trained further.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
     def make_generator(self) -> TrajectoryGenerator:
-        """The generator before its training, with the scale of the seeds."""
+        """The untrained generator, with the scaling of the seeds."""
         settings, family, box = self.settings, self.data.trajectory, self.data.box
         joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
@@ -82,11 +80,11 @@ class SideGAN(pl.LightningModule):
 
     @abstractmethod
     def losses(self) -> list[Loss]:
-        """Losses that the variant adds to those of every variant, with their weights at this moment."""
+        """Losses of this variant in addition to ``floors``, with their current weights."""
 
     @cached_property
     def floors(self) -> list[Loss]:
-        """Losses of every variant: a batch is as diverse as seeds."""
+        """Losses of every variant, which keep a batch as diverse as the seeds."""
         weights, seeds, share = self.settings.weights, self.data.seeds, self.settings.diversity
         return [
             Loss(weights.distance, missing_distance(seeds)),
@@ -96,16 +94,16 @@ class SideGAN(pl.LightningModule):
 
     @property
     def adversaries(self) -> list[Adversary]:
-        """Discriminators whose loss counts."""
+        """Discriminators of losses with a weight."""
         return [loss.value for loss in self.losses() if loss.weight and isinstance(loss.value, Adversary)]
 
     @property
     def steps(self) -> int:
-        """Steps per epoch, of the discriminators where there are any."""
+        """Steps per epoch, of the discriminators if there are any."""
         return self.settings.steps or -(-len(self.data.seeds) // self.settings.batch)
 
     def forward(self, count: int) -> Batch:
-        """So many new trajectories, as losses see them."""
+        """A batch of new trajectories."""
         generator = self.generator
         images = generator.images(count)
         c = generator.coefficients(images)
@@ -119,12 +117,12 @@ class SideGAN(pl.LightningModule):
         return self.converter(batch.coefficients)
 
     def training_step(self, batch: list[Tensor], index: int) -> None:
-        """The adversarial loop: a step of the discriminators on some examples, then the generator's."""
+        """The adversarial loop: a step of the discriminators on examples, then the generator's steps."""
         rows = batch[0]
         optimisers = self.optimizers()
         generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
         self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
-        for group in chain.from_iterable(one.param_groups for one in (generator, *critics)):
+        for group in chain.from_iterable(adam.param_groups for adam in (generator, *critics)):
             group["lr"] = self.settings.rate(self.share)
         for optimiser in critics:
             self._step(optimiser, self.adversary_loss(rows))
@@ -143,7 +141,7 @@ class SideGAN(pl.LightningModule):
         return torch.stack([weight * value(batch) for weight, value in losses if weight]).sum()
 
     def _step(self, adam: Any, loss: Tensor) -> None:
-        """One step of an optimiser; a loss that is not a number ends the training before it does harm."""
+        """A step of an optimiser; a loss that is not finite ends the training before the step."""
         if not torch.isfinite(loss):
             self.stop(f"the loss is {float(loss.detach())}; the last whole epoch is kept")
         adam.zero_grad()
@@ -159,17 +157,17 @@ class SideGAN(pl.LightningModule):
         raise SideganError(f"{self.name} diverged in epoch {self.current_epoch}: {reason}")
 
     def configure_optimizers(self) -> list[torch.optim.Optimizer]:
-        """Adam for the generator, and for the discriminators where there are any."""
+        """Adam for the generator, and for the discriminators if there are any."""
         critics = [parameter for adversary in self.adversaries for parameter in adversary.parameters()]
-        learning = [list(self.generator.parameters()), critics]
+        groups = [list(self.generator.parameters()), critics]
         rate, betas = self.settings.learning_rate, self.settings.betas
-        fused = self.device.type != "mps"  # one pass over all weights: five times as fast
-        return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in learning if weights]
+        fused = self.device.type != "mps"  # five times as fast where it is available
+        return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in groups if weights]
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the random state with the weights."""
+        """Save the random state with the weights."""
         checkpoint["random"] = torch.get_rng_state()
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Go on with it, so that an interrupted training becomes what it would have been."""
+        """Restore it, so that a resumed training gives the same result as an uninterrupted one."""
         torch.set_rng_state(checkpoint["random"])

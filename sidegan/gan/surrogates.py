@@ -1,8 +1,7 @@
-"""Networks that stand for the physics in the generator's loss: success predictor and converter.
+"""Networks that replace the physics in the generator's loss: success predictor and converter.
 
-Both see the trajectory rolled out in time and work on each time point alike (a convolution of kernel
-one), then pool over time: the worst moment decides validity, the mean makes up YᵀY. They are trained before
-any variant that learns from them.
+Both apply the same layers to each time point of the rolled-out trajectory (convolutions with kernel size 1),
+then pool over time: the worst time decides validity, and YᵀY is a mean.
 """
 
 from itertools import pairwise
@@ -16,19 +15,19 @@ from sidegan.gan.rollout import RollOut
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
-_TINY = 1e-12  # features below it count as it
+_TINY = 1e-12  # lower bound of features
 _LEAST_SPREAD = 1e-3  # of log features
-_START_GAIN = 3.0  # log; higher ones let the labels drown the margins early on
-_NEAR = 0.05  # margin from which on an error counts less
-_CLASSIFICATION = 0.3  # weight of the valid/faulty loss beside the margins' loss
+_START_GAIN = 3.0  # initial log gain; with larger ones the labels dominate the margins early in training
+_NEAR = 0.05  # margin beyond which errors count less
+_CLASSIFICATION = 0.3  # weight of the classification loss relative to the margins' loss
 _RATE, _PEAK_RATE = 2e-3, 3e-3
 
 
 class Surrogate(pl.LightningModule):
-    """A network of coefficients (B, J, H, 2), trained by Adam with one cycle of its rate."""
+    """A network on coefficients (B, J, H, 2), trained by Adam with a one-cycle learning rate."""
 
     def configure_optimizers(self) -> Any:
-        """Adam, whose rate rises and falls once in the training."""
+        """Adam with a one-cycle learning rate."""
         optimiser = torch.optim.Adam(self.parameters(), _RATE)
         steps = int(self.trainer.estimated_stepping_batches)
         schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _PEAK_RATE, total_steps=steps)
@@ -36,23 +35,23 @@ class Surrogate(pl.LightningModule):
 
 
 class SuccessPredictor(Surrogate):
-    """Log probability of being valid, (B,), from margins by moment, of coefficients (B, J, H, 2).
+    """Log probability of being valid, (B,), for coefficients (B, J, H, 2), by way of margins over time.
 
-    The limits on motion, the first constraints, are linear in the coefficients, so their margins are computed
-    from the roll-out's last channels; torque, self-collision and keep-out margins are learned.
+    The first constraints, limits on motion, are linear in the coefficients: their margins follow from the
+    roll-out's last channels. Torque, self-collision and keep-out margins are learned.
     """
 
     def __init__(self, arm: Arm, trajectory: Trajectory, constraints: int, width: int, steps: int) -> None:
         super().__init__()
         self.roll_out = RollOut(arm, trajectory, steps)
         learned = constraints - self.roll_out.linear
-        layers = _ByMoment(self.roll_out.channels, width, width, width, learned) if learned else None
-        self.layers = layers  # an arm may have nothing to learn about
+        layers = _PerTime(self.roll_out.channels, width, width, width, learned) if learned else None
+        self.layers = layers  # None if no margin has to be learned
         self.log_gain = nn.Parameter(torch.full((constraints,), _START_GAIN))
         self.offset = nn.Parameter(torch.zeros(constraints))
 
     def margins(self, c: Tensor) -> Tensor:
-        """Predicted margins by moment, (B, G, T), in the units of ``labels.scaled_margins``."""
+        """Predicted margins over time, (B, G, T), in the units of ``labels.scaled_margins``."""
         channels = self.roll_out(c)
         linear = 1 - channels[:, -self.roll_out.linear :]
         return linear if self.layers is None else torch.cat([linear, self.layers(channels)], 1)
@@ -62,15 +61,15 @@ class SuccessPredictor(Surrogate):
         return self.log_probability(self.margins(c))
 
     def log_probability(self, margins: Tensor) -> Tensor:
-        """Log probability of being valid, (B,), of predicted margins (B, G, T)."""
+        """Log probability of being valid, (B,), from predicted margins (B, G, T)."""
         worst = margins.amin(2)
         return nn.functional.logsigmoid(self.log_gain.exp() * (worst - self.offset)).sum(1)
 
     def training_step(self, batch: list[Tensor], index: int) -> Tensor:
-        """Loss of margins by moment (B, G, T) and of labels (B,) for coefficients, 0-dimensional."""
+        """Loss of margins over time (B, G, T) and of labels (B,) for coefficients, 0-dimensional."""
         c, margins, valid = batch
         predicted = self.margins(c)
-        # Near zero, where validity is decided, an error counts most.
+        # Errors count most near zero, the boundary of validity.
         weight = 1 / (_NEAR + margins.abs())
         log_valid = self.log_probability(predicted)
         log_faulty = torch.log(-torch.expm1(log_valid.clamp_max(-1e-6)))
@@ -79,12 +78,12 @@ class SuccessPredictor(Surrogate):
 
     @torch.no_grad()
     def accuracy(self, c: Tensor, valid: Tensor) -> float:
-        """Share of trajectories whose label it predicts."""
+        """Share of trajectories whose label is predicted correctly."""
         return float(((self(c.float()).exp() > 0.5) == valid).double().mean())
 
 
 class Converter(Surrogate):
-    """Standardised log spectrum (or log diagonal) of YᵀY, (B, p), of coefficients (B, J, H, 2)."""
+    """Standardised log features, such as the spectrum of YᵀY, (B, p), for coefficients (B, J, H, 2)."""
 
     mean: Tensor
     spread: Tensor
@@ -94,7 +93,7 @@ class Converter(Surrogate):
         self.register_buffer("mean", torch.zeros(features))
         self.register_buffer("spread", torch.ones(features))
         self.roll_out = RollOut(arm, trajectory, steps)
-        self.moments = _ByMoment(self.roll_out.channels, width, width, width)
+        self.moments = _PerTime(self.roll_out.channels, width, width, width)
         self.pooled = nn.Sequential(nn.Linear(2 * width, width), nn.ReLU(), nn.Linear(width, features))
         self.linear = nn.Linear(width, features)
 
@@ -117,16 +116,16 @@ class Converter(Surrogate):
         return 1 - (error**2).mean(0) / target.var(0, unbiased=False).clamp_min(1e-12)
 
     def standardise(self, features: Tensor) -> Tensor:
-        """Standardised logs of true features (B, p)."""
+        """Standardised logs of exact features (B, p)."""
         return (_logs(features) - self.mean) / self.spread
 
     def log_features(self, standardised: Tensor) -> Tensor:
-        """Natural logs of features, from standardised ones."""
+        """Logs of features from standardised ones."""
         return standardised * self.spread + self.mean
 
     @torch.no_grad()
     def fit_standard(self, features: Tensor) -> None:
-        """Set mean and spread from true features (N, p)."""
+        """Set mean and spread from exact features (N, p)."""
         x = _logs(features)
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD))
@@ -136,10 +135,10 @@ def _logs(features: Tensor) -> Tensor:
     return features.clamp_min(_TINY).log().float()
 
 
-class _ByMoment(nn.Sequential):
-    """Layers that treat every time point alike, with a ReLU between two of them.
+class _PerTime(nn.Sequential):
+    """Layers applied to each time point, with ReLUs in between.
 
-    They are convolutions of kernel one, as one product for all moments of all trajectories: twice as fast.
+    Convolutions with kernel size 1, computed as a product over all times of all trajectories: twice as fast.
     """
 
     def __init__(self, *channels: int) -> None:
@@ -149,7 +148,7 @@ class _ByMoment(nn.Sequential):
         super().__init__(*layers[:-1])
 
     def forward(self, x: Tensor) -> Tensor:
-        """Channels (B, C, T), of others (B, C', T)."""
+        """Channels (B, C, T) from channels (B, C', T)."""
         y = x.transpose(0, 1).flatten(1)
         for layer in self:
             if isinstance(layer, nn.Conv1d) and layer.bias is not None:

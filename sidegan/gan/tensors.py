@@ -1,4 +1,4 @@
-"""Tensors at the border, where other rooms pass arrays, and in files."""
+"""Conversion between tensors and arrays, and files of tensors."""
 
 import io
 from collections.abc import Mapping
@@ -12,26 +12,26 @@ from sidegan.base.arrays import Array
 from sidegan.base.storage import reading, write_bytes
 from sidegan.base.threads import limited, threads
 
-if limited():  # torch is first loaded within a block of ``on_threads``
+if limited():  # torch is imported inside a block of ``on_threads``
     torch.set_num_threads(threads())
 
 
 def tensor(x: Array) -> Tensor:
-    """A tensor with the numbers of an array, which it shares with nobody."""
+    """A tensor with a copy of an array."""
     return torch.tensor(x)
 
 
 def refusal(device: str) -> str:
-    """What torch says of a device that is not there; nothing of one that is."""
+    """Torch's message for an unavailable device; empty for an available one."""
     try:
         torch.zeros(1, device=device)
-    except (RuntimeError, AssertionError) as error:  # torch asserts that it was built for the device
+    except (RuntimeError, AssertionError) as error:  # an assertion fails if torch was not built for it
         return str(error).splitlines()[0]
     return ""
 
 
 def array(x: Tensor) -> Array:
-    """The numbers of a tensor, in float64; whole numbers and truths as they are."""
+    """A tensor as an array: floats become float64, integers and booleans keep their type."""
     x = x.detach().cpu()
     return (x.double() if x.is_floating_point() else x).numpy()
 
@@ -44,11 +44,11 @@ def write_tensors(path: Path, content: Any, folder: bool = True) -> None:
 
 
 def write_network(path: Path, weights: Mapping[str, Tensor], arguments: Mapping[str, Any]) -> None:
-    """Write a network's weights and what makes it, into a folder of work that is there."""
+    """Write a network's weights and constructor arguments into an existing work folder."""
     write_tensors(path, {"arguments": arguments, "weights": weights}, folder=False)
 
 
 def read_tensors(path: Path) -> Any:
-    """Tensors and plain containers of them, on the CPU; an ArtifactError for anything else: no code runs."""
+    """Tensors and plain containers of them, on the CPU; an ArtifactError for other content, never code."""
     with reading(path, "tensor"):
         return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)

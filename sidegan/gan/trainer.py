@@ -1,4 +1,4 @@
-"""Lightning's Trainer as every training here uses it: silent, on one device, going on where it was killed."""
+"""Lightning's Trainer as all trainings use it: silent, on one device, resumable."""
 
 import logging
 import signal
@@ -17,9 +17,9 @@ from sidegan.gan.tensors import read_tensors
 
 _log = logging.getLogger(__name__)
 
-_REPORTED = 20  # steps between two reports of progress
+_REPORTED = 20  # steps between progress reports
 _LAST = "last"  # checkpoint
-# Advice of Lightning that does not apply: the data is small and in memory, the surrogates are frozen.
+# Lightning's advice that does not apply: the data is small and in memory, the surrogates are frozen.
 _NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
 
 
@@ -31,13 +31,13 @@ def fit(
     work: Path | None = None,
     device: str = "cpu",
 ) -> None:
-    """Train a module, which ends on the CPU.
+    """Train a module, and move it to the CPU.
 
-    With a folder of work a checkpoint is left there after every epoch, and the training goes on from it;
-    it begins anew where there is none or it is damaged.
+    In a work folder, training saves a checkpoint after every epoch and resumes from it; it starts over if
+    there is none or it is damaged.
 
     Raises:
-        KeyboardInterrupt: when it is interrupted.
+        KeyboardInterrupt: when interrupted.
     """
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     kind, _, index = device.partition(":")
@@ -65,7 +65,7 @@ def fit(
             _log.warning("the checkpoint %s is damaged: the training starts over", last)
         try:
             trainer.fit(module, batches, ckpt_path=known, weights_only=True)
-        except SystemExit as error:  # Lightning turns an interrupt into an exit, and is deaf to further ones
+        except SystemExit as error:  # Lightning turns an interrupt into an exit, and ignores further ones
             signal.signal(signal.SIGINT, handler)
             raise KeyboardInterrupt from error
     module.cpu()
@@ -82,18 +82,18 @@ class Shuffled:
 
     def __iter__(self) -> Iterator[list[Tensor]]:
         order = torch.randperm(len(self.tensors[0]), generator=self.random)
-        for rows in order.split(self.size):  # drawn by the first batch: Lightning begins some epochs twice
+        for rows in order.split(self.size):  # a generator: Lightning calls iter twice for some epochs
             yield [x[rows] for x in self.tensors]
 
 
 class Progress(pl.Callback):
-    """Tells every few steps, and at the end, how many of all are done."""
+    """Reports progress every few steps, and at the end."""
 
     def __init__(self, report: Report, total: int) -> None:
         self.report, self.total = report, total
 
     def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
-        """Tell, where it is time to."""
+        """Report progress if due."""
         done = trainer.global_step
         if done % _REPORTED == 0 or done == self.total:
             self.report(done, self.total)

@@ -1,4 +1,4 @@
-"""Training of a variant, with the true physics of what it generates after every epoch."""
+"""Train a variant, and measure its samples with exact physics after every epoch."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,70 +25,70 @@ from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
-_SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of the motions that must not all be invalid
-# Random trajectories that a variant without seeds starts from, and the share of their limits that they use,
-# which leaves room to grow; what lies in a box uses all of them, since it is cut.
+_SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of small motions of which some must be valid
+# Number of random trajectories that replace seeds, and the share of their limits that they use, which leaves
+# room to grow; with a box they use all of them, since the box reduces them.
 _RANDOM, _REACH = 2000, 0.6
 
 
 @dataclass(frozen=True)
 class Trained:
-    """A trained generator, that of the last epoch, and its metrics after every epoch."""
+    """A trained generator and its metrics after every epoch."""
 
-    generator: TrajectoryGenerator
+    generator: TrajectoryGenerator  # of the last epoch
     history: list[dict[str, float]]
-    samples: Array  # images drawn after every epoch, (E · n, 2, …) float32; empty where none were asked for
+    samples: Array  # images drawn after every epoch, (E · n, 2, …) float32; empty unless requested
 
 
 @dataclass(frozen=True)
 class Run:
-    """How one training is run."""
+    """Options of a training run."""
 
     name: str  # of the variant, for files and messages
     seed: int  # of weights, noise and batches
-    work: Path  # folder of the checkpoint from which an interrupted training goes on
-    evaluation: int = 200  # trajectories whose true physics is measured after every epoch
-    samples: int = 0  # trajectories drawn after every epoch, for surrogates to learn from
-    device: str = "cpu"  # where the networks run
-    progress: Report = lambda done, total: None  # of epochs
+    work: Path  # folder of checkpoints to resume from
+    evaluation: int = 200  # trajectories to evaluate with exact physics after every epoch
+    samples: int = 0  # trajectories to keep of every epoch, for surrogates to learn from
+    device: str = "cpu"  # of the networks
+    progress: Report = lambda done, total: None  # in epochs
 
 
 def train(settings: Variant, data: Data, run: Run) -> Trained:
-    """A generator, trained from the start or from where its training was killed.
+    """Train a generator, or resume its interrupted training.
 
     Raises:
-        ConfigError: when the variant needs a surrogate that is not given.
+        ConfigError: when a surrogate is missing.
         ShapeError: when the seeds do not fit.
-        SideganError: when the training diverges; the last whole epoch is kept.
-        KeyboardInterrupt: when it is interrupted.
+        SideganError: when the training diverges; the last complete epoch is kept.
+        KeyboardInterrupt: when interrupted.
     """
     pl.seed_everything(run.seed, verbose=False)
     data.trajectory.check(data.seeds)
     model = VARIANTS[settings.variant](settings, data, run.name)
     rows = TensorDataset(torch.arange(len(data.seeds)))
-    order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # whole passes first
+    order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # without replacement in each pass
     batches = DataLoader(rows, settings.batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     fit(model, batches, settings.epochs, [*refresh, EpochMetrics(run)], run.work, run.device)
-    files = [_left(run, epoch) for epoch in range(settings.epochs)]
-    history, samples = zip(*((one["metrics"], one["samples"]) for one in map(read_tensors, files)))
+    files = [_epoch_file(run, epoch) for epoch in range(settings.epochs)]
+    history, samples = zip(*((epoch["metrics"], epoch["samples"]) for epoch in map(read_tensors, files)))
     return Trained(model.generator.eval(), list(history), torch.cat(samples).numpy())
 
 
-def _left(run: Run, epoch: int) -> Path:
-    """File of a generator's metrics after an epoch, and of what was drawn then."""
+def _epoch_file(run: Run, epoch: int) -> Path:
+    """File of a generator's metrics and samples after an epoch."""
     return run.work / f"epoch-{epoch}.pt"
 
 
 class EpochMetrics(pl.Callback):
-    """True physics of what a generator makes after every epoch, left in a file."""
+    """Measure a generator's samples with exact physics after every epoch, and save the metrics."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
 
     @torch.no_grad()
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
-        """Measure, before Lightning saves its checkpoint."""
+        """Measure before Lightning saves its checkpoint."""
         run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
         c = generator.sample(run.evaluation, noise)
@@ -98,19 +98,19 @@ class EpochMetrics(pl.Callback):
         seeds = data.seeds if pl_module.settings.seeded else None
         metrics = measure(data.constraints, data.trajectory, c, seeds)
         samples = generator.images(run.samples, noise).cpu() if run.samples else torch.empty(0)
-        write_tensors(_left(run, epoch), {"metrics": metrics, "samples": samples})
+        write_tensors(_epoch_file(run, epoch), {"metrics": metrics, "samples": samples})
         run.progress(epoch + 1, trainer.max_epochs or 0)
 
 
 def random_trajectories(
     constraints: Constraints, trajectory: Trajectory, seed: int, box: float | None = None
 ) -> Array:
-    """Random trajectories that use much of their limits on motion, in a box, (N, J, H, 2) [rad/s].
+    """Random trajectories [rad/s], (N, J, H, 2), in a box, that use much of the limits on motion.
 
-    What a variant without seeds starts from, and whose diversity it keeps: they follow from the arm alone.
+    They replace seeds as the start of a variant without them, and as its target of diversity.
 
     Raises:
-        InfeasibleError: when not even small motions are valid; says what they violate.
+        InfeasibleError: when not even small motions are valid; names the violated constraints.
     """
     problem = Problem(constraints, trajectory)
     coordinates = Coordinates.of(problem)

@@ -1,7 +1,7 @@
-"""The variants of SIDE-GAN by the losses that they add: ours, then those that the paper's authors published.
+"""The variants of SIDE-GAN and their losses: ours, then those that the paper's authors published.
 
-The latter are written by the facts of the code that accompanies Jegorova et al. 2020
-(``seeding.published.REPOSITORY``); where that and the text differ, by the code.
+The latter follow the code that accompanies Jegorova et al. 2020 (``seeding.published.REPOSITORY``), even
+where the paper's text differs.
 """
 
 from typing import Any
@@ -25,9 +25,9 @@ from sidegan.gan.tensors import array, tensor
 from sidegan.motion.dynamics import gram
 from sidegan.seeding.published import Layout
 
-_EASE, _EASED = 0.1, 0.4  # share from which the weight of violations grows, and of a training over which
-_CLEARANCE = 4.0  # times the reserve, in units of 0.25 m
-_GROWTH = 0.06  # of the published weight of success, per epoch from that on in which fitness counts
+_EASE, _EASED = 0.1, 0.4  # initial share of the violations' weight, and share of the training until it is 1
+_CLEARANCE = 4.0  # clearance over the reserve, in units of 0.25 m
+_GROWTH = 0.06  # growth of the published weight of success per epoch, once fitness counts
 _TINY = 1e-12
 
 
@@ -40,7 +40,7 @@ class Vanilla(SideGAN):
         self.discriminator = Adversary(self.make_critic(images), images, lambda batch: batch.images)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
-        """An untrained discriminator that tells whether something is one of the examples (N, …)."""
+        """An untrained discriminator for examples (N, …)."""
         return Discriminator(examples[0].numel(), self.settings.width)
 
     def losses(self) -> list[Loss]:
@@ -49,7 +49,7 @@ class Vanilla(SideGAN):
 
 
 class Eigen(Vanilla):
-    """Valid trajectories, with even eigenvalues of YᵀY that a second discriminator takes for the seeds'."""
+    """Valid trajectories with even eigenvalues of YᵀY, which a second discriminator takes for the seeds'."""
 
     def __init__(self, settings: Variant, data: Data, name: str = "eigen") -> None:
         super().__init__(settings, data, name)
@@ -60,13 +60,13 @@ class Eigen(Vanilla):
         self.second_discriminator = Adversary(critic, features, lambda batch: batch.features)
 
     def seeds_features(self) -> Tensor:
-        """Features of the seeds, (N, p): the true ones, standardised as the converter's are."""
+        """Exact features of the seeds, (N, p), standardised like the converter's."""
         body = self.data.constraints.body
         excitation = excitation_of(body, gram(body, self.data.trajectory, self.data.seeds))
         return self.converter.standardise(tensor(getattr(excitation, str(self.settings.features))))
 
     def losses(self) -> list[Loss]:
-        """The vanilla GAN's, failure by the success predictor, the second discriminator, and fitness."""
+        """The vanilla GAN's loss, predicted failure, the second discriminator, and fitness."""
         weights, fit = self.settings.weights, self.current_epoch >= self.settings.fitness_start
         return [
             *super().losses(),
@@ -88,21 +88,21 @@ class Eigen(Vanilla):
 
 
 class Diagonal(Eigen):
-    """Losses of ``Eigen``, on the diagonal of YᵀY in place of its eigenvalues."""
+    """Losses of ``Eigen``, on the diagonal of YᵀY instead of its eigenvalues."""
 
 
 class Predicting(Eigen):
-    """Valid trajectories, rewarded by a converter for how well sets of them predict torques."""
+    """Valid trajectories, rewarded by a converter for sets that predict torques well."""
 
     energies: Energies
 
     def seeds_features(self) -> Tensor:
-        """Features of the seeds, (N, K): their true energies, standardised as the converter's are."""
+        """Exact energies of the seeds, (N, K), standardised like the converter's."""
         self.energies = Energies(self.data.constraints, self.data.trajectory, self.data.seeds)
         return self.converter.standardise(tensor(self.energies(self.data.seeds)))
 
     def fitness(self, batch: Batch) -> Tensor:
-        """Minus the mean log worth for prediction, by predicted energies."""
+        """Minus the mean log worth for prediction, from predicted energies."""
         reward, logs = self.settings.reward, self.converter.log_features(batch.features)
         if reward is None:
             raise ConfigError(f"{self.name} needs settings reward")
@@ -110,9 +110,9 @@ class Predicting(Eigen):
 
 
 class Exact(SideGAN):
-    """Exact physics of the arm in place of seeds, discriminators and surrogates; rewarded for prediction.
+    """Exact physics instead of seeds, discriminators and surrogates; rewarded for prediction.
 
-    The seeds of its data are random trajectories, of which it has scale and diversity.
+    The seeds of its data are random trajectories, which set its scaling and target of diversity.
     """
 
     def __init__(self, settings: Variant, data: Data, name: str = "exact") -> None:
@@ -124,12 +124,12 @@ class Exact(SideGAN):
         for kind, noise in noises(self.problem.body).items():
             if weight := getattr(settings.reward, kind):
                 self.worths.append((weight, Worth(self.problem, noise)))
-        # The limits on motion hold by the generator's last layer.
+        # The generator's last layer enforces the limits on motion.
         reserve = settings.exact.reserve
         self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
 
     def losses(self) -> list[Loss]:
-        """Violation of the constraints, whose weight grows geometrically, and worth for prediction."""
+        """Violation of the constraints, with a weight that grows geometrically, and worth for prediction."""
         weights, ease = self.settings.weights, _EASE ** (1 - min(1.0, self.share / _EASED))
         return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.fitness)]
 
@@ -139,18 +139,18 @@ class Exact(SideGAN):
         return violation(self.problem, c, self.penalty).to(c).mean()
 
     def fitness(self, batch: Batch) -> Tensor:
-        """Minus the mean log worth for prediction: the noises share the batch, each with its weight."""
+        """Minus the mean log worth for prediction, a part of the batch for each noise, with its weight."""
         parts = batch.coefficients.chunk(len(self.worths))
         values = [weight * worth(part).mean() for part, (weight, worth) in zip(parts, self.worths)]
         return -torch.stack(values).sum().to(batch.coefficients)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Keep the running means of what the generator makes, too."""
+        """Also save the running means."""
         super().on_save_checkpoint(checkpoint)
         checkpoint["worths"] = [(tensor(worth.means), worth.seen) for _, worth in self.worths]
 
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
-        """Go on with them."""
+        """Also restore the running means."""
         super().on_load_checkpoint(checkpoint)
         for (_, worth), kept in zip(self.worths, checkpoint["worths"]):
             worth.means, worth.seen = array(kept[0]), kept[1]
@@ -181,7 +181,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
     """The authors' variant for the eigenvalues of YᵀY; their surrogates see images."""
 
     def seeds_features(self) -> Tensor:
-        """Features of the seeds, (N, p): what the converter says of them, not the true ones."""
+        """Features of the seeds, (N, p), as the converter predicts them."""
         with torch.no_grad():
             return self.converter(self.generator.scaling.image(self.seeds))
 
@@ -190,7 +190,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
         return self.converter(batch.images)
 
     def losses(self) -> list[Loss]:
-        """Losses of ``Eigen``; from the first epoch in which fitness counts, the weight of success grows."""
+        """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""
         adversarial, success, features, fitness = super().losses()
         growth = 1 + _GROWTH * max(0, self.current_epoch - self.settings.fitness_start)
         return [adversarial, Loss(success.weight * growth, self.failure), features, fitness]
@@ -200,7 +200,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
         return 1 - self.success_predictor(batch.images).sigmoid().mean()
 
     def fitness(self, batch: Batch) -> Tensor:
-        """Measure of the predicted features that ``settings.Published`` chooses."""
+        """Fitness loss of the predicted features, as chosen in ``settings.Published``."""
         published = self.settings.published
         return unevenness(batch.features, "entropy" if published is None else published.fitness)
 
@@ -221,4 +221,4 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
 
 _OURS = Vanilla, Eigen, Diagonal, Predicting, Exact
 _PUBLISHED = PublishedVanilla, PublishedEigen, PublishedDiagonal
-VARIANTS: dict[str, type[SideGAN]] = {one.__name__: one for one in (*_OURS, *_PUBLISHED)}
+VARIANTS: dict[str, type[SideGAN]] = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}
