@@ -1,4 +1,4 @@
-"""Trajectories as the controllers of robots take them: CSV, ROS 2, URScript."""
+"""Trajectories as files for robot controllers: CSV, ROS 2, URScript."""
 
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import POINTS, Course, least_rate, slower

@@ -1,4 +1,4 @@
-"""The way from where an arm stands to where its trajectories begin, and back: straight, from rest to rest."""
+"""The path from the arm's position to its trajectories' start, and back: straight, from rest to rest."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -17,29 +17,29 @@ from sidegan.validity.straight import require_straight
 # Largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time that rests at both ends.
 _PEAKS = (15 / 8, 10 / 3**0.5, 60.0)
 _POINTS = 40  # of a course
-# Torques are looked at so often at least, and once per step [rad or m] that all joints together go; then
-# twice again in finer steps, near the largest.
+# Torques are computed at this many times at least, and once per step [rad or m] of the joints' summed
+# travel; then in two rounds of finer steps near the largest.
 _TIMES, _STEP = 400, 0.01
 _ROUNDS, _NEAR, _FINER = 2, 0.99, 20
-_HOLDABLE = 0.999  # share of a torque limit that holds the arm, beyond which there is nothing left to move it
+_HOLDABLE = 0.999  # largest share of a torque limit for holding the arm that leaves torque to move it
 _ROUNDING = 1e-9
-_SHORTEST = 0.5  # [s]
+_SHORTEST = 0.5  # least duration [s]
 _CLOSER = "move the arm closer to home by hand or with its own planner"
 
 
 def approach(
     constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: ExportSettings
 ) -> Course:
-    """A course from one configuration [rad or m] to another on the straight way between them.
+    """A course along the straight line in joint space between two configurations [rad or m].
 
-    The joints move in step, on a quintic in time. At the planned speed the duration is the shortest, half a
-    second at least, in which no joint uses more than a share of its limits (``careful``; of torque, to move
-    the arm, beside what holds it). It is a whole number of samples of the tables, rounded up.
+    The joints move synchronously, on a quintic in time. At the planned speed the duration is the shortest,
+    but at least half a second, in which no joint uses more than a share ``careful`` of its limits; for
+    torque, this is the share for moving, on top of holding the arm. It is rounded up to whole samples.
 
     Raises:
-        ShapeError: when an end is not one finite number per joint.
-        InfeasibleError: when the straight way is not free, a joint cannot hold the arm on it, or it takes
-            longer than ``longest``, and what to do.
+        ShapeError: when an end does not have one finite number per joint.
+        InfeasibleError: when the straight line is not free, a joint cannot hold the arm on it, or it takes
+            longer than ``longest``; says what to do.
     """
     arm, use = constraints.arm, settings.careful
     try:
@@ -64,7 +64,7 @@ def approach(
 
 
 def _for_motion(arm: Arm, change: Array, use: float) -> Array:
-    """Duration [s] in which each joint uses a share of its limits of motion, (J,)."""
+    """Duration [s], (J,), in which each joint uses a share of its limits on motion."""
     needed = np.zeros_like(change)
     limits = (arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit)
     for order, (peak, limit) in enumerate(zip(_PEAKS, limits), start=1):
@@ -74,22 +74,22 @@ def _for_motion(arm: Arm, change: Array, use: float) -> Array:
 
 
 def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
-    """Duration [s] in which moving takes a share of each torque limit at most, and all torques stay in them.
+    """Duration [s], (J,), in which moving takes at most a share of each torque limit, within the limits.
 
-    What moves the arm on the way of 1 s is divided by the square of the duration; what holds it stays.
+    The torque for moving in 1 s is divided by the square of the duration; that for holding stays the same.
 
     Raises:
-        InfeasibleError: when holding the arm leaves nothing to move it, whatever the duration.
+        InfeasibleError: when holding the arm leaves no torque to move it, for any duration.
     """
     arm, drives = body.arm, body.arm.known_drives
-    friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the speed that may be used
+    friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the highest allowed speed
     limit = np.maximum(arm.torque_limit - friction, np.finfo(float).tiny)
 
     def share(times: Array) -> Array:
         unit = _quintic(arm, ends, 1.0, times)
         still = np.zeros_like(unit.position)
         held = body.torque(unit.position, still, still)
-        with np.errstate(over="ignore"):  # where friction takes all of a limit
+        with np.errstate(over="ignore"):  # if friction uses a whole limit
             _refuse_heavy(arm, np.abs(held) / limit)
         moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
         moving = moving + drives.rotor_inertia * unit.acceleration
@@ -100,7 +100,7 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
 
 
 def _largest(share: Callable[[Array], Array], count: int) -> Array:
-    """Largest value of each column of a smooth function of time, 0 to 1, that is looked at so often, (J,)."""
+    """Largest values, (J,), of a smooth function of time from 0 to 1, from ``count`` steps and refinement."""
     times, step = np.linspace(0, 1, count + 1), 1 / count
     found = share(times)
     largest = found.max(0)
@@ -115,7 +115,7 @@ def _largest(share: Callable[[Array], Array], count: int) -> Array:
 
 
 def _refuse_heavy(arm: Arm, share: Array) -> None:
-    """Refuse a way along which holding the arm takes too large a share of a torque limit, (T, J)."""
+    """Refuse a path on which holding the arm takes too large a share of a torque limit, (T, J)."""
     row, joint = divmod(int(share.argmax()), arm.joints)
     if share[row, joint] > _HOLDABLE:
         raise InfeasibleError(
@@ -126,7 +126,7 @@ def _refuse_heavy(arm: Arm, share: Array) -> None:
 
 
 def _quintic(arm: Arm, ends: Array, duration: float, share: Array) -> Course:
-    """The way between ends (2, J) at shares of its duration [s], (T,)."""
+    """The course between ends (2, J) at shares of its duration [s], (T,)."""
     s, change = share[:, None], ends[1] - ends[0]
     done = s**3 * (10 + s * (6 * s - 15))
     return Course(

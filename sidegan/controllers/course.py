@@ -1,4 +1,4 @@
-"""Motions that a controller is asked to follow: joint positions with their derivatives, over time."""
+"""Motions for a controller to follow: joint positions with their derivatives over time."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -11,13 +11,13 @@ from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Motion, Trajectory
 
-# Points per period of the fastest harmonic. A controller that draws quintics between points with position,
-# velocity and acceleration then stays within 3e-8 of the harmonic's amplitude: (2π/20)⁶ / 46080; one that
-# draws straight lines within 1.3 % of it: (2π/20)² / 8.
+# Points per period of the highest harmonic. Quintic interpolation of position, velocity and acceleration then
+# deviates by 3e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.3 %,
+# (2π/20)² / 8.
 POINTS = 20
 
 STATES = ("position", "velocity", "acceleration")
-_MET = 1e-4  # [rad or m] between the end of one course and the start of the next
+_MET = 1e-4  # largest distance between the end of a course and the start of the next [rad or m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,23 +25,23 @@ class Course:
     """A motion of named joints, from rest to rest."""
 
     joint_names: tuple[str, ...]
-    time: Array  # [s], (T,), from 0 on, rising
+    time: Array  # [s], (T,), increasing from 0
     position: Array  # [rad or m], (T, J)
     velocity: Array  # [rad/s or m/s], (T, J)
     acceleration: Array  # [rad/s² or m/s²], (T, J)
 
     @classmethod
     def of(cls, joint_names: Sequence[str], motion: Motion) -> "Course":
-        """The course of one motion, (1, T, J)."""
+        """The course of a motion (1, T, J)."""
         return cls(tuple(joint_names), motion.time, *(x[0] for x in motion[1:]))
 
     @property
     def duration(self) -> float:
-        """From the first to the last point [s]."""
+        """Duration from the first to the last point [s]."""
         return float(self.time[-1])
 
     def sampled(self, rate: float) -> "Course":
-        """This motion with points at a rate [Hz], on the quintics that join the points."""
+        """This motion resampled at a rate [Hz], by quintic interpolation."""
         count = max(1, round(self.duration * rate))
         times = np.linspace(0, self.duration, count + 1)
         states = np.stack([self.position, self.velocity, self.acceleration], 1)
@@ -49,12 +49,12 @@ class Course:
         return Course(self.joint_names, times, *(curve(times, k) for k in range(3)))
 
     def then(self, other: "Course", pause: float = 0.0, rate: float = 0.0) -> "Course":
-        """This course and another one that starts where this one ends; the point that they share once.
+        """This course followed by another that starts where it ends; their common point occurs once.
 
-        Between them the arm rests for a pause [s], with points at a rate [Hz].
+        In between, the arm rests for a pause [s], with points at a rate [Hz].
 
         Raises:
-            ShapeError: when the other one is of other joints, or starts elsewhere.
+            ShapeError: when the other course has different joints, or starts elsewhere.
         """
         apart = float(np.abs(self.position[-1] - other.position[0]).max())
         if other.joint_names != self.joint_names or apart > _MET:
@@ -72,12 +72,12 @@ class Course:
 
 
 def knots(trajectory: Trajectory) -> Array:
-    """Times [s] of the points between which quintics follow a trajectory of this family, (T,)."""
+    """Times [s], (T,), of interpolation points for trajectories of this family."""
     return trajectory.times(least_rate(trajectory.harmonics, trajectory.period))
 
 
 def least_rate(harmonics: int, period: float) -> float:
-    """Rate [Hz] from which on points describe a motion of so many harmonics of a period [s]."""
+    """Least rate [Hz] of interpolation points for a motion with harmonics of a period [s]."""
     return POINTS * harmonics / period
 
 
@@ -87,5 +87,5 @@ def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, 
 
 
 def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course:
-    """All courses one after another; at rest for a pause [s] between them, with points at a rate [Hz]."""
-    return reduce(lambda so_far, other: so_far.then(other, pause, rate), courses)
+    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz]."""
+    return reduce(lambda course, other: course.then(other, pause, rate), courses)

@@ -1,4 +1,4 @@
-"""The files of a set of trajectories, one for each controller that was asked for."""
+"""Write the controller files of a set of trajectories."""
 
 from pathlib import Path
 
@@ -20,17 +20,17 @@ _ENDINGS = (".csv", ".yaml", ".script")
 def export_set(
     constraints: Constraints, trajectory: Trajectory, c: Array, settings: ExportSettings, folder: Path
 ) -> dict[str, float]:
-    """Write trajectories (n, J, H, 2), as they are to be run: ``1.csv`` …, ``all.csv``, and so on.
+    """Write files for trajectories (n, J, H, 2) at their final speed: ``1.csv`` …, ``all.csv``, and so on.
 
-    Goals for ROS 2 are of one trajectory each, programs and tables of each and of all in a row.
-    Where it is known where the arm is, ``approach`` is the way to home and ``return`` the way back. The files
-    take the place of all that an earlier run left; what is no file of a run stays.
+    ROS 2 goals have a trajectory each; there are programs and tables for each trajectory and for all in
+    sequence. If the arm's position is known, ``approach`` is the path to home and ``return`` the path back.
+    The files replace those of an earlier run; other files in the folder stay.
 
     Returns:
-        Duration [s] of each file, by its name, in the order in which they are to be sent.
+        Duration [s] of each file, by name, in the order in which to send them.
 
     Raises:
-        InfeasibleError: when the straight way from where the arm is to home is not free, or too long.
+        InfeasibleError: when the straight path from the arm's position to home is not free, or too long.
         StorageError: when a file cannot be written.
     """
     joints = constraints.arm.joint_names
@@ -40,8 +40,8 @@ def export_set(
 
     def courses(times: Array) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
-        each = [Course.of(joints, trajectory.roll_out(one[None], times)) for one in c]
-        return {f"{k + 1:0{digits}}": course for k, course in enumerate(each)}
+        motions = (trajectory.roll_out(coefficients[None], times) for coefficients in c)
+        return {f"{k:0{digits}}": Course.of(joints, motion) for k, motion in enumerate(motions, 1)}
 
     points = courses(knots(trajectory))
     ways = _ways(constraints, trajectory, settings)
@@ -67,13 +67,13 @@ def export_set(
 
 
 def _of_a_run(path: Path) -> bool:
-    """Whether a file is one that a run writes."""
+    """Whether a run writes files of this name."""
     named = path.stem.isdigit() or path.stem in (ALL, APPROACH, RETURN)
     return named and path.suffix in _ENDINGS
 
 
 def _ways(constraints: Constraints, trajectory: Trajectory, settings: ExportSettings) -> dict[str, Course]:
-    """The way from where the arm is to home, and back; nothing where that is not known."""
+    """The paths from the arm's position to home and back; empty if the position is unknown."""
     if settings.start is None:
         return {}
     home = tuple(trajectory.home or ())

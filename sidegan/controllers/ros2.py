@@ -1,4 +1,4 @@
-"""A course for ROS 2: the goal of a joint trajectory controller as text."""
+"""A course for ROS 2: a joint trajectory controller's goal as text."""
 
 import math
 from collections.abc import Sequence
@@ -7,23 +7,23 @@ import yaml
 
 from sidegan.controllers.course import STATES, Course
 
-SHELL = 128 * 1024  # bytes of one argument of a command on Linux; a larger goal comes from standard input
+SHELL = 128 * 1024  # limit of a command-line argument on Linux [bytes]; larger goals need standard input
 _KEYS = ("positions", "velocities", "accelerations")
 _SECOND = 10**9  # [ns]
-_SETTLING = 2  # [s] in which the arm must be within the tolerance once the goal's time is over
+_SETTLING = 2  # time to reach the goal's tolerance after its last point [s]
 
 
 def goal_text(course: Course, tolerance: Sequence[float], notes: str = "") -> str:
     """A goal of ``control_msgs/action/FollowJointTrajectory`` as YAML, for ``ros2 action send_goal``.
 
-    Every point has position, velocity and acceleration, so that the controller draws quintics between them.
-    The first point is at time zero: its tolerance is checked before anything is commanded, so that an arm
-    which stands elsewhere stays there. Without tolerances a controller checks nothing and jumps.
+    Every point has position, velocity and acceleration, so that the controller interpolates with quintics.
+    The first point is at time zero: the controller checks its tolerance before it moves, and refuses if the
+    arm stands elsewhere. Without tolerances a controller does not check, and the arm jumps.
 
     Args:
         course: from rest to rest.
-        tolerance: of each joint's position [rad or m], (J,), on the way and at its end.
-        notes: for people, a comment in the first line.
+        tolerance: of each joint's position [rad or m], (J,), on the path and at its end.
+        notes: a comment for the first line.
     """
     lines = [f"# {notes}"] if notes else []
     names = yaml.safe_dump([*course.joint_names], default_flow_style=True, width=math.inf, allow_unicode=True)

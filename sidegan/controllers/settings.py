@@ -1,4 +1,4 @@
-"""Group ``controllers`` of ``conf/``: how trajectories are handed to robots."""
+"""Settings of the files for controllers: config group ``controllers``."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -10,13 +10,13 @@ from sidegan.robot import Arm
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """Distance of a joint from what it is sent, beyond which the controller refuses or stops."""
+    """Largest deviation of a joint from its command; beyond it the controller refuses or stops."""
 
-    angle: Positive = 0.05  # [rad]
-    length: Positive = 0.01  # [m], of joints that slide
+    angle: Positive = 0.05  # of revolute joints [rad]
+    length: Positive = 0.01  # of prismatic joints [m]
 
     def of(self, arm: Arm) -> list[float]:
-        """That of each joint [rad or m], (J,)."""
+        """Tolerance of each joint [rad or m], (J,)."""
         return [self.length if slides else self.angle for slides in arm.prismatic.tolist()]
 
 
@@ -27,14 +27,11 @@ class ExportSettings:
     formats: list[Literal["csv", "ros2", "urscript"]] = field(default_factory=lambda: ["csv", "ros2"])
     rate: Hertz = 100.0  # of the tables [Hz]
     speed: Part = 1.0  # share of the planned speed: the same paths, slower
-    pause: Seconds | None = 1.0  # at rest between two trajectories [s]; null: none
-    # where the arm is now [rad or m]: the way from there to home and back is written too
-    start: list[Number] | None = None
-    # share of the limits that this way uses; of torques, beside what holds the arm
-    careful: Part = 0.2
-    longest: Positive = 600.0  # that this way may take [s]
-    # beyond which an arm is not where a goal or a program begins, or does not follow
-    tolerance: Tolerance = Tolerance()
+    pause: Seconds | None = 1.0  # rest between trajectories [s]; null: none
+    start: list[Number] | None = None  # present position [rad or m]; adds a path from there to home and back
+    careful: Part = 0.2  # share of the limits that this path uses; of torques, in addition to holding the arm
+    longest: Positive = 600.0  # most time for this path [s]
+    tolerance: Tolerance = Tolerance()  # at the start of a goal or program, and on the path
     rehearse: bool = False  # execute the set in MuJoCo first
 
     def __post_init__(self) -> None:

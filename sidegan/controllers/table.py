@@ -1,4 +1,4 @@
-"""A course as a table, in the columns that ``identify`` reads without a setting."""
+"""A course as a table with the columns that ``identify`` recognises."""
 
 import csv
 import io
@@ -7,7 +7,8 @@ import numpy as np
 
 from sidegan.controllers.course import STATES, Course
 
-# Whoever draws cubics through points at 1 kHz divides by 1e-9 s³ for the jerk: nine digits cost 120 rad/s³.
+# A controller with cubic interpolation at 1 kHz divides differences by 1e-9 s³ for the jerk: with nine digits
+# its error would be 120 rad/s³.
 _DIGITS = "%.12g"
 
 

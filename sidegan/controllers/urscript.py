@@ -7,27 +7,27 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.controllers.course import STATES, Course
 
-SCRIPTED = 6  # joints of every arm that runs URScript, all of which turn
-_PERIOD = 0.008  # [s] between two points: the slowest of these controllers takes one every 8 ms
+SCRIPTED = 6  # joints of every arm that runs URScript, all revolute
+_PERIOD = 0.008  # time between points [s]: that of the slowest of these controllers
 _SETTLE = 62  # points at the last position, half a second, before the program stops
-_LOOKAHEAD, _GAIN = 0.1, 300  # of servoj [s] and without a unit, as the manual has them
-_APPROACH = "a=0.3, v=0.2"  # of the straight way in joint space to the first point [rad/s², rad/s]
+_LOOKAHEAD, _GAIN = 0.1, 300  # servoj's lookahead time [s] and gain, the manual's defaults
+_APPROACH = "a=0.3, v=0.2"  # of the joint-space move to the first point [rad/s², rad/s]
 
 
 def script_text(course: Course, name: str, tolerance: float, notes: str = "") -> str:
     """A URScript program that follows the course by ``servoj``, a point every 8 ms.
 
-    It draws the quintics between the course's points itself, a line for each, since programs of many thousand
-    lines do not load. It refuses to start away from the course's first point.
+    The program interpolates with quintics between the course's points, a line each, since programs of many
+    thousand lines do not load. It refuses to start away from the course's first point.
 
     Args:
         course: of six joints.
-        name: of the program; what is no letter, digit or underscore becomes one.
-        tolerance: distance [rad] from the first point beyond which it refuses.
-        notes: for people, a comment in the first line.
+        name: of the program; other characters than letters and digits become underscores.
+        tolerance: largest distance from the first point at the start [rad].
+        notes: a comment for the first line.
     """
     title = re.sub("[^a-zA-Z0-9]", "_", name)
-    states = np.stack([getattr(course, one) for one in STATES], 1)  # (T, 3, J)
+    states = np.stack([getattr(course, state) for state in STATES], 1)  # (T, 3, J)
     steps = zip(np.diff(course.time).tolist(), states[1:])
     legs = "\n".join(f"  leg({span:.12f}, {', '.join(map(_list, state))})" for span, state in steps)
     q, dq, ddq = map(_list, states[0])
@@ -85,4 +85,4 @@ end
 
 
 def _list(values: Array) -> str:
-    return "[" + ", ".join(f"{x:.10f}" for x in values.tolist()) + "]"  # each a float, never an integer
+    return "[" + ", ".join(f"{x:.10f}" for x in values.tolist()) + "]"  # URScript needs floats here
