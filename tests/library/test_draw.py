@@ -49,7 +49,7 @@ def test_draws_are_limited_and_the_valid_share_reported(caplog):
     assert source.sizes == [6, 6, 6, 2] and draws.drawn == 20
     assert len(draws.coefficients) == draws.valid == 6
     assert steps == [(12, 40), (24, 40), (36, 40), (40, 40)]
-    assert "6 valid trajectories in 20 draws, 40 were wanted: drawn from eigen" in caplog.text
+    assert "only 6 valid trajectories in 20 draws, expected 40: drawn from eigen" in caplog.text
 
 
 @pytest.mark.parametrize(
