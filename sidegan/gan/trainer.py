@@ -82,7 +82,7 @@ class Shuffled:
 
     def __iter__(self) -> Iterator[list[Tensor]]:
         order = torch.randperm(len(self.tensors[0]), generator=self.random)
-        for rows in order.split(self.size):  # a generator: Lightning calls iter twice for some epochs
+        for rows in order.split(self.size):  # drawn lazily: Lightning starts some epochs twice
             yield [x[rows] for x in self.tensors]
 
 

@@ -18,23 +18,23 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from sidegan.base.names import plain
 from sidegan.base.storage import replacing
 
-_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # none of it
-_LEAST, _MOST = 0.7, 1.2  # width in a page over that for which it is drawn
+_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # removed from files
+_LEAST, _MOST = 0.7, 1.2  # width in a page relative to the figure's
 _VECTORS: dict[Any, Any] = {
     "svg.fonttype": "none",
-    "font.sans-serif": ["DejaVu Sans"],  # that comes with matplotlib: its widths are alike everywhere
+    "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib: the same widths everywhere
     "path.simplify_threshold": 0.5,  # [pt]: a long recording has more points than a screen can show
-    "text.parse_math": False,  # a dollar in somebody's name is a dollar
+    "text.parse_math": False,  # names may contain a dollar sign
 }
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure of this size [inch], which needs no screen and no global state."""
+    """An empty figure of this size [inch], without screen or global state."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
-    """A light grid behind the data, small ticks, no frame on the right and above."""
+    """Draw a light grid behind the data and small ticks; remove the right and top frame."""
     axis.grid(axis=grid, alpha=0.25)
     axis.set_axisbelow(True)
     axis.tick_params(which="both", labelsize=8)
@@ -42,7 +42,7 @@ def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
 
 
 def logarithmic(axis: Axes) -> None:
-    """A logarithmic scale upwards whose ticks are plain numbers."""
+    """Set a logarithmic y axis with plain numbers at its ticks."""
     axis.set_yscale("log")
     decades = np.ptp(np.log10(axis.get_ylim()))
     axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
@@ -51,7 +51,7 @@ def logarithmic(axis: Axes) -> None:
 
 
 def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """One legend below all panels; none for a single unnamed line."""
+    """Draw a common legend below all panels; none without handles."""
     if handles:
         rows = -(-len(handles) // int(figure.get_figwidth() // 1.7))
         columns = -(-len(handles) // rows)
@@ -60,7 +60,7 @@ def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write ``path``.png; the same figure gives the same bytes, so that a repeated run changes no file."""
+    """Write ``path``.png; equal figures give equal bytes, so that a repeated run changes no file."""
     final = path.with_name(f"{path.name}.png")
     with replacing(final) as draft:
         figure.savefig(draft, format="png", dpi=150, metadata={"Software": None})
@@ -68,13 +68,13 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def svg(figure: Figure, name: str, label: str) -> str:
-    """The figure as an SVG element for HTML, sharp at any size, whose words are text.
+    """The figure as an SVG element for HTML, with text as text; equal figures give equal bytes.
 
-    The same figure gives the same bytes. No other element of a page has its name; its label is read aloud.
+    ``name`` must be unique in a page; screen readers read ``label``.
     """
     text = StringIO()
     with rc_context(_VECTORS | {"svg.hashsalt": name}), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing")  # browsers have all
+        warnings.filterwarnings("ignore", "Glyph .* missing")  # browsers have other fonts
         for words in figure.findobj(Text):
             words.set_parse_math(False)
         figure.savefig(text, format="svg", metadata=_METADATA, transparent=True)

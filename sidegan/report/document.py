@@ -1,4 +1,4 @@
-"""Pages from templates: Markdown with its tables and figures as files beside it, and HTML as one file."""
+"""Pages from templates: Markdown with tables and figures in separate files, and self-contained HTML."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -23,11 +23,11 @@ def write_page(
     figures: Mapping[str, "Figure"],
     **context: Any,
 ) -> None:
-    """Write a page as Markdown, and each table and figure that it shows into a folder of the page's name.
+    """Write a Markdown page, and the tables and figures that it uses into a folder of the same name.
 
     The template calls ``table(name, caption)`` and ``figure(name, caption)``, or ``link(name, caption)`` for
-    a table that is not shown; the cells of tables are formatted already. Whatever else it names is the
-    context, and numbers are formatted by ``number(".3g")``.
+    a table that is only linked; cells of tables are already formatted. Other names come from the context,
+    and ``number(".3g")`` formats numbers.
     """
     assets = target.with_suffix("")
 
@@ -47,14 +47,14 @@ def write_page(
         return f"![{words}]({quote(picture.as_posix())})\n\n{_caption(caption)}"
 
     words = {"table": table, "link": link, "figure": figure, "tables": tables, "figures": figures}
-    environment = templates(path.parent, html=False)  # HTML in Markdown is shown and not obeyed
+    environment = templates(path.parent, html=False)  # Markdown needs no escapes
     environment.filters |= {"number": plain}
     text = environment.get_template(path.name).render(**words, **context)
     write_bytes(target, text.encode())
 
 
 def templates(folder: Path, html: bool) -> Environment:
-    """Templates below a folder; what they do not know is an error."""
+    """Templates below a folder; undefined names are errors."""
     return Environment(
         loader=FileSystemLoader(folder),
         undefined=StrictUndefined,
@@ -66,7 +66,7 @@ def templates(folder: Path, html: bool) -> Environment:
 
 
 def web_page(name: str, filters: Mapping[str, Callable[..., str]] | None = None, **context: Any) -> bytes:
-    """An HTML page that is one file, by a template of this room; nothing in it comes from the network."""
+    """A self-contained HTML page from a template of this room."""
     environment = templates(Path(__file__).parent, html=True)
     environment.filters |= filters or {}
     return environment.get_template(name).render(**context).encode()

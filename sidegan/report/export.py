@@ -9,17 +9,17 @@ import pandas as pd
 
 from sidegan.base.storage import write_bytes
 
-_NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells of such signs alone line up on the right
+_NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells that are aligned on the right
 
 
 class Recorder(Protocol):
-    """Keeps what a run shows; ``pipeline.tracking.Tracker`` is one."""
+    """Records results of a run, such as ``pipeline.tracking.Tracker``."""
 
     def log_table(self, table: pd.DataFrame, name: str) -> None:
-        """Keep a table."""
+        """Record a table."""
 
     def log_note(self, text: str) -> None:
-        """Add Markdown to what is shown of the run first."""
+        """Append Markdown to the run's description."""
 
 
 def publish(table: pd.DataFrame, path: Path, caption: str, tracker: Recorder) -> None:
@@ -37,7 +37,7 @@ def write_table(table: pd.DataFrame, path: Path, caption: str) -> None:
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """A Markdown table without its index; columns of numbers line up on the right."""
+    """A Markdown table without index; columns of numbers are aligned on the right."""
     text = _cells(table).map(lambda cell: " ".join(cell.replace("|", "\\|").splitlines()))
     rules = ["---:" if all(map(_NUMBER.fullmatch, text[name])) else "---" for name in text]
     rows = [[str(name).replace("|", "\\|") for name in text], rules, *text.to_numpy().tolist()]
@@ -45,7 +45,7 @@ def markdown(table: pd.DataFrame) -> str:
 
 
 def _cells(table: pd.DataFrame) -> pd.DataFrame:
-    """Cells as text, with a dash for what is unknown."""
+    """Cells as text, with a dash for missing values."""
     return table.map(lambda cell: "—" if pd.isna(cell) else str(cell))
 
 
@@ -61,13 +61,13 @@ def show(table: pd.DataFrame, caption: str) -> None:
     for row in rows.to_numpy().tolist():
         drawn.add_row(*row)
     width = None if sys.stdout.isatty() else 150
-    console = Console(file=sys.stdout, width=width, markup=False)  # "[s]" is a unit and no style
+    console = Console(file=sys.stdout, width=width, markup=False)  # "[s]" is a unit, not a style
     console.print(caption, style="bold", soft_wrap=True, highlight=False)  # paths stay whole
     console.print(drawn)
 
 
 def read_tables(text: str) -> list[pd.DataFrame]:
-    """Tables of a Markdown text, as ``markdown`` writes them: cells are text, or None for a dash."""
+    """Tables of a Markdown text by ``markdown``: cells are text, or None for a dash."""
     tables = []
     for part in re.findall(r"(?:^\|.*\|\n)+", f"{text}\n", re.M):
         header, _, *rows = ([cell.strip() for cell in line[1:-1].split("|")] for line in part.splitlines())

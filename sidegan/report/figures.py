@@ -16,8 +16,8 @@ from sidegan.report.tables import NAMES, ordered, title, weighting
 
 METRICS = ["success", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
 METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
-_LOW, _HIGH = 0.9, 1.005  # ends of the axis of a share, or lower
-_FEW = 10  # points of a line that are marked
+_LOW, _HIGH = 0.9, 1.005  # limits of an axis of shares; the lower one adapts to the data
+_FEW = 10  # lines with fewer points have markers
 
 
 def panels(
@@ -26,13 +26,13 @@ def panels(
     shown: Sequence[str],
     references: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
 ) -> Figure:
-    """Metrics of variants over a column, a panel each; of a variant a line of means with its range behind.
+    """Metrics of variants against a column, a panel per metric, with the mean and range of each variant.
 
     Args:
         frame: a row per result, with its ``variant``.
-        across: the column across, and its name for people.
+        across: column of the x axis, and its label.
         shown: the metrics.
-        references: the same metrics of sets that they are compared with, dashed.
+        references: the metrics of sets to compare with, drawn dashed.
     """
     key, label = across
     columns = min(3, len(shown))
@@ -58,7 +58,7 @@ def panels(
 
 
 def _line(axis: Axes, line: pd.DataFrame, name: str) -> Line2D:
-    """Means of a variant with their range behind."""
+    """Line of a variant's means, over a band of the range."""
     if (line["max"] > line["min"]).any():
         axis.fill_between(line.index, line["min"], line["max"], color=colour(name), alpha=0.2, linewidth=0)
     marker = "o" if len(line) < _FEW else ""
@@ -72,7 +72,7 @@ def errors(raw: pd.DataFrame) -> Figure:
     parts = raw.groupby("weighted")
     for axis, (weighted, part) in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts):
         groups = part.groupby(["joint", "set"]).nmse
-        mean, low, high = (groups.agg(one).unstack().loc[joints, names] for one in ("mean", "min", "max"))
+        mean, low, high = (groups.agg(how).unstack().loc[joints, names] for how in ("mean", "min", "max"))
         mean.plot.bar(
             ax=axis,
             yerr=np.stack([(mean - low).T, (high - mean).T], 1),
@@ -93,10 +93,10 @@ def errors(raw: pd.DataFrame) -> Figure:
 
 
 def coefficients(sets: Mapping[str, np.ndarray]) -> Figure:
-    """Coefficients of sets, (N, D) each, as strips, a row a trajectory; and along the axes of all of them.
+    """Coefficients of sets, (N, D) each, as images with a row per trajectory, and projected onto two axes.
 
-    The axes are the two of the largest second moments of each set and the first, with no mean taken off:
-    a motion that all of a set have in common lies far from the origin.
+    The axes are the leading directions of each set together with the first, not centred: a common offset
+    of a set is far from the origin.
     """
     figure = blank(2.6 * len(sets) + 0.6, 5.6)
     strips, clouds = figure.subplots(2, len(sets), squeeze=False)

@@ -20,8 +20,8 @@ from sidegan.report.style import DESK
 from sidegan.robot import Arm
 from sidegan.validity.capsules import place_points
 
-_RATE = 25.0  # [Hz] of a drawn path
-_ROOM = 0.02  # [m] around what is drawn, at least
+_RATE = 25.0  # sampling rate of a path [Hz]
+_ROOM = 0.02  # least margin around the paths [m]
 _COLUMNS = 4
 _TIME, _BONES = "viridis", "#8a8f98"
 _VIEW = {"elev": 22.0, "azim": -58.0}
@@ -29,27 +29,27 @@ _WIDTH, _HEIGHT = 2.9, 2.697  # [inch] of a panel
 
 
 class Bundle(NamedTuple):
-    """Trajectories whose paths are drawn together."""
+    """Trajectories whose paths share a panel."""
 
-    title: str  # for people
+    title: str
     family: Trajectory
     coefficients: Array  # [rad/s], (B, J, H, 2)
-    colour: str | None = None  # of the paths; None is one that tells the time
+    colour: str | None = None  # of the paths; None: coloured by time
 
 
 def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
-    """A panel per bundle with the end effector's path along its trajectories, all to one scale."""
+    """The end effector's paths, a panel per bundle, to a common scale."""
     if not bundles:
         raise ShapeError("there are no sets to draw")
     drawn = [tip_paths(arm, bundle.family, bundle.coefficients) for bundle in bundles]
     figure = Figure()
     panels = _panels(figure, [bundle.title for bundle in bundles], bounds(drawn))
-    for axis, bundle, some in zip(panels, bundles, drawn):
+    for axis, bundle, tips in zip(panels, bundles, drawn):
         if bundle.colour is None:
-            for path in some:
+            for path in tips:
                 _timed(axis, path)
         else:
-            lines = Line3DCollection(list(some), colors=bundle.colour, linewidths=0.5, alpha=0.75)
+            lines = Line3DCollection(list(tips), colors=bundle.colour, linewidths=0.5, alpha=0.75)
             axis.add_collection3d(lines, autolim=False)
     return figure
 
@@ -57,16 +57,16 @@ def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
 def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figure:
     """The arm at ``count`` times along a trajectory (J, H, 2), a panel each with its end effector's path."""
     (path,) = tip_paths(arm, family, coefficients[None])
-    every = np.linspace(0, len(path) - 1, count, endpoint=False).round().astype(int)
+    samples = np.linspace(0, len(path) - 1, count, endpoint=False).round().astype(int)
     motion = family.roll_out(coefficients[None], family.times(_RATE))
-    q = motion.position[0, every].T
+    q = motion.position[0, samples].T
     origins = np.concatenate([np.zeros((arm.joints, 3)), arm.tip[None]])
     links = np.append(np.arange(arm.joints), arm.joints - 1)
     joints = place_points(arm, q, origins, links).transpose(2, 1, 0)  # (count, J + 1, 3)
-    joints = np.concatenate([np.zeros((count, 1, 3)), joints], 1)  # from the arm's foot
+    joints = np.concatenate([np.zeros((count, 1, 3)), joints], 1)  # from the base
     figure = Figure()
-    titles = [f"{float(motion.time[k]):.3g} s" for k in every]
-    for axis, k, bones in zip(_panels(figure, titles, bounds([path, joints])), every, joints):
+    titles = [f"{float(motion.time[k]):.3g} s" for k in samples]
+    for axis, k, bones in zip(_panels(figure, titles, bounds([path, joints])), samples, joints):
         _timed(axis, path)
         axis.plot(*bones.T, "-", color=_BONES, lw=4, solid_capstyle="round", zorder=5)
         axis.plot(*bones.T, "o", color="black", markersize=2.5, zorder=6)
@@ -84,18 +84,18 @@ def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Array:
 
 
 def bounds(points: Sequence[Array]) -> Array:
-    """Corners [m], (2, 3), of a box with all points (…, 3) in it, and with the arm's foot on the desk."""
+    """Corners [m], (2, 3), of a box around all points (…, 3) and the arm's base."""
     flat = np.concatenate([np.zeros((1, 3)), *(x.reshape(-1, 3) for x in points)])
     low, high = flat.min(0), flat.max(0)
     room = np.maximum(0.04 * (high - low).max(), _ROOM)
     low, high = low - room, high + room
     if low[2] > -2 * room:
-        low[2] = 0.0  # nothing worth showing is below: the desk is the floor of the picture
+        low[2] = 0.0  # hardly anything is below the desk: make it the floor
     return np.stack([low, high])
 
 
 def _timed(axis: Axes3D, path: Array) -> None:
-    """A path whose colour tells the time."""
+    """Draw a path coloured by time."""
     shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
     pieces = np.stack([path[:-1], path[1:]], 1)
     axis.add_collection3d(Line3DCollection(pieces, colors=shades, linewidths=1.3, zorder=3), autolim=False)
@@ -103,8 +103,8 @@ def _timed(axis: Axes3D, path: Array) -> None:
 
 
 def _panels(figure: Figure, titles: Sequence[str], limits: Array) -> Iterator[Axes3D]:
-    """Panels in space, axes of equal scale within limits [m], the desk drawn."""
-    # Without automatic layout, which knows nothing of the labels of axes in space.
+    """Three-dimensional panels with equal scales within limits [m], and the desk."""
+    # Automatic layout ignores the labels of 3D axes.
     rows = -(-len(titles) // _COLUMNS)
     columns = -(-len(titles) // rows)
     figure.set_size_inches(columns * _WIDTH + 0.3, rows * _HEIGHT + 0.2)

@@ -1,11 +1,11 @@
-"""Colours and words that the figures and pages share."""
+"""Colours and formats that figures and pages share."""
 
 import zlib
 
 from sidegan.base.names import plain
 
 NOT_MEASURED = "not measured"
-# Told apart on white and on dark pages, and by people who see red and green alike.
+# Distinct on white and dark pages, and for colour-blind readers.
 _COLOURS = {
     "vanilla": "#7f7f7f",
     "eigen": "#1f77b4",
@@ -29,7 +29,7 @@ def colour(name: str) -> str:
 
 
 def seconds(duration: float) -> str:
-    """A duration in the unit that people would say: ``1.4 ms``, ``6 min``, ``14 h``."""
+    """A duration in a natural unit: ``1.4 ms``, ``6 min``, ``14 h``."""
     units = {"h": 3600.0, "min": 60.0, "s": 1.0, "ms": 1e-3, "µs": 1e-6}
     unit = next((unit for unit, size in units.items() if duration >= size), "µs")
     return f"{plain(duration / units[unit])} {unit}"

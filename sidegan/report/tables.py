@@ -1,4 +1,4 @@
-"""Tables for people, from the results of runs."""
+"""Formatted tables from the results of runs."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -9,15 +9,15 @@ import pyarrow as pa
 from sidegan.base.names import plain
 
 _FIRST = ("random", "natural", "seeds", "vanilla", "eigen", "diagonal", "prediction")
-_SEARCH = "search-"  # of so many evaluations
-_AGAIN = "seeds ×"  # measured so often
+_SEARCH = "search-"  # and the number of evaluations
+_AGAIN = "seeds ×"  # and the number of measurements
 _SETS = {
     "duration": ("duration [s]", "g"),
     "samples": ("samples", ".0f"),
     "condition": ("cond(YᵀY) of the stack", ".4g"),
     "covariance_norm": ("‖diag P‖", ".4g"),
 }
-# Metrics of generators and libraries, for people.
+# Labels of metrics of generators and libraries.
 NAMES = {
     "success": "valid share",
     "valid_share": "valid share",
@@ -32,7 +32,7 @@ NAMES = {
     "rank_uncentred": "effective rank, uncentred",
     "distance_diagonal": "mean distance of diag(YᵀY)",
 }
-# … what trajectories are worth, beside the shares that are valid …
+# Labels of their worth …
 WORTH = {
     "condition": NAMES["condition"],
     "condition_valid": NAMES["condition_valid"],
@@ -45,7 +45,7 @@ WORTH = {
     "cosine": NAMES["cosine"],
     "rank_uncentred": NAMES["rank_uncentred"],
 }
-# … and how they are like seeds.
+# … and of their similarity to the seeds.
 LIKENESS = {
     "nearest_other": NAMES["nearest"],
     "nearest_seed": "to the nearest seed",
@@ -65,7 +65,7 @@ def arrow(frame: pd.DataFrame) -> pa.Table:
 
 
 def ordered(sets: Iterable[str]) -> list[str]:
-    """Names of sets in the order of the paper's table: long ones first, unknown ones last."""
+    """Names of sets in the order of the paper's table: long trajectories first, unknown sets last."""
 
     def place(name: str) -> tuple[int, int, str]:
         if name.startswith("long-"):
@@ -80,7 +80,7 @@ def ordered(sets: Iterable[str]) -> list[str]:
 
 
 def title(name: str) -> str:
-    """Name of a set for people."""
+    """Label of a set."""
     if name.startswith("long-"):
         return f"single long, {name.removeprefix('long-')} harmonics"
     if name.startswith("seeds"):
@@ -89,9 +89,9 @@ def title(name: str) -> str:
 
 
 def spread(values: pd.Series) -> str:
-    """Mean ± standard deviation in two digits, the mean as exactly, three at most, of what is known.
+    """Mean ± standard deviation with two significant digits, and the mean rounded to match.
 
-    A single value stands alone, a dash for none.
+    Missing values are ignored; a single value has no deviation, and none gives a dash.
     """
     known = values.dropna().astype(float)
     mean, deviation = float(known.mean()), float(known.std())
@@ -103,17 +103,17 @@ def spread(values: pd.Series) -> str:
 
 
 def _place(value: float) -> int:
-    """Power of ten of a number's first digit."""
+    """Decimal exponent of a number."""
     return math.floor(math.log10(abs(value)))
 
 
 def weighting(weighted: bool) -> str:
-    """Name of a weighting of the least squares for people."""
+    """Label of a weighting of the least squares."""
     return "weighted per joint" if weighted else "unweighted, as in the paper"
 
 
 def formatted(frame: pd.DataFrame, columns: Mapping[str, Sequence[str]], unknown: str = "—") -> pd.DataFrame:
-    """Columns of numbers for people: of each its name and format, and a word where nothing is known."""
+    """Columns of numbers as text, by label and format, with a word for missing values."""
     rows = frame.reindex(columns=list(columns))
     cells = {
         name: [unknown if pd.isna(x) else plain(x, form) for x in rows[key]]
@@ -131,14 +131,14 @@ def joints(raw: pd.DataFrame) -> pd.DataFrame:
 
 
 def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
-    """Length, conditioning of the stack and covariance norm of every excitation set."""
+    """Duration, condition number and covariance norm of every excitation set."""
     once = raw.drop_duplicates(["set", "training", "repeat"])
     mean = once.groupby("set")[list(_SETS)].mean()
     return formatted(mean.loc[ordered(mean.index)], _SETS).rename(index=title)
 
 
 def generators(frame: pd.DataFrame) -> pd.DataFrame:
-    """What the seeds, baselines and every generator are worth, over its trainings."""
+    """Worth of the seeds, baselines and generators, over trainings."""
     rows = frame.assign(
         valid_share=frame.valid_share.fillna(frame.valid),
         condition_valid=frame.condition_valid.fillna(frame.condition),
@@ -147,12 +147,12 @@ def generators(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def likeness(frame: pd.DataFrame) -> pd.DataFrame:
-    """How baselines and every generator, over its trainings, are like the seeds, and these themselves."""
+    """Similarity to the seeds of baselines, generators over trainings, and the seeds themselves."""
     return _spreads(frame, LIKENESS)
 
 
 def _spreads(frame: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Columns with their names for people, a row for each generator."""
+    """Columns with their labels, a row for each generator."""
     cells = {
         str(name): {label: spread(part[key]) for key, label in columns.items() if key in part}
         for name, part in frame.groupby("name", sort=False)

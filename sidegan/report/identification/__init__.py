@@ -1,4 +1,4 @@
-"""The report of an identification: tables, a verdict, and one HTML file that a lab can put in its wiki."""
+"""The report of an identification: tables, a verdict, and a self-contained HTML page."""
 
 from sidegan.report.identification.content import Origin, check_table
 from sidegan.report.identification.results import PARAMETERS, REPORT, VERDICT, write_checks, write_results

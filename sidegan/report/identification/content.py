@@ -1,4 +1,4 @@
-"""Words and tables of the report of an identification."""
+"""Texts and tables of an identification's report."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,8 +14,8 @@ from sidegan.identification.verdict import BAD, Quality, joint_of
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot.consistency import about_the_centre
 
-_NAMED = 6  # joints or parameters that are named at most
-_NAMES = {EQUAL_WEIGHTS: "equal weights"}  # of methods, for people
+_NAMED = 6  # joints or parameters in a sentence, at most
+_NAMES = {EQUAL_WEIGHTS: "equal weights"}  # labels of methods
 _INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
@@ -25,21 +25,21 @@ _UNITS = {
 
 
 class Origin(NamedTuple):
-    """How an identification was made."""
+    """Commands and settings of an identification."""
 
-    command: str  # that made it
-    excite: str  # command that designs trajectories for the arm
+    command: str  # that reproduces it
+    excite: str  # that designs trajectories for the arm
     settings: Mapping[str, Any]  # by group, plain values
 
 
 def headline(identified: IdentifiedArm) -> str:
-    """The verdict, and the error that it rests on."""
+    """The verdict, and the error that it is based on."""
     error = shown(identified.tested[identified.use].nmse_mean)
     return f"{identified.quality.verdict}: mean nMSE {error} ({identified.kind})"
 
 
 def advice(identified: IdentifiedArm) -> str:
-    """Which model to use and why, and what the description is worth beside it, a sentence each."""
+    """Which model to use and why, and the error of the description, a sentence each."""
     error = shown(identified.quality.nominal_score.nmse_mean)
     described = f"The description's own links, with friction fitted to the data, have a mean nMSE of {error}"
     return f"{_use(identified)} {described} on {identified.quality.where}."
@@ -72,7 +72,7 @@ def _use(identified: IdentifiedArm) -> str:
 
 
 def _needed(quality: Quality) -> str:
-    """What would have to be known for a model to be worth something."""
+    """What is needed for a usable model."""
     if quality.faulty:
         return "they mean nothing until the problem named first is fixed"
     joints = sorted(
@@ -87,7 +87,7 @@ def _needed(quality: Quality) -> str:
 
 
 def _held(identified: IdentifiedArm) -> str:
-    """Which files hold the consistent model, and what some of them have no place for."""
+    """Which files hold the consistent model, and the terms that some of them cannot hold."""
     terms = {"offset": "offsets (Python class only)", "rotor_inertia": "rotors (not in the URDF)"}
     missing = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
     but = f", except {missing}" if missing else ""
@@ -95,7 +95,7 @@ def _held(identified: IdentifiedArm) -> str:
 
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
-    """Motions to record next, a sentence each; the command designs them."""
+    """Motions to record next, a sentence each, with the command that designs them."""
     if identified.quality.faulty:
         return ["fix what the verdict names first: until then, more motion does not help"]
     if not identified.quality.weak:
@@ -107,9 +107,9 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
 
 
 def facts(identified: IdentifiedArm) -> dict[str, str]:
-    """Numbers that are shown large."""
+    """Key figures at the top of the report."""
     quality, chosen, use = identified.quality, identified.chosen, identified.use
-    errors = {name: shown(one.nmse_mean) for name, one in identified.tested.items()}
+    errors = {name: shown(score.nmse_mean) for name, score in identified.tested.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
     return {
         **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
@@ -121,7 +121,7 @@ def facts(identified: IdentifiedArm) -> dict[str, str]:
 
 
 def treatment(recording: CheckedRecording) -> str:
-    """How a recording was made and treated, a sentence."""
+    """Sentence on a recording's origin and preprocessing."""
     raw = recording.statistics
     use = (
         f"{recording.role}: {raw.samples} samples in {raw.duration:.4g} s at {1 / raw.step:.4g} Hz; "
@@ -133,7 +133,7 @@ def treatment(recording: CheckedRecording) -> str:
 
 
 def check_table(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
-    """What each joint did in recordings: ranges, noise, saturation and sign."""
+    """Ranges, noise, saturation and sign of each joint in the recordings."""
     rows = []
     for recording in recordings:
         load = recording.statistics.load
@@ -159,18 +159,18 @@ def check_table(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
 
 
 def error_table(identified: IdentifiedArm) -> pd.DataFrame:
-    """Errors of the model to use, a row per joint: ``nMSE, training``, and so on."""
+    """Errors of the recommended model, a row per joint: ``nMSE, training``, and so on."""
     uses = {"training": identified.trained}
     if identified.tested is not identified.trained:
         uses["validation"] = identified.tested
     errors = {use: scores[identified.use] for use, scores in uses.items()}
-    columns = {f"nMSE, {use}": one.nmse.tolist() for use, one in errors.items()}
-    columns |= {f"RMSE, {use}": one.rmse.tolist() for use, one in errors.items()}
+    columns = {f"nMSE, {use}": score.nmse.tolist() for use, score in errors.items()}
+    columns |= {f"RMSE, {use}": score.rmse.tolist() for use, score in errors.items()}
     return pd.DataFrame(columns, identified.model.arm.joint_names)
 
 
 def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
-    """A row per identified parameter; urdf is NaN where nothing is known."""
+    """A row per identified parameter; ``urdf`` is NaN for terms, which the description lacks."""
     quality, chosen, model = identified.quality, identified.chosen, identified.model
     nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     kinds = [name.rstrip("0123456789") for name in chosen.names]
@@ -189,7 +189,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 
 def link_table(identified: IdentifiedArm) -> pd.DataFrame:
-    """Mass, centre of mass and inertia about it of every link of the consistent model."""
+    """Mass, centre of mass and inertia about it, for every link of the consistent model."""
     arm, links = identified.model.arm, identified.links
     centre, inertia = about_the_centre(links)
     columns = {"m": links[:, 0], **dict(zip(("cx", "cy", "cz"), centre.T))}

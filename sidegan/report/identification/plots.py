@@ -13,12 +13,12 @@ from sidegan.report import canvas
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
 _LINES = (("measured", MEASURED, 1.8), ("predicted", PREDICTED, 1.0), ("difference", RESIDUAL, 0.8))
-_WIDE, _PIXEL = 11.25, 1 / 96  # [inch] of a section, and of what is measured in pixels
-_CURVE, _CLOUD = 101, 300  # points of a friction curve, and samples beside it
+_WIDE, _PIXEL = 11.25, 1 / 96  # width of a section, and size of a pixel [inch]
+_CURVE, _CLOUD = 101, 300  # points of a friction curve, and samples around it
 
 
 def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
-    """Measured torque of a recording, that of the model to use and their difference, a row per joint."""
+    """Measured torque of a recording, the recommended model's and their difference, a row per joint."""
     titles = _titles(identified)
     figure = canvas.blank(_WIDE, (104 * len(titles) + 80) * _PIXEL)
     rows = figure.subplots(len(titles), sharex=True, squeeze=False)[:, 0]
@@ -38,14 +38,14 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
 
 
 def _predicted(identified: IdentifiedArm, segment: Segment) -> Array:
-    """Torque [N·m or N], (S, J), of the model to use at the states of a stretch."""
+    """Torque [N·m or N], (S, J), of the recommended model along a segment."""
     model, theta = identified.model, identified.used.parameters
     parts = pieces(Measurements(*segment[1:]))
     return np.concatenate([model.torque(theta, *part.inputs) for part in parts])
 
 
 def friction(identified: IdentifiedArm) -> Figure:
-    """Friction over velocity, the identified law over samples of torque less the rigid body's."""
+    """Friction against velocity: the identified law, over samples of torque minus the rigid body's."""
     model, theta, titles = identified.model, identified.used.parameters, _titles(identified)
     columns = min(4, len(titles))
     rows = -(-len(titles) // columns)
@@ -55,8 +55,8 @@ def friction(identified: IdentifiedArm) -> Figure:
         axis.remove()
     segments = [segment[1:5] for recording in identified.training for segment in recording.segments]
     q, dq, ddq, torque = (np.concatenate(x) for x in zip(*segments))
-    some = np.linspace(0, len(q) - 1, _CLOUD).astype(int)
-    q, dq, ddq, torque = q[some], dq[some], ddq[some], torque[some]
+    shown = np.linspace(0, len(q) - 1, _CLOUD).astype(int)
+    q, dq, ddq, torque = (x[shown] for x in (q, dq, ddq, torque))
 
     def law(velocity: Array) -> Array:
         """Friction and offset [N·m or N], (S, J)."""
@@ -78,14 +78,14 @@ def friction(identified: IdentifiedArm) -> Figure:
 
 
 def _titles(identified: IdentifiedArm) -> list[str]:
-    """Joints with the units of their torques."""
+    """Names of joints with the units of their torques."""
     arm = identified.model.arm
     units = ["N" if slides else "N·m" for slides in arm.prismatic.tolist()]
     return [f"{name} [{unit}]" for name, unit in zip(arm.joint_names, units)]
 
 
 def _with_legend(figure: Figure, axis: Axes) -> Figure:
-    """The figure with the names of what is drawn on one of its axes."""
+    """The figure with a legend of the lines of an axis."""
     handles, labels = axis.get_legend_handles_labels()
     canvas.legend(figure, dict(zip(labels, handles)))
     return figure

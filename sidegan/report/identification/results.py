@@ -1,4 +1,4 @@
-"""Files of an identification: tables, a URDF, a verdict for machines, and a report as one HTML file."""
+"""Files of an identification: tables, URDF, MJCF, a machine-readable verdict, and an HTML report."""
 
 import math
 import platform
@@ -24,15 +24,15 @@ VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
 _TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("arm_dynamics.py")  # copied, never imported
-# How MLflow loads that class from its folder.
+# MLflow's settings to load that class from its folder.
 _LOADED = {
     "loader_module": Path(_CLASS).stem,
     "code": ".",
     "data": ".",
     "python_version": platform.python_version(),
 }
-_RECORDINGS = 12  # that are drawn
-_ROUNDING = 1e-12  # below which a number is none, whatever its SI unit
+_RECORDINGS = 12  # most recordings in plots
+_ROUNDING = 1e-12  # numbers below are shown as zero
 _COMPARED = {"unweighted": EQUAL_WEIGHTS, "consistent": CONSISTENT}
 
 
@@ -54,7 +54,7 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
 
 
 def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
-    """Write the check of recordings; the file's path."""
+    """Write the check of recordings to a file, and return its path."""
     path = folder / "check.json"
     write_json(path, [recording.as_json() for recording in recordings])
     return path
@@ -80,14 +80,14 @@ def report_html(identified: IdentifiedArm, origin: Origin) -> bytes:
 
 
 def number(value: float, digits: int = 4) -> str:
-    """A number for people: ``1.234``, ``1.2e-5``, or a dash where there is none."""
+    """A number as text: ``1.234``, ``1.2e-5``, or a dash if it is not finite."""
     if not math.isfinite(value):
         return "—"
     return plain(value if abs(value) > _ROUNDING else 0.0, f".{digits}g")
 
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
-    """The verdict for machines that decide whether to use the model; lists are in the order of the joints."""
+    """The verdict as JSON values, for programs that decide on a model; lists are in the order of joints."""
     quality, chosen, use, arm = identified.quality, identified.chosen, identified.use, identified.model.arm
     return {
         "robot": arm.name,
@@ -111,8 +111,8 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "left_over": identified.left_over,
         "torque_bias": _numbers(identified.unmodelled.error),
         "unmodelled": [
-            {"joint": arm.joint_names[one.joint], "kind": one.kind, "share": _number(one.share)}
-            for one in identified.unmodelled.found
+            {"joint": arm.joint_names[lack.joint], "kind": lack.kind, "share": _number(lack.share)}
+            for lack in identified.unmodelled.found
         ],
         "whiteness": _numbers(1 / chosen.inflation),
         "data": {recording.name: recording.warnings for recording in identified.recordings},
@@ -121,7 +121,7 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
 
 
 def _all_errors(errors: dict[str, Score], use: str, method: str) -> dict[str, Any]:
-    """Errors of the model to use, and by name those of the methods that were compared."""
+    """Errors of the recommended model, and of the compared methods by name."""
     compared = {name: _errors(errors[other]) for name, other in ({method: method} | _COMPARED).items()}
     return {**_errors(errors[use]), **compared}
 
@@ -135,7 +135,7 @@ def _errors(errors: Score) -> dict[str, Any]:
 
 
 def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
-    """The identified model in full, for programs."""
+    """The complete identified model as JSON values."""
     model, chosen = identified.model, identified.chosen
     return {
         "joints": list(model.arm.joint_names),
@@ -162,5 +162,5 @@ def _numbers(values: Array) -> list[float | None]:
 
 
 def _number(value: float) -> float | None:
-    """None in place of what is not finite, which JSON cannot say."""
+    """A number, or None if it is not finite, for JSON."""
     return value if math.isfinite(value) else None

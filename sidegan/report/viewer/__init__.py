@@ -1,1 +1,1 @@
-"""A page on which an arm moves along trajectories: ``page.py``, its template and its scripts."""
+"""A page that animates an arm along trajectories: ``page.py``, its template and scripts."""

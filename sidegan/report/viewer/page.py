@@ -1,6 +1,6 @@
-"""A page on which an arm moves along trajectories: one HTML file that needs nothing else.
+"""A page that animates an arm along trajectories: a self-contained HTML file.
 
-It has plain values, packed arrays of four-byte numbers, the 3D library and our scripts.
+It contains plain values, packed arrays of four-byte numbers, the 3D library and our scripts.
 """
 
 import base64
@@ -30,10 +30,10 @@ from sidegan.robot import Arm
 from sidegan.validity import Constraints, Plane
 from sidegan.validity.constraints import DISTANCES
 
-Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain values, arrays that go with them
+Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain values, and arrays
 
-_RATE, _FEWEST, _MOST = 25.0, 100, 500  # samples [Hz] of a motion, and how many at least and at most
-_ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # of trimesh, with three.js in it
+_RATE, _FEWEST, _MOST = 25.0, 100, 500  # sampling rate of a motion [Hz], least and most samples
+_ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # trimesh's, which contain three.js
 
 
 def write_view(
@@ -51,15 +51,15 @@ def write_view(
     Args:
         path: of the file.
         constraints: the arm in its workspace.
-        arm: the same with the limits that signals are shares of.
+        arm: the arm with its full limits, which signals are relative to.
         family: of the trajectories.
-        coefficients: theirs.
-        titles: what to call each.
-        table: a row per trajectory, what it asks of the arm.
-        steps: what to do with them, a sentence and a command each.
+        coefficients: of the trajectories.
+        titles: of the trajectories.
+        table: demands of each trajectory, a row each.
+        steps: instructions, a sentence and a command each.
 
     Raises:
-        ShapeError: when there is no trajectory, or another number of titles.
+        ShapeError: when there is no trajectory, or the number of titles differs.
         ArtifactError: when trimesh has no three.js.
     """
     if len(coefficients) == 0 or len(titles) != len(coefficients):
@@ -83,13 +83,10 @@ def write_view(
         },
     }
     arrays: dict[str, NDArray[Any]] = {}
-    for values, some in (
-        _signals(arm, constraints, motion),
-        _closest(constraints, motion),
-        _surfaces(constraints),
-    ):
+    parts = _signals(arm, constraints, motion), _closest(constraints, motion), _surfaces(constraints)
+    for values, new in parts:
         head |= values
-        arrays |= some
+        arrays |= new
     places, packed = _packed(arrays)
     page = web_page(
         "viewer/viewer.html.jinja",
@@ -105,7 +102,7 @@ def write_view(
 
 
 def _signals(arm: Arm, constraints: Constraints, motion: Motion) -> Content:
-    """Position, velocity, acceleration and torque as shares of their limits, (B, T, J) each."""
+    """Position, velocity, acceleration and torque relative to their limits, (B, T, J) each."""
     middle = (arm.position_upper + arm.position_lower) / 2
     signals = {
         "position": (motion.position - middle, (arm.position_upper - arm.position_lower) / 2),
@@ -125,7 +122,7 @@ def _signals(arm: Arm, constraints: Constraints, motion: Motion) -> Content:
 
 
 def _closest(constraints: Constraints, motion: Motion) -> Content:
-    """Which pair is closest, and its distance [m]; nothing where there is no pair."""
+    """The closest pair and its distance [m]; empty without pairs."""
     batch, samples, joints = motion.position.shape
     names = [label for name in DISTANCES for label in constraints.labels.get(name, ())]
     distance, which = constraints.nearest(motion.position.reshape(-1, joints))
@@ -140,7 +137,7 @@ def _closest(constraints: Constraints, motion: Motion) -> Content:
 
 
 def _surfaces(constraints: Constraints) -> Content:
-    """The arm, its capsules, and what it must not touch."""
+    """Surfaces of the arm, its capsules, and obstacles."""
     looks, shapes = arm_parts(constraints.arm)
     regions = [region_surface(region) for region in constraints.regions]
     planes = [region for region in constraints.regions if isinstance(region, Plane)]
@@ -156,7 +153,7 @@ def _surfaces(constraints: Constraints) -> Content:
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], str]:
-    """Type, place and size of each array, and all of them as text (deflated, base 64)."""
+    """Type, offset and size of each array, and all of them as text (deflated, base 64)."""
     places: dict[str, list[Any]] = {}
     offset = 0
     for name, x in arrays.items():
@@ -167,16 +164,16 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], s
 
 
 def _script_json(value: object) -> str:
-    """JSON that can stand inside a script element, whatever strangers' names hold."""
+    """JSON that is safe inside a script element, for any names."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
 
 
 @cache
 def _three_js() -> str:
-    """The library three.js with its licence, as trimesh's own viewer carries it."""
+    """The library three.js with its licence, from trimesh's viewer."""
     try:
-        package = find_spec("trimesh")  # which takes half a second to import
+        package = find_spec("trimesh")  # importing it takes half a second
         folder = Path((package and package.origin) or "").parent
         archive = (folder / "resources" / _ARCHIVE).read_bytes()
         lines = zipfile.ZipFile(BytesIO(archive)).read(_TEMPLATE).decode().splitlines()

@@ -1,4 +1,4 @@
-"""Surfaces small enough for a page."""
+"""Surfaces reduced to a size that fits a page."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -12,15 +12,12 @@ from sidegan.validity import Convex, Plane, Region, Sphere
 if TYPE_CHECKING:  # slow to import
     import trimesh
 
-_TRIANGLES = 120_000  # of an arm; more are merged
-_FINEST, _COARSER = 5e-4, 1.4  # [m] of cells in which vertices are merged, and the factor to the next ones
+_TRIANGLES = 120_000  # most triangles of an arm
+_FINEST, _COARSER = 5e-4, 1.4  # smallest grid cell for merging vertices [m], and factor to the next size
 
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
-    """Surfaces of what an arm looks like, and of its capsules.
-
-    Links without a shape of their own are shown as their capsules.
-    """
+    """Visual surfaces of an arm, and those of its capsules; links without a visual show their capsules."""
     capsules, looks = arm.capsules, visual_parts(arm)
     each = zip(capsules.link.tolist(), capsules.a, capsules.b, capsules.radius.tolist())
     shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
@@ -29,7 +26,7 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
 
 
 def region_surface(region: Region) -> Part | None:
-    """The surface of a keep-out region; None of a plane, which has no end."""
+    """The surface of a keep-out region; None for a plane, which is unbounded."""
     import trimesh
 
     if isinstance(region, Plane):
@@ -46,9 +43,9 @@ def _part(mesh: "trimesh.Trimesh") -> Part:
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
-    """Surfaces with vertices merged that coincide, and those near each other if there are too many.
+    """Surfaces with coincident vertices merged, and nearby ones too if there are too many triangles.
 
-    Vertices in one cell of a grid become their mean, triangles without extent are dropped.
+    Vertices in a grid cell are replaced by their mean; degenerate triangles are dropped.
     """
     made = [_clustered(part, _FINEST / 100) for part in parts]
     size = _FINEST
