@@ -1,4 +1,4 @@
-"""Trajectory libraries: draw until enough are valid, measure, keep, save, load."""
+"""Trajectory libraries: draw valid trajectories, measure, save and load them."""
 
 from sidegan.library.collection import LIBRARY, Library
 

@@ -15,23 +15,23 @@ from sidegan.library.parquet import MARGIN, OPTIONS, Family, content_of, table_o
 if TYPE_CHECKING:
     from sidegan.robot import Arm
 
-LIBRARY = "library.parquet"  # name of its file in a folder
+LIBRARY = "library.parquet"  # file name in a folder
 
 
 @dataclass(frozen=True, eq=False)
 class Library:
-    """N trajectories of one robot; arrays are float64 (``valid``: bool)."""
+    """N trajectories of an arm; arrays are float64 (``valid``: bool)."""
 
     coefficients: Array  # [rad/s], (N, J, H, 2)
     valid: Array  # whether every constraint holds over the whole period, (N,)
-    margins: dict[str, Array]  # signed margin of each constraint in its own unit, ≥ 0 feasible, (N,) each
-    fitness: Array  # eigenvalue fitness, (N,); infinite where a direction is not excited
-    diagonal_fitness: Array  # (N,); infinite where a base parameter is not excited
+    margins: dict[str, Array]  # signed margin of each constraint in its unit, ≥ 0 if it holds, (N,) each
+    fitness: Array  # eigenvalue fitness, (N,); infinite if a direction is not excited
+    diagonal_fitness: Array  # (N,); infinite if a base parameter is not excited
     spectrum: Array  # eigenvalues of YᵀY / T in an orthonormal basis, ascending, (N, p)
     diagonal: Array  # diagonal of YᵀY / T over the base columns, (N, p)
-    source: list[str]  # where each trajectory comes from, such as "seeds" or "eigen", N of them
+    source: list[str]  # origin of each trajectory, such as "seeds" or "eigen", N of them
     robot: str  # name of the arm
-    digest: str  # the arm's
+    digest: str  # of the arm
     period: float  # duration of a trajectory [s]
     home: tuple[float, ...]  # joint positions at both ends [rad or m], J of them
 
@@ -39,13 +39,13 @@ class Library:
         return len(self.coefficients)
 
     def columns(self) -> dict[str, Array]:
-        """Every array, (N, …), under the name of its column in the file."""
+        """Every array, (N, …), by the name of its column in the file."""
         margins = {f"{MARGIN}{name}": x for name, x in self.margins.items()}
         names = self.family().shapes()
         return {name: margins[name] if name in margins else getattr(self, name) for name in names}
 
     def family(self) -> Family:
-        """Properties that two libraries must share to be merged."""
+        """Properties that libraries must share to be merged."""
         _, joints, harmonics, _ = self.coefficients.shape
         return Family(
             robot=self.robot,
@@ -59,36 +59,36 @@ class Library:
         )
 
     def take(self, indices: Array | Sequence[int]) -> "Library":
-        """The trajectories at ``indices``, (K,) integers in 0 … N − 1, in that order."""
+        """The trajectories at K indices, in that order."""
         index = np.asarray(indices, int)
         columns = {name: x[index] for name, x in self.columns().items()}
         return replace(self, **_fields(columns), source=[self.source[i] for i in index.tolist()])
 
     def merge(self, *others: "Library") -> "Library":
-        """These trajectories followed by the others'; a ShapeError where two differ in their ``family``."""
+        """These trajectories followed by the others'; a ShapeError if their ``family`` differs."""
         return _joined((self, *others), sum(map(len, (self, *others))))
 
     def save(self, path: Path) -> None:
-        """Write one Parquet file, a row per trajectory, whole or not at all; an empty library has no row."""
+        """Write a Parquet file, a row per trajectory, atomically."""
         write_parquet(path, table_of(self.family(), self.columns(), self.source), **OPTIONS)
 
     @classmethod
     def load(cls, path: Path, arm: "Arm | None" = None, *others: Path) -> "Library":
-        """Library of a file that ``save`` wrote, to the last bit; of one arm, or of any when None.
+        """The exact library that ``save`` wrote, for ``arm``, or for any arm if None.
 
-        Of several files, one after the other, as ``merge`` puts them together, in memory but once.
+        Several files are merged, with a single copy in memory.
 
         Raises:
-            ArtifactError: when a file is missing, damaged, of an unknown format, or for another arm.
-            ShapeError: when two files differ in their ``family``.
+            ArtifactError: when a file is missing, damaged, of an unknown format, or for a different arm.
+            ShapeError: when the ``family`` of two files differs.
         """
         paths = (path, *others)
-        rows = sum(parquet_rows(one) for one in paths)
-        return _joined((part for one in paths for part in _parts(one, arm)), rows)
+        rows = sum(map(parquet_rows, paths))
+        return _joined((part for file in paths for part in _parts(file, arm)), rows)
 
 
 def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
-    """What a file holds, piece by piece."""
+    """The content of a file, piece by piece."""
     for table in read_parquet(path):
         family, columns, source = content_of(path, table)
         if arm is not None and arm.digest != family.digest:
@@ -99,7 +99,7 @@ def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
 
 
 def _joined(parts: Iterable[Library], count: int) -> Library:
-    """One library of so many trajectories: a part is held beside it, and not all of them twice."""
+    """A library of ``count`` trajectories from its parts, with only one part at a time in memory."""
     first, rows, columns, source = None, 0, dict[str, Array](), list[str]()
     for part in parts:
         first = first or part
@@ -112,13 +112,13 @@ def _joined(parts: Iterable[Library], count: int) -> Library:
     return replace(first, **_fields(columns), source=source)
 
 
-def _refuse_others(mine: dict[str, Any], theirs: dict[str, Any]) -> None:
-    differences = [f"{key} {mine[key]} and {theirs[key]}" for key in mine if mine[key] != theirs[key]]
+def _refuse_others(first: dict[str, Any], other: dict[str, Any]) -> None:
+    differences = [f"{key} {first[key]} and {other[key]}" for key in first if first[key] != other[key]]
     if differences:
         raise ShapeError(f"libraries that cannot be merged differ in {'; '.join(differences)}")
 
 
 def _fields(columns: dict[str, Array]) -> dict[str, Any]:
-    """Constructor's arguments for the columns of a file."""
+    """Constructor arguments from the columns of a file."""
     margins = {name.removeprefix(MARGIN): x for name, x in columns.items() if name.startswith(MARGIN)}
     return {name: x for name, x in columns.items() if not name.startswith(MARGIN)} | {"margins": margins}

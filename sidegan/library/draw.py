@@ -1,4 +1,4 @@
-"""Drawing until enough trajectories are valid."""
+"""Draw trajectories until enough are valid."""
 
 import logging
 from collections.abc import Callable
@@ -22,16 +22,16 @@ class Expansion:
     count: Count = 933
     batch: Size = 500
     draws: Count = 600_000  # most samples drawn before giving up
-    least: Natural = 1  # valid ones, with fewer of which a generator is refused
+    least: Natural = 1  # least number of valid trajectories; with fewer a generator is refused
 
 
 @dataclass(frozen=True)
 class Draws:
-    """Valid trajectories, and how many had to be drawn for them."""
+    """Valid trajectories, and the number of draws for them."""
 
     coefficients: Array  # the first valid ones [rad/s], (n, J, H, 2), n ≤ count
-    drawn: int  # trajectories that were drawn
-    valid: int  # how many of those are valid; may be more than were kept
+    drawn: int  # number of draws
+    valid: int  # number of valid draws, not all of which may be kept
 
 
 def draw_valid(
@@ -41,13 +41,13 @@ def draw_valid(
     origin: str,
     report: Report | None = None,
 ) -> Draws:
-    """Draw trajectories (B, J, H, 2) until enough are valid, or as many as may be are drawn.
+    """Draw trajectories (B, J, H, 2) until enough are valid, or the number of draws is exhausted.
 
-    The origin says what was drawn, for people, such as ``"drawn from eigen"``; the report is given
-    (done, total). Where fewer than wanted are valid, a warning says so.
+    ``origin`` describes the draws in messages, such as ``"drawn from eigen"``. Logs a warning if fewer than
+    ``count`` are valid.
 
     Raises:
-        InfeasibleError: when fewer than the least are valid; says what the others violate.
+        InfeasibleError: when fewer than ``least`` are valid; names the violated constraints.
     """
     kept: list[Array] = []
     count, drawn, valid = settings.count, 0, 0

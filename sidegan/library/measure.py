@@ -1,4 +1,4 @@
-"""Measurement of trajectories: a library with margins and excitation, and its summary."""
+"""Measure trajectories: a library with margins and excitation, its summary, and its likeness to seeds."""
 
 import numpy as np
 
@@ -10,13 +10,13 @@ from sidegan.library.parquet import MARGIN
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 
-RATE = 12.5  # [Hz] at which stored excitation is taken: finer than any optimiser's samples
-_AT_ONCE = 250  # trajectories
-_LEAST = 1e-30  # of diag(YᵀY), which is zero where a column is never excited
+RATE = 12.5  # sampling rate of stored excitation [Hz]: finer than any optimiser's
+_AT_ONCE = 250  # trajectories per batch
+_LEAST = 1e-30  # lower bound of diag(YᵀY), which is zero for a column without excitation
 
 
 def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source: str) -> Library:
-    """A library of coefficients (N, J, H, 2) with everything measured about them."""
+    """A library of coefficients (N, J, H, 2), with their margins and excitation."""
     columns: dict[str, Array] = {}
     for index in split(np.arange(len(c)), _AT_ONCE):
         validity = check(constraints, trajectory, c[index])
@@ -29,7 +29,7 @@ def measured(constraints: Constraints, trajectory: Trajectory, c: Array, source:
             "diagonal": excitation.diagonal,
             **{f"{MARGIN}{name}": x for name, x in validity.margins.items()},
         }
-        for name, x in found.items():  # in place: what a large library takes is held once
+        for name, x in found.items():  # in place, since a large library should be in memory once
             columns.setdefault(name, np.empty((len(c), *x.shape[1:]), x.dtype))[index] = x
     margins = {name: columns.pop(f"{MARGIN}{name}") for name in validity.margins}
     return Library(
@@ -56,13 +56,13 @@ def summary(library: Library) -> dict[str, float]:
 
 
 def likeness(library: Library, seeds: Library) -> dict[str, float]:
-    """What a library has in common, and how it is like seeds, of which it holds none.
+    """Common offsets of a library, and its similarity to seeds that it does not contain.
 
-    Most of these depend on how many there are: of both the first ones count, as many as the smaller has.
+    Most measures depend on the number of trajectories: both sets are cut to the size of the smaller.
     """
     count = min(len(library), len(seeds))
     c, other = library.coefficients[:count], seeds.coefficients[:count]
-    diagonals = (np.log(np.maximum(one.diagonal[:count], _LEAST)) for one in (library, seeds))
+    diagonals = (np.log(np.maximum(part.diagonal[:count], _LEAST)) for part in (library, seeds))
     density, coverage = fidelity.density_and_coverage(c, other)
     density_diagonal, coverage_diagonal = fidelity.density_and_coverage(*diagonals)
     return {

@@ -1,4 +1,4 @@
-"""The file of a library: one Parquet row per trajectory, the robot and its motion in the metadata."""
+"""The file of a library: a Parquet row per trajectory, with the arm and the family in the metadata."""
 
 import json
 import math
@@ -13,15 +13,15 @@ from sidegan.base.storage import reading
 from sidegan.base.typed import Number, Positive, build
 from sidegan.errors import ArtifactError, ConfigError
 
-if TYPE_CHECKING:  # slow to import, and `--help` must not wait for it
+if TYPE_CHECKING:  # too slow to import for `--help`
     import pyarrow as pa
 
 FORMAT = 1  # raise it when a column or a key of the metadata changes its meaning
 METADATA_KEY = b"sidegan"
-# Measured numbers hardly compress, and a dictionary of them only costs time.
-# Whoever writes or reads a file holds so many rows of it beside the library: 70 MB at seven joints.
+# Measured numbers hardly compress, and a dictionary of them only costs time. Reading and writing need a row
+# group in memory in addition to the library: 70 MB at seven joints.
 OPTIONS: dict[str, Any] = {"compression": "none", "use_dictionary": ["source"], "row_group_size": 50_000}
-MARGIN = "margin_"  # begins the names of the columns of margins
+MARGIN = "margin_"  # prefix of columns of margins
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Family:
 
 
 def _schema(family: Family) -> "pa.Schema":
-    """Columns of the file and their types; what is not a number is a list per row."""
+    """Columns of the file and their types; arrays are a list per row."""
     import pyarrow as pa
 
     types = {
@@ -76,25 +76,25 @@ def table_of(family: Family, columns: dict[str, Array], source: list[str]) -> "p
 
 
 def content_of(path: Path, table: "pa.Table") -> tuple[Family, dict[str, Array], list[str]]:
-    """Family, columns and sources of a library's table that was read from ``path``.
+    """Family, columns and sources from a library's table that was read from ``path``.
 
     Raises:
-        ArtifactError: when it is of an unknown format, or a column is missing, of another type or not finite.
+        ArtifactError: when the format is unknown, or a column is missing, of a wrong type, or not finite.
     """
     family = _family(path, table)
     schema = _schema(family)
     columns: dict[str, Array] = {}
     with reading(path, "library"):
         table = table.select(schema.names)
-        for own, expected in zip(table.schema, schema):
-            if own.type != expected.type:
-                raise ArtifactError(f"{path}: column {own.name} is {own.type}, expected {expected.type}")
+        for field, expected in zip(table.schema, schema):
+            if field.type != expected.type:
+                raise ArtifactError(f"{path}: column {field.name} is {field.type}, expected {expected.type}")
         table = table.cast(schema)  # refuses empty cells
         for name, shape in family.shapes().items():
             column = table[name].combine_chunks()
             cells = (column.flatten() if shape else column).to_numpy(zero_copy_only=False)
             columns[name] = np.array(cells).reshape(len(table), *shape)
-            # A margin or a fitness may be infinite: no limit stated, or a direction that is not excited.
+            # A margin without a limit, or a fitness without excitation of a direction, is infinite.
             if np.isnan(columns[name]).any() or (shape and np.isinf(columns[name]).any()):
                 raise ArtifactError(f"{path}: column {name} is not finite")
     return family, columns, table["source"].to_pylist()
