@@ -1,1 +1,1 @@
-"""The experiments: one short module each, what a table shows and how it is aggregated."""
+"""The experiments: a short module each, with the tables' contents and their aggregation."""

@@ -1,4 +1,4 @@
-"""Frames of a run's artifacts, which the experiments show; nothing else here opens an artifact."""
+"""Frames from a run's artifacts; only this module of the experiments opens artifacts."""
 
 import math
 from collections import defaultdict
@@ -32,31 +32,31 @@ Report = dict[str, Any]
 
 @dataclass(frozen=True)
 class Artifacts:
-    """Artifacts of one run, read when they are first needed.
+    """Results of a run, read when they are first needed.
 
     Attributes:
-        run: the settings and where their artifacts are.
-        expected: NMSE of every excitation set expected over all noise, by set, training, weighted and joint.
-        constant: the same under a constant noise, weighted.
-        draws: expected NMSE of random draws of every measured set, by set, training and noise.
-        plant: NMSE of every excitation set as executed on the plant, by set, training, repeat, ….
-        whole_errors: NMSE of experiment 2 in its first reading by set, training, repeat, weighted and joint.
+        run: context of the run.
+        expected: expected NMSE of every excitation set over the noise, by set, training, weighted and joint.
+        constant: the same under constant noise, weighted.
+        draws: expected NMSE of random draws from every measured set, by set, training and noise.
+        plant: NMSE of every excitation set executed by plants, by set, training, repeat, ….
+        whole_errors: NMSE of experiment 2, first reading, by set, training, repeat, weighted and joint.
         whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
         density: samples of kernel density estimates, a row for each bandwidth.
-        seeds: report of the seed set, with what it took.
+        seeds: report of the seed set, with its costs.
         random: report of the random valid trajectories.
-        surrogates: report of the surrogates that variants learn from.
-        speed: measured speed of the first training of the eigen variant, and the machine.
+        surrogates: report of the surrogates.
+        speed: generation speed of the eigen variant's first training, and the machine.
 
     Raises:
-        ArtifactError: by every member, when what it reads was not made.
+        ArtifactError: by every member, when its artifact does not exist.
     """
 
     run: RunContext
 
     expected = cached_property(lambda self: self._expected("paper"))
     constant = cached_property(lambda self: self._expected("constant"))
-    draws = cached_property(lambda self: pd.concat([self.run.frame(one) for one in self._measures.values()]))
+    draws = cached_property(lambda self: pd.concat(map(self.run.frame, self._measures.values())))
     plant = cached_property(lambda self: self._of_sets(plant))
     whole_errors = cached_property(lambda self: self._replicated(0))
     whole_facts = cached_property(lambda self: self._replicated(0, FACTS))
@@ -79,7 +79,7 @@ class Artifacts:
 
     @cached_property
     def histories(self) -> pd.DataFrame:
-        """Metrics of each variant after every epoch of every training, a row per variant, training, epoch."""
+        """Metrics after every epoch, a row per variant, training and epoch."""
         return self._histories(self.run)
 
     @cached_property
@@ -92,15 +92,15 @@ class Artifacts:
     def generators(self) -> pd.DataFrame:
         """Validity, fitness, worth and likeness of the seeds, baselines and every training, a row each.
 
-        Gains are errors of random draws of the seeds over those of the others.
+        Gains are the error of random draws from the seeds over that of each other set.
         """
         rows: list[Report] = [{"name": SEEDS, "training": 0, **self.seeds}]
-        for name, one in baselines(self.run).items():
-            rows.append({"name": name, "training": 0, **self.run.report(one)})
+        for name, baseline in baselines(self.run).items():
+            rows.append({"name": name, "training": 0, **self.run.report(baseline)})
         ends = self.histories[self.histories.kept].drop(columns=["epoch", "kept"])
         for row in ends.rename(columns={"variant": "name"}).to_dict("records"):
             kept = self.run.report(library(self.run, row["name"], row["training"]))
-            # A library holds what is valid: its condition number is not that of all that the generator makes.
+            # The library's condition number is that of the valid trajectories, the history's that of all.
             both = {"condition": row["condition"], "condition_valid": kept.get("condition", math.nan)}
             rows.append({str(key): value for key, value in row.items()} | kept | both)
         made = self._measures
@@ -110,7 +110,7 @@ class Artifacts:
 
     @cached_property
     def _measures(self) -> dict[tuple[str, int], Artifact]:
-        """Measures of each set, by its name and training."""
+        """Artifacts of measures, by name and training of the set."""
         return {
             (pool.name, pool.training or 0): measures(self.run, pool) for pool in measured_pools(self.run)
         }
@@ -119,7 +119,7 @@ class Artifacts:
     def longs(self) -> dict[str, tuple[Report, Library]]:
         """Report and library of every single long trajectory."""
         made = {f"long-{h}": long_trajectory(self.run, h) for h in self.cfg.long.harmonics}
-        return {name: (self.report(one), self.run.load(one)) for name, one in made.items()}
+        return {name: (self.report(artifact), self.run.load(artifact)) for name, artifact in made.items()}
 
     @cached_property
     def readings(self) -> dict[str, pd.DataFrame]:
@@ -131,35 +131,33 @@ class Artifacts:
 
     @property
     def seed_seconds(self) -> float:
-        """CPU time of one seed [s]; not a number where others made it."""
+        """CPU time per seed [s]; NaN for published seeds."""
         if self.cfg.seeds.method == "published":
             return float("nan")
         return float(self.seeds["cpu_seconds"]) / self.cfg.seeds.count
 
     def training_seconds(self, name: str, training: int) -> float:
-        """CPU time of a variant's library, its training, and the surrogates that it learned from [s]."""
-        variant = self.cfg.gan[name]
-        made = [surrogates(self.run), generator(self.run, name, training, variant)]
-        return sum(
-            float(self.costs(one)["cpu_seconds"]) for one in [*made, library(self.run, name, training)]
-        )
+        """CPU time of a variant's surrogates, training and library [s]."""
+        trained = generator(self.run, name, training, self.cfg.gan[name])
+        parts = [surrogates(self.run), trained, library(self.run, name, training)]
+        return sum(float(self.costs(part)["cpu_seconds"]) for part in parts)
 
     @cached_property
     def few_seeds(self) -> dict[str, float]:
-        """What histories tell of as many seeds as samples are measured after an epoch.
+        """The histories' metrics for seeds, as many as are evaluated after an epoch.
 
-        Rank and nearest distance depend on how many there are.
+        Rank and nearest distance depend on the number of trajectories.
         """
         seeds = self.run.load(seed_set(self.run)).coefficients[: self.cfg.evaluation]
         return measure(self.run.cell.constraints, self.run.cell.trajectory, seeds)
 
     def generated(self, name: str, training: int) -> Library:
-        """A variant's own library."""
+        """A variant's library."""
         return self.run.load(library(self.run, name, training))
 
     def selected(self, name: str, training: int) -> Library:
-        """The excitation set that was picked from one pool."""
-        (pool,) = (one for one in pools(self.run) if (one.name, one.training or 0) == (name, training))
+        """The excitation set picked from a pool."""
+        (pool,) = (pool for pool in pools(self.run) if (pool.name, pool.training or 0) == (name, training))
         return self.run.load(selection(self.run, pool))
 
     def report(self, artifact: Artifact) -> Report:
@@ -167,16 +165,13 @@ class Artifacts:
         return self.run.report(artifact) | self.costs(artifact)
 
     def costs(self, artifact: Artifact) -> Report:
-        """Costs of making an artifact; not a number where they were not kept."""
+        """Costs of making an artifact; NaN for those that are not stored."""
         return defaultdict(lambda: math.nan, self.run.store.costs(artifact))
 
     def _of_sets(
         self, made: Callable[[RunContext, ExcitationSet], Artifact], file: str = RESULTS
     ) -> pd.DataFrame:
-        frames = [
-            self.run.frame(made(self.run, excitation_set), file)
-            for excitation_set in excitation_sets(self.run)
-        ]
+        frames = [self.run.frame(made(self.run, each), file) for each in excitation_sets(self.run)]
         return pd.concat(frames, ignore_index=True)
 
     def _expected(self, noise: str) -> pd.DataFrame:
@@ -196,7 +191,7 @@ class Artifacts:
 
 
 def comparison(run: RunContext) -> dict[str, Artifacts]:
-    """Artifacts of every condition that the page compares, by its name."""
-    own = run.cfg.condition.name
-    names = run.cfg.conditions or [own]
-    return {name: Artifacts(run if name == own else run.with_other("condition", name)) for name in names}
+    """Artifacts of every condition that the page compares, by name."""
+    current = run.cfg.condition.name
+    names = run.cfg.conditions or [current]
+    return {name: Artifacts(run if name == current else run.with_other("condition", name)) for name in names}

@@ -1,7 +1,7 @@
-"""The paper's claims beside what was measured here, each with a verdict that follows from the numbers.
+"""The paper's claims, our measurements, and a verdict on each that follows from the numbers.
 
-The words of a claim and its criterion are in ``paper.yaml``; what measures it is a function of its name in
-``claims_training.py`` or ``claims_identification.py``, which asks the artifacts of one condition.
+The text of a claim and its criterion are in ``paper.yaml``; a function in ``claims_training.py`` or
+``claims_identification.py`` measures it from the artifacts of a condition.
 """
 
 from collections import Counter
@@ -22,7 +22,7 @@ CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
 
 
 class Claim(NamedTuple):
-    """A claim of the paper: what it says where, with which figure, by which criterion; and what was found."""
+    """A claim of the paper: its text, place, number and criterion, and our findings."""
 
     key: str
     text: str
@@ -41,9 +41,9 @@ def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
-        said = {part: words[part].format(**numbers) for part in ("criterion", "why")}
+        formatted = {part: words[part].format(**numbers) for part in ("criterion", "why")}
         text, cited = words["claim"].format(**numbers), {part: words[part] for part in ("where", "paper")}
-        judged.append(Claim(key, text, findings=findings, **cited, **said))
+        judged.append(Claim(key, text, findings=findings, **cited, **formatted))
     return judged
 
 
@@ -58,7 +58,7 @@ def table(judged: list[Claim]) -> pd.DataFrame:
 
 
 def findings(judged: list[Claim]) -> pd.DataFrame:
-    """Grounds of every verdict: its criterion, and what each condition measured."""
+    """Grounds for every verdict: the criterion, and each condition's measurements."""
     rows = [
         {"Claim": claim.text, "Criterion": claim.criterion}
         | {name: f"{signed(finding)}: {finding.ours}" for name, finding in claim.findings.items()}
@@ -69,12 +69,12 @@ def findings(judged: list[Claim]) -> pd.DataFrame:
 
 
 def signed(finding: Judgement) -> str:
-    """A verdict with its sign."""
+    """A verdict with its symbol."""
     return f"{_SIGNS[finding.verdict]} {finding.verdict}"
 
 
 def totals(verdicts: Iterable[str]) -> str:
-    """Numbers of claims that hold and that do not, in words."""
+    """Text with the number of claims for each verdict."""
     counts = Counter(verdicts)
     parts = {verdict: counts[verdict] for verdict in _SIGNS if counts[verdict]}
     return ", ".join(counted(n, v, _PLURAL.get(v, v)) for v, n in parts.items())

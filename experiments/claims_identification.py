@@ -27,7 +27,7 @@ from experiments.verdicts import (
     words,
 )
 
-_COMPARABLE = 1.25  # ratio of errors up to which they are comparable
+_COMPARABLE = 1.25  # largest ratio of comparable errors
 
 
 def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
@@ -47,7 +47,7 @@ def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
 
 
 def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
-    """Whether the error of seeds and generated ones is below that of the seeds."""
+    """Whether the error of seeds with generated trajectories is below that of the seeds."""
     nmse = _table1(made, frame)
     effects = {n: log_ratio(nmse["seeds"], nmse[n]) for n in SIDE_GANS}
     ours = f"error of the seeds over that of the set: {ratios(effects)}"
@@ -66,7 +66,7 @@ def _generated_beat_seeds(made: Artifacts, frame: str) -> Judgement:
 
 
 def _generated_alone(made: Artifacts) -> Judgement:
-    """Whether sets drawn at random of what was generated have less expected error than those of the seeds."""
+    """Whether random sets of generated trajectories have less expected error than those of seeds."""
     frame = made.draws[made.draws.noise == "error"]
     effects, geometric = ({n: _of_draws(frame, n, key) for n in SIDE_GANS} for key in ("nmse", "geometric"))
     ours = f"error of the seeds over that of the set: {ratios(effects)}; geometric mean: {ratios(geometric)}"
@@ -74,9 +74,9 @@ def _generated_alone(made: Artifacts) -> Judgement:
 
 
 def _of_draws(frame: pd.DataFrame, name: str, key: str) -> pd.Series:
-    """Log ratio of the seeds' mean expected error of random draws to a set's, training by training."""
-    own = np.log(frame[frame["set"] == name].groupby(TRAINING)[key].mean())
-    return np.log(frame[frame["set"] == "seeds"][key].mean()) - own
+    """Log ratio of the seeds' mean expected error of random draws to a set's, by training."""
+    error = np.log(frame[frame["set"] == name].groupby(TRAINING)[key].mean())
+    return np.log(frame[frame["set"] == "seeds"][key].mean()) - error
 
 
 def _improve(made: Artifacts, which: Callable[[list[int]], int]) -> Judgement:
@@ -127,7 +127,7 @@ def _smallest_norm(made: Artifacts) -> Judgement:
 
 
 def _over_eigen(made: Artifacts, frame: pd.DataFrame) -> dict[str, pd.Series]:
-    """Logarithms of the ratios of covariance norms to eigen's, by set of the paper's table."""
+    """Log ratios of covariance norms to eigen's, by set of the paper's table."""
     norms = by_set(frame, "covariance_norm", made.cfg.gan)
     others = [name for name in norms if name in PAPER["table3"] and name != "eigen"]
     return {name: log_ratio(norms[name], norms["eigen"]) for name in others}
@@ -141,12 +141,12 @@ def _table1(made: Artifacts, frame: str) -> dict[str, pd.Series]:
 
 def _improvements(gains: Mapping[str, pd.Series]) -> str:
     """Improvements [%] and their intervals."""
-    said = (f"{name} {words(interval(x).turned(exp2.percent))}" for name, x in gains.items())
-    return f"[%, geometric mean over joints] {'; '.join(said)}"
+    parts = (f"{name} {words(interval(x).turned(exp2.percent))}" for name, x in gains.items())
+    return f"[%, geometric mean over joints] {'; '.join(parts)}"
 
 
 def _gain(made: Artifacts, name: str, which: Callable[[list[int]], int]) -> pd.Series:
-    """Logarithm of how many times smaller the error is than of the seeds measured least or most often.
+    """Log ratio of the error of the seeds, measured least or most often, to that of each variant.
 
     Unweighted, mean over joints.
     """

@@ -45,17 +45,17 @@ from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.report.style import seconds
 
 _STRUGGLES = 0.4  # valid share that vanilla stays below
-_ACCURATE = 0.99  # of the success predictor
-_COMPARABLE = 0.85  # of the seeds' mean distance, uncentred rank, and coverage of one half by the other
-_ALONG = 0.1  # mean cosine from which on trajectories share a direction
-_COLLAPSED = 0.5  # of the seeds' directions, below which modes are lost
-_MORE = 1.1  # times the seeds' diversity that is significantly more
-_INDIFFERENT = 0.01  # spread of a ratio that makes no difference
-_CARRIED = 0.1  # valid share on another arm from which on trajectories carry over
-_FAILS = 0.001  # valid share of density estimates that fail completely
+_ACCURATE = 0.99  # least accuracy of the success predictor
+_COMPARABLE = 0.85  # least share of the seeds' mean distance, uncentred rank, and coverage between halves
+_ALONG = 0.1  # mean cosine above which trajectories share a direction
+_COLLAPSED = 0.5  # share of the seeds' directions below which modes are lost
+_MORE = 1.1  # ratio to the seeds' diversity that is a notable increase
+_INDIFFERENT = 0.01  # negligible spread of a ratio
+_CARRIED = 0.1  # valid share on another arm above which trajectories carry over
+_FAILS = 0.001  # largest valid share of a density estimate that fails completely
 _FEW = 0.2  # valid share that is "about 10 %"
-_TRADING = 30  # epoch from which they trade validity for fitness
-_ORDERS, _WITH_TRAINING = 1e4, 1e2  # times faster: orders of magnitude of one more, and of all that are made
+_TRADING = 30  # epoch from which variants trade validity for fitness
+_ORDERS, _WITH_TRAINING = 1e4, 1e2  # least speed-up of a further trajectory, and of a whole library
 
 
 def _predictor(made: Artifacts) -> Judgement:
@@ -76,9 +76,9 @@ def _reliable(made: Artifacts) -> Judgement:
 def _vanilla_fails(made: Artifacts) -> Judgement:
     curve = by_epoch(made, "vanilla", "success")
     best, end = (_odds(made, x) for x in (curve.max(), curve.iloc[-1]))
-    said = [shares({"vanilla": x}) for x in (best, end)]
+    texts = [shares({"vanilla": x}) for x in (best, end)]
     epochs = ", ".join(str(epoch) for epoch in sorted(set(curve.idxmax())))
-    ours = f"at best {said[0]} valid (after epoch {epochs}), at the end {said[1]}"
+    ours = f"at best {texts[0]} valid (after epoch {epochs}), at the end {texts[1]}"
     return Judgement(below(best, logit(_STRUGGLES)), ours, {"share": _STRUGGLES})
 
 
@@ -90,7 +90,7 @@ def _odds(made: Artifacts, success: pd.Series) -> pd.Series:
 def _against_vanilla(
     made: Artifacts, key: str, judge: Callable[[pd.Series], str], first: int, last: int | None = None
 ) -> Judgement:
-    """Vanilla's metric over the SIDE-GANs' in the same epochs; of the valid alone, and by means, beside."""
+    """Vanilla's metric over the SIDE-GANs' in the same epochs; also of means and of valid samples alone."""
     effects = _gains(made, key, first, last)
     parts = list(map(judge, effects.values()))
     ours = f"vanilla's over the SIDE-GANs': all samples {ratios(effects)}"
@@ -103,7 +103,7 @@ def _against_vanilla(
 
 
 def _gains(made: Artifacts, key: str, first: int, last: int | None = None) -> dict[str, pd.Series]:
-    """Log ratio of vanilla's metric to each SIDE-GAN's, training by training."""
+    """Log ratio of vanilla's metric to each SIDE-GAN's, by training."""
     vanilla = np.log(at(made, "vanilla", key, first, last))
     return {name: vanilla - np.log(at(made, name, key, first, last)) for name in SIDE_GANS}
 
@@ -114,7 +114,7 @@ def _traded(made: Artifacts) -> Judgement:
     lost = {n: above(early[n] - late[n]) for n in SIDE_GANS}
 
     def smaller(name: str, key: str) -> pd.Series:
-        """Logarithm of how many times smaller a metric is than early on."""
+        """Log ratio of a metric early on to its present value."""
         return np.log(at(made, name, key, EARLY, EARLY)) - np.log(at(made, name, key, _TRADING))
 
     kinds = {
@@ -127,7 +127,7 @@ def _traded(made: Artifacts) -> Judgement:
     for key, label in kinds.items():
         gained = {n: smaller(n, key).dropna() for n in SIDE_GANS}
         verdicts = [verdict for n in SIDE_GANS for verdict in (lost[n], above(gained[n]))]
-        parts = parts or verdicts  # by which it is judged
+        parts = parts or verdicts  # that decide the claim
         ours += f"; {label} {ratios(gained)}" + unless_same(together(parts), together(verdicts))
     return Judgement.of_each(parts, ours, {"epochs": EARLY})
 
@@ -157,7 +157,7 @@ def _no_collapse(made: Artifacts) -> Judgement:
 
 
 def _coverage(made: Artifacts) -> dict[str, pd.Series]:
-    """Coverage of the seeds by each library, over that by other seeds, training by training."""
+    """Coverage of the seeds by each library, relative to that by other seeds, by training."""
     parts = dict(
         iter(made.generators.set_index(TRAINING).astype({"coverage": float}).groupby("name").coverage)
     )
@@ -196,8 +196,8 @@ def _trace(made: Artifacts) -> Judgement:
         other = change.mT @ grams @ change
         before, after = (np.log(np.trace(x, axis1=1, axis2=2)) for x in (grams, other))
         kept[name] = float((after - before).std(ddof=1)), kendalltau(before, after).statistic
-    said = "{}: spread of the ratio {:.2g}, Kendall's τ of their order {:.3g}"
-    ours = "; ".join(said.format(name, expm1(x), tau) for name, (x, tau) in kept.items())
+    text = "{}: spread of the ratio {:.2g}, Kendall's τ of their order {:.3g}"
+    ours = "; ".join(text.format(name, expm1(x), tau) for name, (x, tau) in kept.items())
     parts = [HOLDS if x < _INDIFFERENT else NOT for x, _ in kept.values()]
     return Judgement.of_each(parts, ours, {"indifferent": _INDIFFERENT})
 
@@ -212,22 +212,22 @@ def other_bases(body: RigidBody) -> tuple[Array, Array]:
 
 
 def _other_arms(made: Artifacts) -> Judgement:
-    """Whether the same recipe works on other arms, as the page on generality says."""
+    """Whether the same recipe works on other arms, by the page on generality."""
     arms, needed = generality.of_arms(), {"reliable": RELIABLE, "comparable": _COMPARABLE}
     if arms is None:
         return Judgement(UNKNOWN, UNKNOWN, needed)
     others = arms.xs("eigen", level="generator").drop(made.run.cell.arm.name, errors="ignore")
-    parts, said = list[str](), list[str]()
+    parts, texts = list[str](), list[str]()
     for name, row in others.iterrows():
         valid, distance, error = row[[generality.VALID, *generality.JUDGED]]
         kept = valid >= RELIABLE, distance >= _COMPARABLE, error <= 1
-        parts += [HOLDS if one else NOT for one in kept]
-        said.append(f"{name} {valid:.3g} valid, distance {distance:.3g}, error {error:.3g} times the seeds'")
-    return Judgement.of_each(parts, "; ".join(said), needed)
+        parts += [HOLDS if passed else NOT for passed in kept]
+        texts.append(f"{name} {valid:.3g} valid, distance {distance:.3g}, error {error:.3g} times the seeds'")
+    return Judgement.of_each(parts, "; ".join(texts), needed)
 
 
 def _no_transfer(made: Artifacts) -> Judgement:
-    """Whether trajectories of one arm are hardly ever valid on another, as the page on generality says."""
+    """Whether trajectories of an arm are hardly ever valid on another, by the page on generality."""
     shares_of, needed = generality.of_others(), {"carried": _CARRIED}
     if shares_of is None:
         return Judgement(UNKNOWN, UNKNOWN, needed)
@@ -257,7 +257,7 @@ def _few_seeds_excite(made: Artifacts) -> Judgement:
 
 
 def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
-    """A metric of the last epoch on the smallest subset of the seeds, by variant, and its size."""
+    """A metric after the last epoch on the smallest subset of the seeds, by variant; the subset's size."""
     frame = made.subsets
     smallest = int(frame.seeds.min())
     part = frame[frame.seeds == smallest]
@@ -266,12 +266,12 @@ def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
 
 
 def _faster(made: Artifacts) -> Judgement:
-    seed, one = made.seed_seconds, made.speed["generation_seconds"]
-    return _measured(seed / one, _ORDERS, f"{seconds(one)} against {seconds(seed)} ({seed / one:,.0f} ×)")
+    seed, new = made.seed_seconds, made.speed["generation_seconds"]
+    return _measured(seed / new, _ORDERS, f"{seconds(new)} against {seconds(seed)} ({seed / new:,.0f} ×)")
 
 
 def _trained_too(made: Artifacts) -> Judgement:
-    """Whether a library is far faster made than as many seeds, its training included."""
+    """Whether a library, training included, takes far less time than as many seeds."""
     first, count = made.cfg.trainings[0], made.cfg.library.count
     spent = made.training_seconds("eigen", first) / count
     text = f"{seconds(spent)} for each of {count}, without the seeds, against {seconds(made.seed_seconds)}"
@@ -292,7 +292,7 @@ def _grows(made: Artifacts) -> Judgement:
 
 
 def _measured(value: float, enough: float, text: str) -> Judgement:
-    """Judgement of a single number; of none where it was not measured."""
+    """Judgement of a single number; unknown if it was not measured."""
     if np.isnan(value):
         return Judgement(UNKNOWN, UNKNOWN)
     return Judgement(HOLDS if value > enough else NOT, text)

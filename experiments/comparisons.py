@@ -1,4 +1,4 @@
-"""Tables of the reproduction report that belong to no experiment of their own."""
+"""Tables of the reproduction report that belong to no other experiment."""
 
 from collections.abc import Mapping
 
@@ -18,13 +18,13 @@ _AT_LIMIT = 0.01  # rad
 
 
 def seed_sets(artifacts: Mapping[str, Artifacts]) -> pd.DataFrame:
-    """The seed sets by condition, for people."""
-    table = pd.DataFrame({name: seed_facts(one) for name, one in artifacts.items()}).T
+    """Table of the seed sets by condition."""
+    table = pd.DataFrame({name: seed_facts(results) for name, results in artifacts.items()}).T
     return tables.formatted(table, COLUMNS["seeds"]).rename_axis("seeds of")
 
 
 def seed_facts(artifacts: Artifacts) -> dict[str, float]:
-    """Numbers in which two seed sets differ."""
+    """Numbers that characterise a seed set."""
     library = artifacts.run.load(seed_set(artifacts.run))
     c, margin = library.coefficients, library.margins["position"]
     on_box = np.abs(c) > (1 - _ON_BOX) * np.abs(c).max()
@@ -43,19 +43,19 @@ def seed_facts(artifacts: Artifacts) -> dict[str, float]:
 
 
 def densities(frame: pd.DataFrame) -> pd.DataFrame:
-    """Kernel density estimates by bandwidth, for people."""
+    """Table of kernel density estimates by bandwidth."""
     return tables.formatted(frame, COLUMNS["density"]).set_index("bandwidth [Scott's]")
 
 
 def longs(artifacts: Artifacts) -> pd.DataFrame:
-    """Search for the single long trajectories, for people."""
+    """Table of the searches for the single long trajectories."""
     reports = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in artifacts.longs.items()}
     table = tables.formatted(pd.DataFrame(reports).T, COLUMNS["long"], NOT_MEASURED)
     return table.rename_axis("single long trajectory")
 
 
 def timing(artifacts: Artifacts) -> pd.DataFrame:
-    """Each time of the paper's text beside ours, for people."""
+    """Table of the times in the paper's text, and ours."""
     speed, run, seed = artifacts.speed, artifacts.run, artifacts.seed_seconds
     trainings = [artifacts.costs(trained(run, *generator))["cpu_seconds"] for generator in generators(run)]
     long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())

@@ -51,7 +51,7 @@ collect = Artifacts
 
 
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
-    """Print, write and record Table I, what stands behind it, and its figures."""
+    """Print, write and record Table I, its supporting tables, and its figures."""
     config, raw = artifacts.cfg, artifacts.errors
     trainings = len(config.trainings)
     over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
@@ -77,10 +77,10 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
 def table1(
     raw: pd.DataFrame, plant: pd.DataFrame, expected: pd.DataFrame, constant: pd.DataFrame
 ) -> pd.DataFrame:
-    """Table I with the paper's rows beside ours; the spread is taken over trainings and noise draws.
+    """Table I with our rows and the paper's; the spread is over trainings and noise draws.
 
-    Errors that are expected over all noise draws stand below those of some, where there are any; then those
-    under a constant noise, and on plants. Where one joint has most of the error, also the geometric mean.
+    Errors from noise draws come first, then expected ones if available, those under constant noise, and those
+    on plants; some also as geometric means, since a single joint can have most of the error.
     """
     rows, parts = {}, {SIMULATOR: raw[~raw.weighted], WEIGHTED: raw[raw.weighted]}
     if len(expected):
@@ -106,7 +106,7 @@ def _by_set(means: pd.Series) -> dict[str, str]:
 
 
 def draws(frame: pd.DataFrame) -> pd.DataFrame:
-    """Expected nMSE of random draws of each set, by noise: mean, and the range of nine in ten of them."""
+    """Expected nMSE of random draws from each set, by noise: mean, and 5 to 95 % range."""
     rows = {}
     for name, part in frame.groupby("set"):
         low, high = (part.groupby("noise").nmse.quantile(x) for x in _NINE_IN_TEN)
@@ -118,7 +118,7 @@ def draws(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def finding(frame: pd.DataFrame) -> str:
-    """What weights leave of the gain of the set that is best with them, in words; none if all of it."""
+    """Text on how much weights reduce the gain of the set that is best with weights; empty if they do not."""
     logs = np.log(frame.set_index(["set", "noise"]).geometric).groupby(level=[0, 1]).mean().unstack()
     gains = np.exp(logs.loc["seeds"] - logs.drop("seeds"))[["error", "error_weighted"]].dropna()
     if gains.empty:
@@ -133,10 +133,10 @@ def finding(frame: pd.DataFrame) -> str:
 def factors(
     raw: pd.DataFrame, expected: pd.DataFrame, plant: pd.DataFrame, trained: Collection[str]
 ) -> pd.DataFrame:
-    """Error of the seeds over that of each other set: above one where it is better.
+    """Error of the seeds over that of each other set: above 1 if the other set is better.
 
-    Drawn, expected and on plants, each by the mean over joints and by the geometric one. The intervals are
-    over noise draws or plants, and over trainings where there are several.
+    From noise draws, expected, and on plants, each as arithmetic and geometric mean over joints. Intervals
+    are over noise draws or plants, and over trainings if there are several.
     """
     rows = {}
     for drawn, frame in ((SIMULATOR, raw), (EXPECTED, expected), (PLANT, plant)):
@@ -151,29 +151,29 @@ def factors(
 
 
 def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
-    """How many sets with generated ones identify plants better, and worse, than the seeds, in words."""
-    said = []
+    """Text on how many sets with generated trajectories identify plants better or worse than the seeds."""
+    sentences = []
     for weighted, part in plant.groupby(plant.weighted.astype(bool)):
         effects = [x for key, x in over_others(part, trained).items() if key in trained]
         verdicts = [above(x) for x in effects]
-        more, worse = sum(interval(x).mean < 0 for x in effects), verdicts.count(NOT)
-        said.append(
-            f"{tables.weighting(bool(weighted))}: {more} of {len(effects)} sets with generated trajectories"
+        larger, worse = sum(interval(x).mean < 0 for x in effects), verdicts.count(NOT)
+        sentences.append(
+            f"{tables.weighting(bool(weighted))}: {larger} of {len(effects)} sets with generated trajectories"
             f" have a larger error than the seeds, {worse} significantly;"
             f" {verdicts.count(HOLDS)} a significantly smaller one"
         )
-    return ". ".join(said)
+    return ". ".join(sentences)
 
 
 def over_others(frame: pd.DataFrame, trained: Collection[str]) -> dict[str, pd.Series]:
-    """Logarithm of the seeds' nMSE over that of each set of as many trajectories, draw by draw, by set."""
+    """Log ratio of the seeds' nMSE to that of each set of equal size, draw by draw, by set."""
     errors = by_set(frame, "nmse", trained)
     others = [key for key in tables.ordered(errors) if key != "seeds" and not key.startswith("long-")]
     return {key: of_several(log_ratio(errors["seeds"], errors[key])) for key in others}
 
 
 def geometric(frame: pd.DataFrame) -> pd.DataFrame:
-    """The geometric mean of nMSE over joints, in which a joint that moves little counts as much as others."""
+    """Geometric mean of nMSE over joints, in which all joints count equally."""
     levels = [key for key in ("set", TRAINING, REPEAT, "weighted") if key in frame]
     logs = np.log(frame.nmse).groupby([frame[key] for key in levels]).mean()
     return np.exp(logs).reset_index()

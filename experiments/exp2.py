@@ -1,4 +1,4 @@
-"""Experiment 2 (Tables II and III): seeds and generated ones against the seeds measured again and again.
+"""Experiment 2 (Tables II and III): seeds with generated trajectories against repeated seeds.
 
 Source: Jegorova et al. 2020, section V-D.
 """
@@ -68,12 +68,12 @@ def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
 
 
 def percent(gain: float) -> float:
-    """Improvement [%] of the logarithm of how many times smaller an error is."""
+    """Improvement [%] from the log ratio of the reference's error to the set's."""
     return -100 * float(np.expm1(-gain))
 
 
 def tables2(results: pd.DataFrame, config: Config) -> dict[str, tuple[pd.DataFrame, str]]:
-    """Table II by name, unweighted and weighted as far as there are such results, with its weighting."""
+    """Table II by name, unweighted and weighted if available, with the label of the weighting."""
     return {
         "table2_weighted" if weighted else "table2": (table2(part, config), tables.weighting(bool(weighted)))
         for weighted, part in results.groupby("weighted")
@@ -81,10 +81,10 @@ def tables2(results: pd.DataFrame, config: Config) -> dict[str, tuple[pd.DataFra
 
 
 def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
-    """Table II: improvement of seeds + generated over the seeds measured so often, with the paper's.
+    """Table II: improvement of seeds + generated over repeatedly measured seeds, ours and the paper's.
 
-    The arithmetic mean of percentages is the paper's; one joint that becomes many times worse decides it. The
-    geometric mean of the ratios has an interval over trainings and noise draws, the same of both sets.
+    The paper uses the arithmetic mean of percentages, which a single much worse joint can dominate. The
+    geometric mean of ratios has an interval over trainings and noise draws, which both sets share.
     """
     rows: dict[str, dict[str, str]] = {}
     for name in config.gan:
@@ -102,7 +102,7 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
 
 
 def readings(made: Artifacts) -> pd.DataFrame:
-    """Unweighted improvement [%] of each variant in every reading of the noise, beside the paper's."""
+    """Unweighted improvement [%] of each variant for every reading of the noise, and the paper's."""
     replicas = made.cfg.replication.replicas
     rows: dict[str, dict[str, str]] = {}
     for reading, results in made.readings.items():
@@ -139,8 +139,8 @@ def errors(results: pd.DataFrame) -> pd.DataFrame:
     """NMSE of every set, mean over joints ± standard deviation over trainings and noise draws."""
     rows: dict[str, dict[str, str]] = {}
     for name in tables.ordered(results["set"].unique()):
-        own = results[results["set"] == name]
-        mean = {w: p.groupby([TRAINING, REPEAT]).nmse.mean() for w, p in own.groupby("weighted")}
+        part = results[results["set"] == name]
+        mean = {w: p.groupby([TRAINING, REPEAT]).nmse.mean() for w, p in part.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
         rows[tables.title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

@@ -1,4 +1,4 @@
-"""One recipe on several arms: what each generator is worth beside its arm's seeds, and on other arms."""
+"""One recipe on several arms: each generator compared with its arm's seeds, and tried on other arms."""
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -17,14 +17,14 @@ from sidegan.report.document import write_page
 from sidegan.report.export import read_tables
 
 NAME = "generality"  # of the page and its template
-_TRIED = 200  # trajectories of one arm that are tried on another
+_TRIED = 200  # trajectories of an arm to try on another
 _BASELINES = ("natural", "search-10", "search-160")
 _ARMS = "Generators and baselines; all but valid share and cosine relative to the arm's own seeds"
 _TRANSFER = (
     f"Share of {_TRIED} trajectories generated for an arm that are valid on others with as many joints"
 )
 VALID, COSINE = "valid", "mean cosine"
-# Of a generator or baseline over the seeds of its arm; an error is one over a gain.
+# Of a generator or baseline relative to the seeds of its arm; an error is the inverse of a gain.
 _OVER = {
     "condition": "cond(YᵀY)",
     "distance": "mean distance",
@@ -40,14 +40,14 @@ Arms = Mapping[str, Artifacts]
 
 
 def collect(run: RunContext) -> dict[str, Artifacts]:
-    """Artifacts of every arm, by its name among the settings."""
-    return {name: Artifacts(one) for name, one in tasks_of_arms(run).items()}
+    """Artifacts of every arm, by the arm's name in the settings."""
+    return {name: Artifacts(arm_run) for name, arm_run in tasks_of_arms(run).items()}
 
 
 def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
     """Print, write and record the tables of arms, and the page."""
     first = next(iter(arms.values())).cfg
-    numbers = {name: beside_seeds(one.generators, first.gan) for name, one in arms.items()}
+    numbers = {name: beside_seeds(results.generators, first.gan) for name, results in arms.items()}
     joined = pd.concat(numbers, names=["arm"])
     shown = {
         "arms": (joined.map(plain, na_action="ignore").reset_index(level="generator"), _ARMS),
@@ -63,7 +63,7 @@ def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
 
 
 def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
-    """Valid share and cosine of generators and baselines, the rest over the seeds', mean over trainings."""
+    """Valid share and cosine of generators and baselines, other metrics relative to the seeds; means."""
     rows = frame.assign(valid=frame.valid_share.fillna(frame.valid))
     means = rows[["name", VALID, "cosine", *_OVER]].set_index("name").astype(float)
     means = means.groupby(level=0, sort=False).mean()
@@ -78,13 +78,13 @@ def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
 
 
 def of_arms() -> pd.DataFrame | None:
-    """The published numbers by arm and generator; None where the page is not there."""
+    """The published numbers by arm and generator; None without the page."""
     table = _published("arm")
     return None if table is None else table.set_index(["arm", "generator"]).astype(float)
 
 
 def of_others() -> pd.Series | None:
-    """Published shares of an arm's trajectories that are valid on another arm; None without the page."""
+    """Published valid shares of an arm's trajectories on another arm; None without the page."""
     table = _published("generated for")
     if table is None:
         return None
@@ -93,7 +93,7 @@ def of_others() -> pd.Series | None:
 
 
 def page() -> str | None:
-    """The published page, where it is there."""
+    """Text of the published page, if it exists."""
     path = Path(__file__).parent.parent / "docs" / f"{NAME}.md"
     return path.read_text(encoding="utf-8") if path.exists() else None
 
@@ -106,11 +106,12 @@ def _published(first: str) -> pd.DataFrame | None:
 
 
 def transfer(arms: Arms) -> pd.DataFrame:
-    """Share of each arm's generated trajectories that are valid on the arms with as many joints."""
+    """Valid share of each arm's generated trajectories on all arms with as many joints."""
     rows = {}
     for name, made in arms.items():
-        variant = next(one for one, kind in made.cfg.gan.items() if kind.features)
+        variant = next(key for key, settings in made.cfg.gan.items() if settings.features)
         c = made.generated(variant, made.cfg.trainings[0]).coefficients[:_TRIED]
-        others = {key: one.run for key, one in arms.items() if one.run.cell.trajectory.shape == c.shape[1:]}
-        rows[name] = {key: float(run.cell.check(c).valid.mean()) for key, run in others.items()}
+        cells = {key: results.run.cell for key, results in arms.items()}
+        fitting = {key: cell for key, cell in cells.items() if cell.trajectory.shape == c.shape[1:]}
+        rows[name] = {key: float(cell.check(c).valid.mean()) for key, cell in fitting.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("generated for")

@@ -25,10 +25,10 @@ def leave(
 
     Args:
         folder: of the run.
-        tracker: records them.
-        tables: for people, each with its caption, by the name of their files.
-        results: numbers by which the jobs of a sweep are compared, a row for each set or variant.
-        figures: by the name of their files.
+        tracker: to record them.
+        tables: formatted tables with captions, by file name.
+        results: numbers that a sweep compares, a row for each set or variant.
+        figures: by file name.
     """
     from sidegan.report.canvas import save
 

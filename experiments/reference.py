@@ -1,4 +1,4 @@
-"""Words and numbers that are data: the paper's own figures and claims, and the columns of tables."""
+"""Reference data: the paper's numbers and claims, and the columns of tables."""
 
 from pathlib import Path
 from typing import Any

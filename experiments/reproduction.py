@@ -1,4 +1,4 @@
-"""The report on the whole paper: every figure and table beside ours, a verdict for each claim, and why."""
+"""The report on the whole paper: its figures and tables next to ours, and a verdict on each claim."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # slow to import
 NAME = "reproduction"  # of the page, its template, and the folder of its tables and figures
 _TRACES, _POSES = 8, 6  # generated trajectories, and poses along one of them, as in the paper's figure 2
 
-# Tables of all conditions together, with the rows of them that are on the page; all where none are named.
+# Tables over all conditions, with the rows to show on the page; all rows if none are named.
 _JOINED: dict[str, tuple[str, ...]] = {
     "generators": (),
     "likeness": (),
@@ -54,7 +54,7 @@ collect = comparison
 
 
 def check(run: RunContext) -> None:
-    """Refuse conditions that are not there, before any work."""
+    """Refuse unknown conditions before any work."""
     comparison(run)
 
 
@@ -80,7 +80,7 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
 
 
 def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, Any]:
-    """Values that the template names besides tables and figures."""
+    """Values for the template, apart from tables and figures."""
     artifacts = next(iter(conditions.values()))
     return {
         "conditions": conditions,
@@ -97,17 +97,17 @@ def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, An
 
 
 def _verdicts(judged: list[claims.Claim], condition: str) -> str:
-    """How many claims hold under a condition, and how many of those on figure 3, in words."""
-    every = {claim.key: claim.findings[condition].verdict for claim in judged}
-    of_training = [every[claim.key] for claim in judged if claim.where.startswith("figure 3")]
+    """Text on how many claims hold under a condition, and how many of those on figure 3."""
+    verdicts = {claim.key: claim.findings[condition].verdict for claim in judged}
+    of_training = [verdicts[claim.key] for claim in judged if claim.where.startswith("figure 3")]
     figure = f"of the {len(of_training)} on figure 3: {claims.totals(of_training)}"
-    return f"{claims.totals(every.values())}; {figure}"
+    return f"{claims.totals(verdicts.values())}; {figure}"
 
 
 def described(artifacts: Artifacts) -> str:
-    """The seeds and the recipe of a condition, in a sentence."""
+    """Sentence on the seeds and the recipe of a condition."""
     seeds = _SEEDS.get(artifacts.cfg.seeds.method, artifacts.cfg.seeds.method)
-    shipped = getattr(artifacts.cfg.surrogates, "shipped", None)  # of the published recipe alone
+    shipped = getattr(artifacts.cfg.surrogates, "shipped", None)  # only in the published recipe
     surrogates = "shipped" if shipped else "retrained"
     recipe = "our recipe" if shipped is None else f"their recipe, surrogates {surrogates}"
     return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}."
@@ -122,7 +122,7 @@ def checked(conditions: Conditions) -> dict[str, list[str]]:
 
 
 def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
-    """The numbers that a later run is compared by, of the seeds and every variant, mean over trainings."""
+    """Numbers to compare later runs by, for the seeds and every variant, mean over trainings."""
     rows = {}
     for condition, made in conditions.items():
         nmse = made.errors[~made.errors.weighted].groupby("set").nmse.mean()
@@ -137,8 +137,8 @@ def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
 
 
 def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, pd.DataFrame]:
-    """The page's tables by name, and those that it links to."""
-    own = {name: _tables(made) for name, made in conditions.items()}
+    """The page's tables, shown or linked, by name."""
+    tables_of = {name: _tables(made) for name, made in conditions.items()}
     of_seeds: dict[str, str] = {}  # the first condition of each seed set
     for name, made in conditions.items():
         of_seeds.setdefault(seed_set(made.run).digest, name)
@@ -146,15 +146,15 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
         "seeds": comparisons.seed_sets(conditions),
-        **{key: _joined(key, own) for key in _JOINED},
-        "density": _joined("density", {name: own[name] for name in of_seeds.values()}),
-        **{f"{name}-{key}": table for name, shown in own.items() for key, table in shown.items()},
+        **{key: _joined(key, tables_of) for key in _JOINED},
+        "density": _joined("density", {name: tables_of[name] for name in of_seeds.values()}),
+        **{f"{name}-{key}": table for name, shown in tables_of.items() for key, table in shown.items()},
     }
 
 
-def _joined(key: str, own: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
-    """One table of all conditions, with the rows of ``_JOINED``, and the paper's own once at the end."""
-    parts, kept = {name: shown[key] for name, shown in own.items()}, _JOINED.get(key)
+def _joined(key: str, tables_of: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
+    """A table over all conditions, with the rows of ``_JOINED``, and the paper's rows once at the end."""
+    parts, kept = {name: shown[key] for name, shown in tables_of.items()}, _JOINED.get(key)
     wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
     joined = pd.concat(wanted, names=["condition"])
     first = next(iter(parts.values()))
@@ -198,7 +198,7 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
 
 
 def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
-    """The figures in space, by name."""
+    """The 3D figures, by name."""
     run, family, first = artifacts.run, artifacts.run.cell.trajectory, artifacts.cfg.trainings[0]
     generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
     traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
@@ -218,6 +218,6 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
 
 
 def _described(family: Trajectory, coefficients: Array) -> str:
-    """Number and duration of a set's trajectories, in words."""
+    """Text with the number and duration of a set's trajectories."""
     duration = f"{family.period:.4g} s"
     return duration if len(coefficients) == 1 else f"{len(coefficients)} × {duration}"

@@ -1,4 +1,4 @@
-"""Puts the 1800 seeds of condition ours, which took long to make, into one file beside their settings.
+"""Write the 1800 seeds of condition ours, which take long to compute, with their parameters into a file.
 
 ``python -m sidegan.run +experiment=training scale=paper seeds.shipped=null 'stages=[seeds]'``, then
 ``python -m experiments.ship``.

@@ -1,4 +1,4 @@
-"""Figure 3: success, fitness and diversity of every variant against epoch, with the true physics.
+"""Figure 3: success, fitness and diversity of every variant against epoch, by exact physics.
 
 Source: Jegorova et al. 2020, section V-B.
 """
@@ -22,8 +22,8 @@ from sidegan.report import figures, tables
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
-RELIABLE = 0.8  # valid share that "reliably generate successful trajectories" is read as
-EARLY, LATE = 10, 40  # epochs after which the paper says so; from which on it compares
+RELIABLE = 0.8  # our reading of "reliably generate successful trajectories": least valid share
+EARLY, LATE = 10, 40  # epoch of that statement; first epoch of the paper's comparisons
 GENERATORS = (
     "Seeds, baselines and generators after the last epoch, by the true physics. Gain: expected error of 35 "
     "random seeds over that of 35 random members of the set; natural: random draws in natural coordinates"
@@ -36,7 +36,7 @@ collect = Artifacts
 
 
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
-    """Draw, write and record the figure and the tables behind it."""
+    """Print, write and record the figure and its tables."""
     histories, cfg = artifacts.histories, artifacts.cfg
     over = f"{counted(len(cfg.trainings), 'training')}, {cfg.evaluation} samples per epoch"
     shown = {
@@ -52,7 +52,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
 
 
 def summary(generators: pd.DataFrame) -> pd.DataFrame:
-    """What every generator and those beside it are worth, mean over trainings, for the table of a sweep."""
+    """Worth of generators, baselines and seeds, mean over trainings, for the table of a sweep."""
     return means(generators).rename(columns={"valid": "valid share", **tables.WORTH, **tables.LIKENESS})
 
 
@@ -64,11 +64,11 @@ def means(generators: pd.DataFrame) -> pd.DataFrame:
 
 
 def pictures(artifacts: Artifacts) -> dict[str, "Figure"]:
-    """Coefficients of seeds beside those of each generator, first training, by name."""
+    """Coefficients of the seeds and of each generator's first training, by name."""
     first = artifacts.cfg.trainings[0]
     sets = {SEEDS: artifacts.run.load(seed_set(artifacts.run))}
     sets |= {name: artifacts.generated(name, first) for name in artifacts.cfg.gan}
-    shown = {name: flatten(one.coefficients[:_SHOWN], 1) for name, one in sets.items()}
+    shown = {name: flatten(library.coefficients[:_SHOWN], 1) for name, library in sets.items()}
     return {"coefficients": figures.coefficients(shown)}
 
 
@@ -82,7 +82,7 @@ def figure(
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:
-    """First epoch after which a generator is reliable, and its best, late and last valid shares."""
+    """First epoch with a reliable generator, and its best, late and last valid shares."""
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
         share = part.pivot(index="epoch", columns=TRAINING, values="success").fillna(0.0)

@@ -1,4 +1,4 @@
-"""Verdicts from intervals: what many trainings and noise draws together say of a claim, and in which words.
+"""Verdicts on claims from intervals over trainings and noise draws, and their wording.
 
 An effect is a series of numbers with the levels ``training`` and ``repeat`` (noise draws) in its index, as
 far as it has them. Both add to the variance of its mean.
@@ -24,18 +24,18 @@ CONFIDENCE = 0.95
 TRAINING, REPEAT = "training", "repeat"
 SIDE_GANS = ("eigen", "diagonal")
 GANS = ("vanilla", *SIDE_GANS)
-_NEGLIGIBLE = float(np.log(1.05))  # logarithm of a ratio that makes no difference
+_NEGLIGIBLE = float(np.log(1.05))  # logarithm of a negligible ratio
 
 
 class Interval(NamedTuple):
-    """A mean and the interval of it."""
+    """A mean and its interval."""
 
     low: float
     mean: float
     high: float
 
     def turned(self, back: Callable[[float], float]) -> "Interval":
-        """Of what a growing function makes of it; what has no ends gets none."""
+        """The interval of an increasing function of it; infinite ends stay infinite."""
         low, mean, high = (float(back(x)) for x in self)
         return Interval(low, mean, high) if np.isfinite(self.low) else self._replace(mean=mean)
 
@@ -60,13 +60,13 @@ def interval(effect: pd.Series) -> Interval:
 
 
 def of_several(effect: pd.Series) -> pd.Series:
-    """An effect without the level of trainings where there is a single one, but several draws."""
+    """An effect without the level of trainings, if there is a single training but several draws."""
     alone = effect.index.nlevels > 1 and effect.index.get_level_values(TRAINING).nunique() == 1
     return effect.droplevel(TRAINING) if alone else effect
 
 
 def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str, pd.Series]:
-    """Mean of a column for every set by repeat, and by training where something was trained."""
+    """Mean of a column for every set by repeat, and by training for trained sets."""
     levels = [name for name in (TRAINING, REPEAT) if name in frame]
     mean = frame.groupby(["set", *levels])[key].mean()
     parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
@@ -74,12 +74,12 @@ def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str,
 
 
 def log_ratio(first: pd.Series, second: pd.Series) -> pd.Series:
-    """Logarithm of a ratio, draw by draw; what was not trained stands beside every training of the other."""
+    """Log ratio, draw by draw; a set without trainings is compared with every training of the other."""
     return np.log(_matched(first, second)) - np.log(_matched(second, first))
 
 
 def log_odds(shares: pd.Series, draws: int) -> pd.Series:
-    """Log odds of shares of so many draws; their intervals, turned back, stay within 0 and 1.
+    """Log odds of shares of a number of draws; their intervals, turned back, stay within 0 and 1.
 
     None and all count as half a draw from the end (Haldane 1956), since their odds have no logarithm.
     """
@@ -88,31 +88,31 @@ def log_odds(shares: pd.Series, draws: int) -> pd.Series:
 
 
 def proportion(share: float, draws: int) -> Interval:
-    """A share of so many draws with its exact interval (Clopper and Pearson 1934)."""
+    """A share of a number of draws with its exact interval (Clopper and Pearson 1934)."""
     found = stats.binomtest(round(share * draws), draws).proportion_ci(CONFIDENCE)
     return Interval(found.low, share, found.high)
 
 
 def above(effect: pd.Series, bound: float | None = None) -> str:
-    """Whether an effect's mean lies above zero, or a bound, with its whole interval."""
+    """Whether an effect's whole interval is above zero, or a bound."""
     bound, undecided = (0.0, UNDECIDED) if bound is None else (bound, OPEN)
     low, _, high = interval(effect)
     return HOLDS if low > bound else NOT if high < bound else undecided
 
 
 def below(effect: pd.Series, bound: float | None = None) -> str:
-    """Whether the mean of an effect lies below zero or a bound."""
+    """Whether an effect's whole interval is below zero, or a bound."""
     return above(-effect, None if bound is None else -bound)
 
 
 def not_below(effect: pd.Series) -> str:
-    """Whether the logarithm of a ratio is shown not to lie below zero by more than makes a difference."""
+    """Whether a log ratio's whole interval is above zero, up to a negligible difference."""
     low, _, high = interval(effect)
     return HOLDS if low > -_NEGLIGIBLE else NOT if high < 0 else UNDECIDED
 
 
 def within(effect: pd.Series, bound: float) -> str:
-    """Whether an effect is shown to lie within a bound of zero, on either side."""
+    """Whether an effect's whole interval is within a bound of zero."""
     low, _, high = interval(effect)
     return HOLDS if -bound < low and high < bound else NOT if low > bound or high < -bound else OPEN
 
@@ -123,32 +123,32 @@ def beside(measured: Interval, bound: float) -> str:
 
 
 def together(verdicts: Iterable[str]) -> str:
-    """One verdict on a claim about several.
+    """The combined verdict on a claim about several variants.
 
-    It holds when it holds of each, in part when of some while others are not decided, and is mixed when it
-    holds of some and does not of others.
+    The claim holds if it holds for each; it holds in part if it holds for some and the others are undecided;
+    it is mixed if it holds for some but not for others.
     """
-    every = list(verdicts)
-    if not every or UNKNOWN in every:
+    parts = list(verdicts)
+    if not parts or UNKNOWN in parts:
         return UNKNOWN
-    if len(set(every)) == 1:
-        return every[0]
-    if {HOLDS, PART, MIXED} & set(every):
-        return MIXED if {NOT, MIXED} & set(every) else PART
-    return NOT if NOT in every else OPEN
+    if len(set(parts)) == 1:
+        return parts[0]
+    if {HOLDS, PART, MIXED} & set(parts):
+        return MIXED if {NOT, MIXED} & set(parts) else PART
+    return NOT if NOT in parts else OPEN
 
 
 def tally(verdicts: Iterable[str]) -> str:
-    """Of how many a claim holds, and does not, where it is not the same of each."""
-    every = list(verdicts)
-    if len(set(every)) < 2:
+    """Text on how many parts of a claim hold and do not; empty if all have the same verdict."""
+    parts = list(verdicts)
+    if len(set(parts)) < 2:
         return ""
-    return f"{every.count(HOLDS)} of {len(every)} hold, {every.count(NOT)} do not: "
+    return f"{parts.count(HOLDS)} of {len(parts)} hold, {parts.count(NOT)} do not: "
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """Judgement of one claim: verdict, evidence in words, numbers for the words of the claim."""
+    """Judgement of a claim: verdict, evidence as text, and numbers for the claim's text."""
 
     verdict: str
     ours: str
@@ -158,9 +158,9 @@ class Judgement:
     def of_each(
         cls, parts: Iterable[str], ours: str, numbers: Mapping[str, Any] | None = None
     ) -> "Judgement":
-        """Judgement of a claim about several, by the verdicts on each of them."""
-        every = list(parts)
-        return cls(together(every), tally(every) + ours, dict(numbers or {}))
+        """Judgement of a claim about several variants, from the verdict on each."""
+        verdicts = list(parts)
+        return cls(together(verdicts), tally(verdicts) + ours, dict(numbers or {}))
 
 
 def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:
@@ -187,32 +187,32 @@ def words(measured: Interval, form: str = ".3g") -> str:
 
 
 def shares(log_odds: Mapping[str, pd.Series]) -> str:
-    """Shares and their intervals, which lie within 0 and 100 %, of their log odds by name."""
+    """Text with shares and their intervals, within 0 and 100 %, from log odds by name."""
     return "; ".join(f"{name} {words(interval(x).turned(expit), '.0%')}" for name, x in log_odds.items())
 
 
 def unless_same(verdict: str, other: str) -> str:
-    """A verdict by other numbers, in words, where it is another one."""
+    """Text with the verdict by other numbers, if it differs."""
     return "" if other == verdict else f", for which the verdict would be: {other}"
 
 
 def intervals(values: Mapping[str, pd.Series]) -> str:
-    """Means and intervals by name."""
+    """Text with means and intervals by name."""
     return "; ".join(f"{name} {words(interval(x))}" for name, x in values.items())
 
 
 def ratios(effects: Mapping[str, pd.Series]) -> str:
-    """Geometric means of ratios and their intervals, of their logarithms by name."""
+    """Text with geometric means of ratios and their intervals, from log ratios by name."""
     return "; ".join(f"{name} {words(interval(x).turned(np.exp))} ×" for name, x in effects.items())
 
 
 def _untrained(values: pd.Series) -> pd.Series:
-    """Without the level of trainings; where there is no other, a single value."""
+    """Values without the level of trainings; a single value if there is no other level."""
     return values.droplevel(TRAINING) if values.index.nlevels > 1 else values.set_axis([0])
 
 
 def _matched(values: pd.Series, other: pd.Series) -> pd.Series:
-    """Values without trainings, as often as the other has trainings."""
+    """Values without trainings, repeated for each training of the other."""
     if TRAINING in values.index.names or TRAINING not in other.index.names:
         return values
     if other.index.nlevels == 1:
