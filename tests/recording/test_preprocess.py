@@ -59,7 +59,7 @@ def test_filtering_a_long_recording_in_blocks_leaves_no_seams(planar, delay):
 
 def test_a_long_recording_needs_little_more_memory_than_its_numbers(planar, tmp_path):
     """Read from CSV and Parquet, and reduced."""
-    recording = recorded(planar, np.arange(300_000) * 1e-3)
+    recording = recorded(planar, np.arange(400_000) * 1e-3)
     numbers = 8 * len(recording) * 7  # bytes
     paths = [write(recording, tmp_path) for write in (write_csv, write_parquet)]
     preprocess(recording, of_file())  # imports and compilation are not counted
