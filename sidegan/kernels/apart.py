@@ -1,7 +1,6 @@
 """Compiled penalty of one trajectory for capsules that come too close to each other or to a region.
 
-Many times of the trajectory are looked at at once: where everything is far apart, which is nearly everywhere,
-that is found out by vector instructions.
+Vectorised tests over blocks of samples rule out pairs that are far apart, as most are most of the time.
 """
 
 from typing import NamedTuple
@@ -27,30 +26,30 @@ from sidegan.kernels.jit import kernel
 from sidegan.kernels.links import TOUCHING, Joint, joint, placement, row
 
 PLACE, AXIS, _FRAME = 9, 12, 15  # rows of a frame: rotation, origin, the joint's axis in the world
-A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: the ends of its axis, and the middle between them
+A, B, MIDDLE, _ENDS = 0, 3, 6, 9  # rows of a capsule: end points and midpoint of its axis
 
 
-Span = tuple[int, int]  # first of some times, and how many
+Span = tuple[int, int]  # consecutive samples: the first one, and their number
 
 
 class Scratch(NamedTuple):
-    """Scratch for the kernel at work: rows of lanes."""
+    """Scratch arrays of one thread: rows of lanes."""
 
-    world: Array  # frames of the base and the joints, (J + 1, _FRAME · LANES)
+    world: Array  # base and joint frames, (J + 1, _FRAME · LANES)
     ends: Array  # capsules, (C, _ENDS · LANES)
-    gap: Array  # (LANES,)
+    gap: Array  # distances or their squares, (LANES,)
 
 
 def scratch(capsules: int, joints: int) -> Scratch:
-    """Scratch to work in; not to be shared among threads."""
+    """Scratch arrays of one thread."""
     world = aligned(joints + 1, _FRAME * LANES)
-    world[0].reshape(_FRAME, LANES)[[0, 4, 8]] = 1.0  # the base stands as the world does
+    world[0].reshape(_FRAME, LANES)[[0, 4, 8]] = 1.0  # the base frame is the world frame
     return Scratch(world, aligned(capsules, _ENDS * LANES), aligned(1, LANES)[0])
 
 
 @kernel
 def _place(j: Joint, state: Array, block: Block, base: Lanes, frame: Lanes) -> None:
-    """Write a joint's frame in the world, at many times, from its parent's."""
+    """Write a joint's frame in the world for a block of samples, from its parent's."""
     i, start, count = block
     for n in range(min(count, LANES)):
         at = start + n
@@ -66,7 +65,7 @@ def _place(j: Joint, state: Array, block: Block, base: Lanes, frame: Lanes) -> N
 
 @kernel
 def _place_capsule(shapes: Shapes, k: int, frame: Lanes, ends: Lanes, count: int) -> None:
-    """Write a capsule's ends in the world, at many times."""
+    """Write the end points and midpoint of a capsule's axis in the world for a block of samples."""
     one, two = row(shapes.ends[0], k), row(shapes.ends[1], k)
     for n in range(min(count, LANES)):
         turn, place = load_turn(frame, n), load(frame, PLACE, n)
@@ -78,7 +77,7 @@ def _place_capsule(shapes: Shapes, k: int, frame: Lanes, ends: Lanes, count: int
 
 @kernel
 def _push(chain: Chain, work: Scratch, at: Block, point: Vector, force: Vector, push: Array) -> None:
-    """Add the slope in the positions, (J, S), of what has the slope ``force`` in a point of a link."""
+    """Add to the gradient in the positions, (J, S), that of a function with gradient ``force`` in a point."""
     frame, start, n = at
     for j in range(frame):
         link = work.world[j + 1]
@@ -93,7 +92,7 @@ def _push(chain: Chain, work: Scratch, at: Block, point: Vector, force: Vector, 
 def _pairs(
     chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float]:
-    """Cost of pairs in a block of times, and the smallest of their distances; see ``keep_apart``."""
+    """Penalty and smallest distance of capsule pairs in a block of samples; see ``keep_apart``."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
     least = reach
     for p in range(len(shapes.pairs)):
@@ -111,7 +110,7 @@ def _pairs(
                 short, least = reach - left, min(least, left)
                 if weight > 0 and short > 0:
                     total += weight * short * short
-                    if distance > TOUCHING:  # where the axes cross there is no direction
+                    if distance > TOUCHING:  # crossing axes have no direction between them
                         force = times(-2 * weight * short / distance, less(a, b))
                         _push(chain, work, (shapes.frame[i], start, n), a, force, push)
                         _push(chain, work, (shapes.frame[k], start, n), b, times(-1.0, force), push)
@@ -122,7 +121,7 @@ def _pairs(
 def _regions(
     chain: Chain, shapes: Shapes, span: Span, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float]:
-    """Cost of capsules near keep-out regions, and the smallest distance, likewise."""
+    """Penalty and smallest distance of capsules from keep-out regions; see ``keep_apart``."""
     (start, count), (reach, weight), total, gap = span, asked, 0.0, work.gap
     least = reach
     for g in range(len(shapes.guarded)):
@@ -144,7 +143,7 @@ def _regions(
 
 @kernel
 def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Scratch) -> None:
-    """Write frames and capsules in the world in a block of times."""
+    """Write frames and capsules in the world for a block of samples."""
     start, count = span
     for i in range(states.shape[2]):
         _place(joint(chain, i), states, (i, start, count), work.world[i], work.world[i + 1])
@@ -156,10 +155,10 @@ def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Sc
 def keep_apart(
     chain: Chain, shapes: Shapes, states: Array, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float, float]:
-    """Cost of distances over all times, and the smallest one of pairs and of regions [m], or ``reach``.
+    """Penalty over all samples, and the smallest distances [m] of pairs and of regions, at most ``reach``.
 
-    Asked are ``reach`` and a weight, of the squares of how far distances fall below it; their slopes in the
-    positions are added to push, (J, S). Without a weight, only the smallest distances are looked for. States
+    ``asked`` holds ``reach`` and the weight of the squared shortfall of distances below it. The gradient in
+    the positions is added to push, (J, S). With weight zero, only the smallest distances are computed. States
     are (5, 1, J, S).
     """
     samples, total, (reach, weight) = states.shape[3], 0.0, asked

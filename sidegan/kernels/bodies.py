@@ -1,6 +1,6 @@
-"""An arm's capsules and what is inside of them, compiled: where they are, how far apart, how far they move.
+"""Compiled placement, distances and displacement bounds of an arm's capsules and the hulls inside them.
 
-Where bodies provably never touch is found by boxes of positions, which are halved until each is clear.
+Branch and bound proves that two bodies never touch: boxes of positions are halved until each is clear.
 """
 
 import math
@@ -29,7 +29,7 @@ from sidegan.kernels.links import joint, matrix, placement, row, set_matrix, set
 
 
 class Bodies(NamedTuple):
-    """Capsules on the links of an arm, and what is inside of them."""
+    """Capsules on the links of an arm, and the hulls inside them."""
 
     chain: Chain
     shapes: Shapes
@@ -37,18 +37,18 @@ class Bodies(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Where an arm is; also room for a search, so that threads do not share it."""
+    """Pose of an arm, with scratch for a distance search; one per thread."""
 
-    turn: Array  # rotations of the frames of the base and the joints in the world, (J + 1, 9)
-    place: Array  # origins there [m], (J + 1, 3)
-    own: Array  # rotations of the joints' frames in their parents', (J, 9)
-    shift: Array  # origins there [m], (J, 3)
-    ends: Array  # end points of the capsules' axes in the world, and the middles between them [m], (3, C, 3)
+    turn: Array  # rotations of the base and joint frames in the world, (J + 1, 9)
+    place: Array  # their origins in the world [m], (J + 1, 3)
+    own: Array  # rotations of the joint frames in their parents' frames, (J, 9)
+    shift: Array  # their origins in their parents' frames [m], (J, 3)
+    ends: Array  # end points and midpoints of the capsules' axes in the world [m], (3, C, 3)
     search: Array  # (6, 4), see ``gjk.apart``
 
 
 def place_for(shapes: Shapes, joints: int) -> Place:
-    """Scratch for an arm's place, with the base in its own."""
+    """Empty pose of an arm whose base frame is the world frame."""
     sizes = (joints + 1, 9), (joints + 1, 3), (joints, 9), (joints, 3), (3, len(shapes.frame), 3), (6, 4)
     at = Place(*map(np.zeros, sizes))
     at.turn[0] = np.eye(3).flatten()
@@ -57,7 +57,7 @@ def place_for(shapes: Shapes, joints: int) -> Place:
 
 @inline
 def place_joints(chain: Chain, q: Array, at: Place) -> None:
-    """Write the joints' frames at positions (J,)."""
+    """Write the joint frames at positions (J,)."""
     for i in range(len(q)):
         r, shift = placement(joint(chain, i), math.sin(q[i]), math.cos(q[i]), q[i])
         parent = matrix(at.turn, i)
@@ -69,7 +69,7 @@ def place_joints(chain: Chain, q: Array, at: Place) -> None:
 
 @inline
 def place_capsule(shapes: Shapes, c: int, at: Place) -> None:
-    """Write the ends of a capsule's axis in the world, and the middle between them."""
+    """Write the end points and the midpoint of a capsule's axis in the world."""
     f = shapes.frame[c]
     turn, origin = matrix(at.turn, f), row(at.place, f)
     a = add(origin, to_parent(turn, row(shapes.ends[0], c)))
@@ -81,7 +81,7 @@ def place_capsule(shapes: Shapes, c: int, at: Place) -> None:
 
 @inline
 def ordered(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
-    """The inner and the outer capsule of a pair, and their frames."""
+    """Inner and outer capsule of a pair, and their frames."""
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     if shapes.frame[i] > shapes.frame[k]:
         i, k = k, i
@@ -90,7 +90,7 @@ def ordered(shapes: Shapes, p: int) -> tuple[int, int, int, int]:
 
 @inline
 def near_pair(shapes: Shapes, ends: Array, p: int) -> tuple[float, Vector, Vector]:
-    """Distance [m] of a pair's capsules that counts, and the nearest points of their axes."""
+    """Distance [m] of a pair's capsules plus its allowance, and the nearest points of their axes."""
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     distance, one, two = near_segment(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
     return distance - (shapes.radius[i] + shapes.radius[k]) + shapes.closer[p], one, two
@@ -115,10 +115,10 @@ def _transposed(m: Matrix) -> Matrix:
 
 @kernel
 def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -> float:
-    """Lower bound of the distance [m] of what is inside of a pair's capsules that counts: ``gjk.apart``.
+    """Lower bound on the distance [m] of the hulls in a pair's capsules, plus its allowance: ``gjk.apart``.
 
-    The search begins with a known direction from the second to the first, in the first one's frame, unless
-    that is zero.
+    The search starts along ``known``, a direction from the second to the first in the first capsule's frame,
+    unless that is zero.
     """
     shapes = bodies.shapes
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
@@ -135,15 +135,15 @@ def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -
 
 @kernel
 def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, at: Place) -> None:
-    """Write lower bounds of distances [m] of pieces, (M,), at rows of positions (N, J); see ``gjk.apart``.
+    """Write lower bounds on the distances [m] of hulls, (M,), at positions (N, J); see ``gjk.apart``.
 
     Args:
-        bodies: the arm's.
+        bodies: the arm's bodies.
         q: positions [rad or m].
-        asked: row and pair of each question, (M, 2) int, sorted by row.
-        need: bound that is enough.
-        out: what is written.
-        at: to work in.
+        asked: row of q and pair for each distance, (M, 2) int, sorted by row.
+        need: bound at which the search may stop.
+        out: output.
+        at: scratch.
     """
     before = -1
     for m in range(len(asked)):
@@ -158,18 +158,18 @@ def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, a
 
 @inline
 def _lever(axis: Vector, origin: Vector, a: Vector, b: Vector) -> float:
-    """Largest distance [m] of a segment's points from a line through a point."""
+    """Largest distance [m] of the segment from a to b from the line through ``origin`` along ``axis``."""
     one, two = cross(axis, less(a, origin)), cross(axis, less(b, origin))
     return math.sqrt(max(dot(one, one), dot(two, two)))
 
 
 @inline
 def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> float:
-    """How far at most joints that move so far, (J,), move the outer of a pair's bodies against the other [m].
+    """Largest displacement [m] of a pair's outer body against its inner one, for joint motions up to half.
 
-    In the frame of a joint, a point's distance from its axis changes only as far as the joints further out
-    move it there: the levers of now, and this motion, bound all levers. Nor are they larger than ``reach``,
-    (P, J), the largest wherever the arm is.
+    A point's distance from a joint axis changes only by the motion of joints further out. So the current
+    lever arm plus that motion bounds the lever arm, and so does ``reach``, (P, J), its maximum over all
+    positions.
     """
     chain = bodies.chain
     _, c, inner, outer = ordered(bodies.shapes, p)
@@ -188,16 +188,16 @@ def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> fl
 def never_touch(
     bodies: Bodies, reach: Array, p: int, gap: float, boxes: Array, budget: int, at: Place
 ) -> bool:
-    """Whether a pair is proven to stay farther apart than a gap [m] wherever the joints are.
+    """Whether a pair provably stays farther apart than a gap [m] at all positions.
 
     Args:
-        bodies: the arm's.
-        reach: the largest lever that each joint has for what is inside, (P, J).
+        bodies: the arm's bodies.
+        reach: largest lever arm of each joint for the pair's hulls, (P, J).
         p: the pair.
-        gap: distance that has to be left.
-        boxes: room for middles and halves of boxes of positions, (2, D, J); the first is the whole.
-        budget: boxes that are looked at before giving up.
-        at: to work in.
+        gap: distance to exceed.
+        boxes: stack of boxes of positions, centres and half widths, (2, D, J); the first holds all positions.
+        budget: maximum number of boxes to check.
+        at: scratch.
     """
     inner, outer, first, last = ordered(bodies.shapes, p)
     count = 1
@@ -225,7 +225,7 @@ def never_touch(
 
 @inline
 def _halve(boxes: Array, at: int, reach: Array, first: int, last: int) -> None:
-    """Cut a box in two, of which one takes its place and one the next, where it moves the bodies most."""
+    """Halve a box along the joint that moves the bodies most; the halves go to ``at`` and ``at + 1``."""
     widest = first
     for j in range(first, last):
         if boxes[1, at, j] * reach[j] > boxes[1, at, widest] * reach[widest]:

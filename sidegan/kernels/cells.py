@@ -1,4 +1,4 @@
-"""Motion of an arm in its workspace within a cell, compiled: states, frames, torques, and how they change."""
+"""Compiled motion of an arm within a cell: states, torques, and bounds on their changes."""
 
 import math
 from typing import NamedTuple
@@ -27,24 +27,24 @@ from sidegan.kernels.links import joint, matrix, row, set_row, ten
 
 
 class Model(NamedTuple):
-    """An arm in its workspace as arrays, float64 where nothing else is said."""
+    """An arm in its workspace as arrays, float64 unless noted."""
 
-    bodies: Bodies  # joints, capsules and what is inside of them, and what they are kept apart from
+    bodies: Bodies  # joints, capsules, the hulls inside them, and keep-out regions
     parameters: Array  # inertial parameters, (10 J,)
-    home: Array  # position that trajectories start from, (J,) [rad or m]
+    home: Array  # start position of the trajectories, (J,) [rad or m]
     lower: Array  # position limits, (J,)
     upper: Array  # position limits, (J,)
     speed: Array  # velocity limits, (J,)
-    torque: Array  # torque limits less dry friction, (J,); infinite where nothing is limited
-    viscous: Array  # friction [N·m·s/rad or N·s/m], (J,)
-    rotor: Array  # inertia of rotors behind the gears [kg·m² or kg], (J,)
-    higher: Array  # limits of acceleration and jerk, (2, J), likewise; (2, 0) where there are none at all
-    pair_reach: Array  # how far the motion of a joint moves two capsules against each other, (P, J)
-    piece_reach: Array  # how far it moves what is inside of them, (P, J)
-    region_reach: Array  # how far the motion of a joint moves a capsule, (K, J)
-    reach_most: Array  # the largest of both, (1, J)
-    travel: Array  # upper bound of the distance between a joint's frame and its parent's, (J,) [m]
-    mass: Array  # absolute, (J,) [kg]
+    torque: Array  # torque limits minus dry friction, (J,); infinite where unlimited
+    viscous: Array  # viscous friction coefficient [N·m·s/rad or N·s/m], (J,)
+    rotor: Array  # rotor inertia on the joint side [kg·m² or kg], (J,)
+    higher: Array  # acceleration and jerk limits, (2, J), infinite where unlimited; (2, 0) if there are none
+    pair_reach: Array  # largest lever arm of each joint for the relative motion of two capsules, (P, J)
+    piece_reach: Array  # the same for the hulls inside them, (P, J)
+    region_reach: Array  # largest lever arm of each joint for the motion of a guarded capsule, (K, J)
+    reach_most: Array  # maximum over capsule pairs and guarded capsules, (1, J)
+    travel: Array  # upper bound on the distance between a joint's frame and its parent's, (J,) [m]
+    mass: Array  # absolute value, (J,) [kg]
     first: Array  # norm of the first moment of mass, (J,)
     spin: Array  # spectral norm of the inertia matrix, (J,)
 
@@ -53,29 +53,29 @@ class Motions(NamedTuple):
     """Trajectories on a grid of cells."""
 
     c: Array  # coefficients, (B, J, K)
-    jerk: Array  # bound of the absolute jerk, (B, J)
-    drifts: Array  # bounds of the absolute fourth and fifth derivative, (2, B, J)
-    basis: Array  # derivatives 0 to 4 of the basis at the centres of cells, (T, 5, K)
-    times: Array  # the same centres [s], (T,)
+    jerk: Array  # bound on the absolute jerk, (B, J)
+    drifts: Array  # bounds on the absolute fourth and fifth derivatives, (2, B, J)
+    basis: Array  # derivatives 0 to 4 of the basis at the cell centres, (T, 5, K)
+    times: Array  # cell centres [s], (T,)
     half: float  # half width of the cells [s]
 
 
 class Work(NamedTuple):
-    """Results of one step for the next; each thread needs its own."""
+    """Intermediate results of one thread."""
 
     state: Array  # position, velocity, acceleration, jerk, (4, J)
-    motion: Array  # bounds of position change, velocity change, speed and acceleration in a cell, (4, J)
-    at: Place  # where the arm is
-    wrench: Array  # force and moment on a link, and their rates, (4, J, 3)
-    torque: Array  # and its rate, (2, J)
-    sums: Array  # bounds of a link's force and moment, of their rates and second derivatives, (6, J)
-    bent: Array  # bounds of the torques' rates and second derivatives in a cell, (2, J)
-    twist: Array  # angular velocity of a frame, and the velocity at the origin, (2, J + 1, 3)
-    axes: Array  # between the hulls of pairs where last looked at, in the first one's frame; or zero, (P, 3)
+    motion: Array  # bounds on position change, velocity change, speed and acceleration in a cell, (4, J)
+    at: Place  # pose of the arm
+    wrench: Array  # force and moment on each link, and their rates, (4, J, 3)
+    torque: Array  # torques and their rates, (2, J)
+    sums: Array  # bounds on each link's force, then moment, with their first two derivatives, (6, J)
+    bent: Array  # bounds on the torques' first and second derivatives in a cell, (2, J)
+    twist: Array  # angular velocity of each frame, and its velocity at the world origin, (2, J + 1, 3)
+    axes: Array  # last direction between each pair's hulls, in the first one's frame, or zero, (P, 3)
 
 
 def work_space(model: Model) -> Work:
-    """Arrays that one thread needs for a model."""
+    """Scratch arrays of one thread for a model."""
     j, shapes = len(model.home), model.bodies.shapes
     sizes = {"wrench": (4, j, 3), "sums": (6, j), "twist": (2, j + 1, 3), "axes": (len(shapes.pairs), 3)}
     sizes |= dict.fromkeys(("state", "motion"), (4, j)) | dict.fromkeys(("torque", "bent"), (2, j))
@@ -84,7 +84,7 @@ def work_space(model: Model) -> Work:
 
 @inline_in_any_order
 def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> None:
-    """Position, velocity, acceleration and jerk of trajectory n at a row of the basis, in a state (4, J)."""
+    """Write position, velocity, acceleration and jerk, (4, J), of trajectory n at a row of the basis."""
     c, basis = motions.c, motions.basis
     for j in range(c.shape[1]):
         q, dq, ddq, jerk = home[j], 0.0, 0.0, 0.0
@@ -98,7 +98,7 @@ def roll_out(home: Array, motions: Motions, n: int, at: int, state: Array) -> No
 
 @inline
 def bound_motion(state: Array, motions: Motions, n: int, motion: Array) -> None:
-    """Bounds of the motion in the cell around a state."""
+    """Write bounds on the motion in the cell around a state."""
     for j in range(state.shape[1]):
         bounds = cell_bounds(state[1, j], state[2, j], motions.jerk[n, j], motions.half)
         motion[0, j], motion[1, j], motion[2, j], motion[3, j] = bounds
@@ -127,7 +127,7 @@ def torques(model: Model, work: Work) -> None:
 
 @kernel
 def torque_rates(model: Model, work: Work) -> None:
-    """Exact rates of ``torques`` [N·m/s], which comes before: the rate of each of its steps."""
+    """Exact torque rates [N·m/s], by differentiating each step of ``torques``, which must run first."""
     chain, at, still = model.bodies.chain, work.at, (0.0, 0.0, 0.0)
     joints, g = len(model.home), chain.gravity
     moving = (still, still, (-g[0], -g[1], -g[2])), (still, still, still)
@@ -154,7 +154,7 @@ def torque_rates(model: Model, work: Work) -> None:
 
 @kernel
 def bend_torques(model: Model, motion: Array, motions: Motions, n: int, sums: Array, bent: Array) -> None:
-    """Upper bounds of the absolute rate and second derivative of every torque in a cell, (2, J)."""
+    """Write bounds on the absolute first and second derivatives of every torque in a cell, (2, J)."""
     chain, travel = model.bodies.chain, model.travel
     g, slides = chain.gravity, chain.prismatic
     still, weight = (0.0, 0.0, 0.0), math.sqrt(g[0] ** 2 + g[1] ** 2 + g[2] ** 2)

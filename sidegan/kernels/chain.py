@@ -1,4 +1,4 @@
-"""An arm's kinematics, and its capsules among what they must not touch, as the arrays that kernels take."""
+"""An arm's kinematics, capsules and keep-out regions as arrays for kernels."""
 
 from typing import NamedTuple
 
@@ -8,31 +8,31 @@ PLANE, BOX, BALL, CONVEX = range(4)  # kinds of regions
 
 
 class Chain(NamedTuple):
-    """Placements of J joints; a joint's rotation in its parent is fixed + sine · sin(q) + cosine · cos(q)."""
+    """Kinematics of J joints; a joint's rotation in its parent is fixed + sine · sin(q) + cosine · cos(q)."""
 
-    prismatic: Array  # whether a joint slides, (J,) bool
+    prismatic: Array  # (J,) bool
     fixed: Array  # (J, 9), row by row
     sine: Array  # (J, 9)
     cosine: Array  # (J, 9)
-    origin: Array  # of the joint's frame in its parent's at q = 0 [m], (J, 3)
-    slide: Array  # how that origin moves with q, (J, 3); zero where the joint turns
+    origin: Array  # origin of the joint's frame in its parent's at q = 0 [m], (J, 3)
+    slide: Array  # derivative of that origin in q, (J, 3); zero for revolute joints
     axis: Array  # in the joint's own frame, (J, 3)
     gravity: Array  # [m/s²], (3,)
 
 
 class Shapes(NamedTuple):
-    """C capsules, and what they are kept apart from."""
+    """C capsules, the pairs to keep apart, and the keep-out regions."""
 
-    frame: Array  # in which a capsule lies: 0 for the base, else joint + 1, (C,) int
-    ends: Array  # of its axis, in that frame [m], (2, C, 3)
+    frame: Array  # frame of each capsule: 0 for the base, else joint + 1, (C,) int
+    ends: Array  # end points of its axis in that frame [m], (2, C, 3)
     radius: Array  # [m], (C,)
-    core: Array  # radius that optimisers keep apart [m], (C,)
-    size: Array  # a little more than the radius of the ball around it [m], (C,)
-    pairs: Array  # capsules that are kept apart, (P, 2) int
-    closer: Array  # how much nearer than their radii say these may come [m], (P,)
+    core: Array  # radius for pairs in the optimisers' penalty and in the evaluation [m], (C,)
+    size: Array  # slightly more than the radius of its bounding ball [m], (C,)
+    pairs: Array  # capsules to keep apart, (P, 2) int
+    closer: Array  # allowance added to the distance of each pair [m], (P,)
     guarded: Array  # region and capsule, (K, 2) int
-    # normal and offset of a plane, centre and half size of a box, centre and radius of a ball, or of one
-    # around a convex body [m]; last where the planes of a box or a body begin and end, (R, 8)
+    # normal and offset of a plane, centre and half size of a box, centre and radius of a ball or of a convex
+    # body's bounding ball [m]; last, first and end row in ``planes`` of a box or a body, (R, 8)
     regions: Array
-    kinds: Array  # of the regions, (R,) int
+    kinds: Array  # kind of each region, (R,) int
     planes: Array  # unit normals and offsets [m] of boxes and convex bodies, (M, 4)

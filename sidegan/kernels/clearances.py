@@ -1,4 +1,4 @@
-"""Distances of an arm's capsules from each other and from keep-out regions, at many positions; compiled."""
+"""Compiled distances of an arm's capsules from each other and from keep-out regions, at many positions."""
 
 from sidegan.base.arrays import Array
 from sidegan.kernels.bodies import Place, near_pair, place_capsule, place_joints
@@ -10,9 +10,9 @@ from sidegan.kernels.links import row
 
 @kernel
 def clearances(chain: Chain, shapes: Shapes, q: Array, pairs: Array, regions: Array, at: Place) -> None:
-    """Write signed distances [m] of pairs of capsules, (N, P), and of those guarded from regions, (N, K).
+    """Write signed distances [m] of capsule pairs, (N, P), and of guarded capsules from regions, (N, K).
 
-    Below zero capsules overlap each other or a region. Positions [rad or m] are (N, J).
+    Negative distances are overlaps. Positions [rad or m] are (N, J).
     """
     for n in range(len(q)):
         place_joints(chain, q[n], at)

@@ -13,38 +13,38 @@ from sidegan.kernels.eigen import add_to, product
 from sidegan.kernels.jit import kernel
 from sidegan.kernels.objective import Plan, Scratch, objective_of
 
-# Numbers of a search.
+# Indices into a search's numbers.
 GOAL, COST, LENGTH, USED, HEAD, STARTED, NUMBERS = range(7)
 
 
 class Rules(NamedTuple):
-    """How the search goes on."""
+    """Parameters of the search."""
 
-    step: float  # longest first step, in the norm of x
-    armijo: float
-    shrink: float  # of a step that is refused
+    step: float  # length of a steepest-descent step before backtracking, in the norm of x
+    armijo: float  # required share of the expected decrease
+    shrink: float  # factor on the length of a rejected step
     curvature: float  # pairs below this relative curvature are not stored
-    shortest: float  # a shorter step begins anew
+    shortest: float  # restart from steepest descent below this relative step length
 
 
 class Search(NamedTuple):
-    """Where a search is; written by it. Points are (J K,), one joint after another."""
+    """State of a search. Points are (J K,), one joint after another."""
 
     x: Array
     gradient: Array
     direction: Array
     trial: Array
-    slope: Array  # the gradient there
-    rows: tuple[Array, Array]  # trial and slope again, (J, K)
-    s: Array  # steps, (memory + 1, J K): one is room for a step that may not be kept
-    y: Array  # what they changed of the gradient
-    rho: Array  # (memory + 1,)
-    alpha: Array  # (memory + 1,)
+    slope: Array  # gradient at the trial point
+    rows: tuple[Array, Array]  # views of trial and slope, (J, K)
+    s: Array  # steps, (memory + 1, J K): the extra slot is for a step that may not be kept
+    y: Array  # changes of the gradient over these steps
+    rho: Array  # 1 / sᵀy, (memory + 1,)
+    alpha: Array  # scratch for the two-loop recursion, (memory + 1,)
     numbers: Array  # (NUMBERS,)
 
 
 def search(joints: int, functions: int, memory: int) -> Search:
-    """Scratch for a search that has not begun."""
+    """State of a search that has not started."""
     size, slots = joints * functions, memory + 1
     x, gradient, direction, trial, slope = (np.zeros(size) for _ in range(5))
     rows = trial.reshape(joints, functions), slope.reshape(joints, functions)
@@ -59,7 +59,7 @@ def _length(x: Array) -> float:
 
 @kernel
 def _begin_anew(rules: Rules, state: Search) -> None:
-    """Steepest descent, with nothing remembered."""
+    """Start, or restart, from steepest descent with an empty memory."""
     state.numbers[USED] = 0.0
     state.numbers[LENGTH] = 1.0
     factor = -rules.step / _length(state.gradient)
@@ -69,7 +69,7 @@ def _begin_anew(rules: Rules, state: Search) -> None:
 
 @kernel
 def _remember(rules: Rules, state: Search) -> None:
-    """Keep a step and what it changed, where the curvature is worth it."""
+    """Store the step and its change of the gradient, if the curvature is large enough."""
     head, size = (int(state.numbers[HEAD]) + 1) % len(state.rho), len(state.x)
     s, y = state.s[head], state.y[head]
     for i in range(size):
@@ -84,7 +84,7 @@ def _remember(rules: Rules, state: Search) -> None:
 
 @kernel
 def _two_loops(rules: Rules, state: Search) -> None:
-    """The direction that the remembered steps give. Source: Nocedal and Wright 2006, algorithm 7.4."""
+    """Write the L-BFGS direction. Source: Nocedal and Wright 2006, algorithm 7.4."""
     d, slots, size = state.direction, len(state.rho), len(state.x)
     head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
     for i in range(size):
@@ -106,7 +106,7 @@ def _two_loops(rules: Rules, state: Search) -> None:
 
 @kernel
 def _accept(state: Search, goal: float, cost: float) -> None:
-    """Go where the trial is."""
+    """Move to the trial point."""
     for i in range(len(state.x)):
         state.x[i], state.gradient[i] = state.trial[i], state.slope[i]
     state.numbers[GOAL], state.numbers[COST], state.numbers[LENGTH] = goal, cost, 1.0
@@ -114,7 +114,7 @@ def _accept(state: Search, goal: float, cost: float) -> None:
 
 @kernel
 def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: float) -> None:
-    """Accept or refuse the trial, and choose the next direction."""
+    """Accept or reject the trial point, and choose the next direction or step length."""
     numbers, size = state.numbers, len(state.x)
     enough = numbers[GOAL] + numbers[COST] + rules.armijo * expected
     if not (goal + cost <= enough and math.isfinite(product(state.slope, state.slope, size))):
@@ -133,7 +133,7 @@ def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: floa
 
 @kernel
 def descend(plan: Plan, rules: Rules, state: Search, work: Scratch, evaluations: int) -> None:
-    """So many evaluations; the first of a search that has not begun is that of its start."""
+    """Run a number of evaluations; a new search spends the first one on its start point."""
     for _ in range(evaluations):
         fresh = state.numbers[STARTED] == 0
         length = 0.0 if fresh else state.numbers[LENGTH]

@@ -1,6 +1,6 @@
-"""Nearest points of segments to each other and to keep-out regions, and the directions away; compiled.
+"""Compiled nearest points of segments to each other and to keep-out regions, with directions away.
 
-Prover, penalty and evaluation all ask these, and take what they need.
+Shared by the proof, the penalty and the evaluation.
 """
 
 import math
@@ -11,13 +11,13 @@ from sidegan.kernels.formulas import Vector, add, dot, less, times
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import TOUCHING, row
 
-# Signed distance [m] of a segment from a region, where on the segment that is, and its slope in that point.
+# Signed distance [m] of a segment from a region, its point on the segment, and its gradient in that point.
 Contact = tuple[float, Vector, Vector]
 
-_STEPS = 60  # of the search along a segment at a convex body, which takes five
-_SETTLED = 1e-12  # [m] between a bound from below and what is found
-_PARALLEL = 1e-15  # squared sine of an angle that is rounding noise
-_TINY = 2.2250738585072014e-308  # keeps a division finite
+_STEPS = 60  # maximum steps of the search along a segment near a convex body; five are typical
+_SETTLED = 1e-12  # [m] between lower bound and result at convergence
+_PARALLEL = 1e-15  # squared sines of angles below this are rounding noise
+_TINY = 2.2250738585072014e-308  # avoids division by zero
 
 
 @inline
@@ -44,7 +44,7 @@ def near_segment(a1: Vector, b1: Vector, a2: Vector, b2: Vector) -> tuple[float,
 
 @inline
 def from_region(shapes: Shapes, r: int, x: Vector) -> float:
-    """Signed distance [m] of a point from a region, or of a convex body from the ball around it; or less."""
+    """Signed distance [m] of a point from a region, or from the bounding ball of a convex body."""
     numbers, kind = shapes.regions, shapes.kinds[r]
     if kind == PLANE:
         return dot(row(numbers, r), x) - numbers[r, 3]
@@ -59,9 +59,9 @@ def from_region(shapes: Shapes, r: int, x: Vector) -> float:
 
 @kernel
 def near_region(shapes: Shapes, r: int, a: Vector, b: Vector) -> Contact:
-    """Where a segment is nearest to a region, or deepest in it.
+    """Contact where a segment is nearest to a region, or deepest inside it.
 
-    A box that is pierced is a convex body like others: inside, the highest of its planes is the nearest.
+    A box that the segment pierces is handled as a convex body: inside, its highest plane is the nearest face.
     """
     numbers, kind, centre = shapes.regions, shapes.kinds[r], row(shapes.regions, r)
     if kind == PLANE:
@@ -87,7 +87,7 @@ def _height(planes: Array, k: int, x: Vector) -> float:
 
 @kernel
 def _highest(planes: Array, first: int, last: int, x: Vector) -> int:
-    """Which of some planes a point is highest above."""
+    """Index of the plane, from ``first`` to ``last``, that a point is highest above."""
     best, most = first, -math.inf
     for k in range(first, last):
         height = _height(planes, k, x)
@@ -98,12 +98,12 @@ def _highest(planes: Array, first: int, last: int, x: Vector) -> int:
 
 @inline
 def _near_body(planes: Array, first: int, last: int, a: Vector, b: Vector) -> Contact:
-    """Where the height above the highest of a convex body's planes is least.
+    """Contact where a segment's height above the highest of a convex body's planes is least.
 
-    Two planes cross there, unless it is an end of the segment; the way is away from both.
+    That is where the heights above two planes are equal, or an end point. The direction blends the normals.
     """
     one, two = _highest(planes, first, last, a), _highest(planes, first, last, b)
-    bound, share, part = -math.inf, 0.0, 0.0  # of the height; of the way from a to b; of the second plane
+    bound, share, part = -math.inf, 0.0, 0.0  # height; position between a and b; weight of the second plane
     for _ in range(_STEPS):
         low, high = _height(planes, one, a), _height(planes, two, b)
         falls, rises = _height(planes, one, b) - low, high - _height(planes, two, a)
@@ -130,7 +130,7 @@ def _near_body(planes: Array, first: int, last: int, a: Vector, b: Vector) -> Co
 
 @inline
 def _beyond(x: Vector, half: Vector) -> Vector:
-    """Way to a point from the nearest one of a box at the origin; zero inside of it."""
+    """Vector to a point from the nearest point of a box centred at the origin; zero inside the box."""
     return (
         math.copysign(max(abs(x[0]) - half[0], 0.0), x[0]),
         math.copysign(max(abs(x[1]) - half[1], 0.0), x[1]),
@@ -140,10 +140,10 @@ def _beyond(x: Vector, half: Vector) -> Vector:
 
 @inline
 def _nearest_to_box(half: Vector, a: Vector, along: Vector) -> float:
-    """Where on a segment its squared distance from a box is least, as a share of its length.
+    """Position on a segment, from 0 to 1, where its distance from a box is least.
 
-    The slope of the squared distance is piecewise linear and never falls: its zero lies between two of the
-    places where the segment passes a plane of a face.
+    The derivative of the squared distance is piecewise linear and non-decreasing, so its zero lies between
+    two neighbouring crossings of the segment with the planes of the faces.
     """
     low, high = 0.0, 1.0
     below, above = dot(_beyond(a, half), along), dot(_beyond(add(a, along), half), along)

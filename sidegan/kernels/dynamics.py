@@ -1,15 +1,15 @@
-"""Compiled inverse dynamics and its slopes, several states at a time.
+"""Compiled inverse dynamics and its gradient, for a block of states at a time.
 
-Every loop over lanes is a loop over states whose arrays lie state by state in memory, so the compiler
-turns it into vector instructions. What a block of states needs stays in the processor's cache. Such loops
-end at min(width, LANES): knowing that, the compiler drops the test for negative indices.
+A lane is one state. The lanes of a quantity are contiguous in memory, so the compiler vectorises loops over
+them, and the data of a block fits in the processor's cache. These loops end at min(width, LANES) because the
+constant lets the compiler drop the test for negative indices.
 
 The states of B trajectories are (5, B, J, T): sine and cosine of the position, position, velocity,
 acceleration.
 
-Slopes are inverse dynamics in reverse. For cotangents s of the torques, sᵀ τ is the sum over links of
-wrench · twist, where the twists are those of an arm that moves with joint speeds s. So the adjoint of a twist
-is the force that the recursion carries.
+Gradients come from reverse-mode differentiation. For cotangents s of the torques, sᵀ τ is the sum over links
+of wrench · twist, with the twists of an arm that moves at joint speeds s. The adjoint of a twist is therefore
+the wrench that the recursion carries.
 """
 
 import math
@@ -40,42 +40,41 @@ from sidegan.kernels.formulas import (
 from sidegan.kernels.jit import inline, kernel, kernel_in_any_order
 from sidegan.kernels.links import Joint, joint, placement, ten
 
-LANES = 64  # most states at a time: shorter loops do not pay for their start
-_VECTOR = 8  # numbers in a vector of the widest processors
+LANES = 64  # maximum states per block: shorter loops do not amortise their overhead
+_VECTOR = 8  # float64 numbers in the widest vector register
 
-# Rows of a link's block: rotation, origin, angular velocity and acceleration, acceleration of the origin.
+# Rows of a link's block: rotation, origin, angular velocity and acceleration, linear acceleration.
 TURN, SHIFT, W, ALPHA, A, _LINK = 0, 9, 12, 15, 18, 21
 # Rows of a joint's state: sine and cosine of the position, position, velocity, acceleration.
 SIN, COS, Q, DQ, DDQ, _STATE = 0, 1, 2, 3, 4, 5
-# Rows of a link's adjoints: of w, alpha and a; then of the state: q, dq, ddq.
+# Rows of a link's adjoints: w, alpha and a of its motion; q, dq and ddq of its joint.
 SW, SALPHA, SA, SQ, SDQ, SDDQ, _ADJOINT = 0, 3, 6, 9, 10, 11, 12
 
-Lanes = Array  # rows of LANES numbers, one after the other, (rows · LANES,)
-Block = tuple[int, int, int]  # states of a trajectory: its number, the first state, how many
+Lanes = Array  # contiguous rows of LANES numbers, (rows · LANES,)
+Block = tuple[int, int, int]  # consecutive states: index of the trajectory, first state, number of states
 
 
 class Limits(NamedTuple):
-    """Limits of J joints.
+    """Limits of J joints, and the penalty for exceeding them.
 
-    A position, a velocity or a torque costs weight times the square of how far it exceeds the limit less
-    the reserve, as a share of the limit.
+    The penalty is weight · e², with e the excess of |x| over (1 − reserve) · limit, relative to the limit.
     """
 
-    weight: float  # of positions, velocities and higher derivatives
-    reserve: float  # share of their limits that is kept free
+    weight: float  # for positions, velocities and higher derivatives
+    reserve: float  # fraction of their limits to keep free
     torque_weight: float
     torque_reserve: float
-    middle: Array  # of the positions [rad or m], (J,)
-    room: Array  # to both sides of it [rad or m], (J,)
-    speed: Array  # largest [rad/s or m/s], (J,)
-    torque: Array  # largest less dry friction [N·m or N], (J,); infinite where it does not matter
-    parameters: Array  # that torques follow from, (1, 1, 10 J)
-    viscous: Array  # friction [N·m·s/rad or N·s/m], (J,)
-    rotor: Array  # inertia of rotors behind the gears [kg·m² or kg], (J,)
+    middle: Array  # midpoint of the position range [rad or m], (J,)
+    room: Array  # half width of the position range [rad or m], (J,)
+    speed: Array  # velocity limit [rad/s or m/s], (J,)
+    torque: Array  # torque limit minus dry friction [N·m or N], (J,); infinite where unlimited
+    parameters: Array  # inertial parameters for the torques, (1, 1, 10 J)
+    viscous: Array  # viscous friction coefficient [N·m·s/rad or N·s/m], (J,)
+    rotor: Array  # rotor inertia on the joint side [kg·m² or kg], (J,)
 
 
 class Scratch(NamedTuple):
-    """Scratch for one kernel at work: rows of lanes for each joint or link."""
+    """Scratch arrays of one thread: rows of lanes for each joint or link."""
 
     state: Array
     links: Array
@@ -88,7 +87,7 @@ class Scratch(NamedTuple):
 
 
 def scratch(chain: Chain) -> Scratch:
-    """Scratch to work on an arm, whose base is at rest and accelerated against gravity; of one thread."""
+    """Scratch arrays of one thread for an arm; its base is at rest and accelerates against gravity."""
     joints, links = len(chain.prismatic), len(chain.prismatic) + 1
     rows = [(joints, _STATE), (links, _LINK), (joints, 6), (10,), (joints, 6), (joints, 1), (6,)]
     work = Scratch(*(aligned(*shape[:-1], shape[-1] * LANES) for shape in [*rows, (links, _ADJOINT)]))
@@ -97,7 +96,7 @@ def scratch(chain: Chain) -> Scratch:
 
 
 def aligned(*shape: int) -> Array:
-    """Zeros that begin with a line of the cache: a vector across two lines takes twice as long."""
+    """Zeros aligned to a cache line: loading a vector that straddles two lines takes twice as long."""
     size = math.prod(shape)
     room = np.zeros(size + _VECTOR)
     skipped = -room.ctypes.data % (8 * _VECTOR) // 8
@@ -106,13 +105,13 @@ def aligned(*shape: int) -> Array:
 
 @inline
 def load(x: Lanes, row: int, n: int) -> Vector:
-    """Lane n of three rows."""
+    """Read lane n of three consecutive rows."""
     return x[row * LANES + n], x[(row + 1) * LANES + n], x[(row + 2) * LANES + n]
 
 
 @inline
 def store(x: Lanes, row: int, n: int, v: Vector) -> None:
-    """Write lane n of three rows."""
+    """Write lane n of three consecutive rows."""
     x[row * LANES + n] = v[0]
     x[(row + 1) * LANES + n] = v[1]
     x[(row + 2) * LANES + n] = v[2]
@@ -120,7 +119,7 @@ def store(x: Lanes, row: int, n: int, v: Vector) -> None:
 
 @inline
 def increase(x: Lanes, row: int, n: int, v: Vector) -> None:
-    """Add to lane n of three rows."""
+    """Add to lane n of three consecutive rows."""
     store(x, row, n, add(load(x, row, n), v))
 
 
@@ -138,7 +137,7 @@ def load_motion(link: Lanes, n: int) -> Motion:
 
 @inline
 def load_wrench(x: Lanes, n: int) -> Wrench:
-    """Six rows as force and moment, in lane n."""
+    """Force and moment from lane n of six rows."""
     return load(x, 0, n), load(x, 3, n)
 
 
@@ -151,7 +150,7 @@ def store_wrench(x: Lanes, n: int, wrench: Wrench) -> None:
 
 @inline
 def step_of(count: int) -> int:
-    """States at a time when there are ``count``: blocks of about one size, in whole vectors."""
+    """Lanes per block for ``count`` states: blocks of nearly equal size, in whole vectors."""
     count = max(1, count)
     blocks = (count + LANES - 1) // LANES
     return ((count + blocks - 1) // blocks + _VECTOR - 1) // _VECTOR * _VECTOR
@@ -159,7 +158,7 @@ def step_of(count: int) -> int:
 
 @kernel
 def fill(states: Array, block: Block, width: int, state: Array) -> None:
-    """Copy a block of states into lanes; the last one fills up what is left."""
+    """Copy a block of states into lanes; pad the remaining lanes with its last state."""
     b, first, count = block
     for j in range(states.shape[2]):
         for r in range(_STATE):
@@ -171,7 +170,7 @@ def fill(states: Array, block: Block, width: int, state: Array) -> None:
 
 @kernel
 def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None:
-    """Motion of a link's frame from that of its parent's."""
+    """Write a link's placement and motion, from its joint's state and its parent's motion."""
     for n in range(min(width, LANES)):
         s, c, q = state[SIN * LANES + n], state[COS * LANES + n], state[Q * LANES + n]
         r, shift = placement(j, s, c, q)
@@ -188,14 +187,14 @@ def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None
 
 @kernel
 def _wrench(link: Lanes, v: Ten, wrench: Lanes, width: int) -> None:
-    """Force and moment about the link's origin."""
+    """Write the force and the moment about the link's origin that its motion requires."""
     for n in range(min(width, LANES)):
         store_wrench(wrench, n, wrench_of(v, load_motion(link, n)))
 
 
 @kernel
 def _pass_down(child: Lanes, child_wrench: Lanes, wrench: Lanes, width: int) -> None:
-    """Add what the child carries to its parent's wrench."""
+    """Add the wrench of a child link to that of its parent."""
     for n in range(min(width, LANES)):
         f, m = carried(load_turn(child, n), load(child, SHIFT, n), load_wrench(child_wrench, n))
         increase(wrench, 0, n, f)
@@ -204,21 +203,21 @@ def _pass_down(child: Lanes, child_wrench: Lanes, wrench: Lanes, width: int) -> 
 
 @kernel
 def _along(axis: Vector, slides: bool, wrench: Lanes, torque: Lanes, width: int) -> None:
-    """Part of a wrench that the joint feels."""
+    """Write the component of a wrench along the joint's axis: its torque, or force if prismatic."""
     for n in range(min(width, LANES)):
         torque[n] = dot(axis, load(wrench, 0, n) if slides else load(wrench, 3, n))
 
 
 @kernel
 def clear(x: Lanes) -> None:
-    """Zeros."""
-    for n in range(len(x)):  # several times as fast as x[:] = 0
+    """Set to zero."""
+    for n in range(len(x)):  # several times faster than x[:] = 0
         x[n] = 0.0
 
 
 @kernel
 def enter(chain: Chain, states: Array, block: Block, width: int, work: Scratch) -> None:
-    """Motion of all links in a block of states, and adjoints of zero."""
+    """Compute the motion of all links in a block of states, and reset the adjoints."""
     fill(states, block, width, work.state)
     for i in range(len(chain.prismatic)):
         move(joint(chain, i), work.state[i], work.links[i], work.links[i + 1], width)
@@ -228,7 +227,7 @@ def enter(chain: Chain, states: Array, block: Block, width: int, work: Scratch) 
 
 @kernel
 def forces(chain: Chain, v: Array, work: Scratch, width: int) -> None:
-    """Carried wrenches and torques of one parameter set, (10 J,)."""
+    """Compute the joint wrenches and torques for one parameter set, (10 J,)."""
     joints, links, wrenches = len(chain.prismatic), work.links, work.wrenches
     for i in range(joints):
         _wrench(links[i + 1], ten(v, 10 * i), wrenches[i], width)
@@ -240,7 +239,7 @@ def forces(chain: Chain, v: Array, work: Scratch, width: int) -> None:
 
 @kernel
 def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Scratch) -> None:
-    """Write the torques (B, K, J, T) of states (5, B, J, T) with parameter sets (B, K, 10 J)."""
+    """Write the torques (B, K, J, T) for states (5, B, J, T) and parameter sets (B, K, 10 J)."""
     joints, count = states.shape[2], states.shape[3]
     step = step_of(count)
     for b in range(states.shape[1]):
@@ -256,7 +255,7 @@ def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Scrat
 
 @kernel
 def _twist(j: Joint, link: Lanes, s: Lanes, twist: Lanes, wrench: Lanes, adjoint: Lanes, width: int) -> None:
-    """The twist of a link of an arm that moves with speeds s, in place of its parent's; adds to q's slope."""
+    """Replace the parent's twist, at joint speeds s, by the link's; add to the adjoint of q."""
     axis, slide, slides, turns = j.axis, j.slide, j.slides, 1.0 - j.slides
     for n in range(min(width, LANES)):
         r, turn = load_turn(link, n), load(twist, 0, n)
@@ -272,7 +271,7 @@ def _twist(j: Joint, link: Lanes, s: Lanes, twist: Lanes, wrench: Lanes, adjoint
 
 @kernel
 def _slope_of_wrench(link: Lanes, v: Ten, twist: Lanes, adjoint: Lanes, width: int) -> None:
-    """Add the slopes of wrench · twist in the link's motion."""
+    """Add the gradient of wrench · twist with respect to the link's motion."""
     mass, h = v[0], (v[1], v[2], v[3])
     for n in range(min(width, LANES)):
         w, (t, u) = load_motion(link, n)[0], load_wrench(twist, n)
@@ -290,14 +289,14 @@ def _slope_of_wrench(link: Lanes, v: Ten, twist: Lanes, adjoint: Lanes, width: i
 def _unmove(
     j: Joint, state: Lanes, parent: Lanes, link: Lanes, above: Lanes, adjoint: Lanes, width: int
 ) -> None:
-    """Carry the adjoints of a link's motion to its parent's, and write those of the joint's state."""
+    """Propagate the adjoints of a link's motion to its parent; add to those of the joint's state."""
     axis, slides, turns = j.axis, j.slides, 1.0 - j.slides
     for n in range(min(width, LANES)):
         r, shift = load_turn(link, n), load(link, SHIFT, n)
         w0, alpha0, _ = load_motion(parent, n)
         sw, salpha, sa = load(adjoint, SW, n), load(adjoint, SALPHA, n), load(adjoint, SA, n)
         rate, kick = times(state[DQ * LANES + n], axis), times(state[DDQ * LANES + n], axis)
-        # w, alpha and a as they were after the rotation and before the joint's own motion.
+        # Recover w, alpha and a after the rotation but before the joint's own motion was added.
         w = to_child(r, w0)
         alpha = to_child(r, alpha0)
         turning = cross(w, rate)
@@ -313,7 +312,7 @@ def _unmove(
         turned = add(cross(sw, w), add(cross(salpha, alpha), cross(sa, a)))
         slope = turns * dot(axis, turned)
         sw, salpha, sa = to_parent(r, sw), to_parent(r, salpha), to_parent(r, sa)
-        # The way from the parent's origin to the link's.
+        # The offset from the parent's origin to the link's.
         swirl = cross(w0, shift)
         sshift = add(cross(sa, alpha0), cross(cross(sa, w0), w0))
         slope += slides * dot(j.slide, sshift)
@@ -327,7 +326,7 @@ def _unmove(
 
 @kernel
 def push(chain: Chain, v: Array, work: Scratch, width: int) -> None:
-    """Add the slopes of sᵀ τ to the adjoints, where s stands in place of the torques τ."""
+    """Add the gradient of sᵀ τ to the adjoints; ``work.torque`` holds the cotangents s, not τ."""
     clear(work.twist)
     for i in range(len(chain.prismatic)):
         link, adjoint = work.links[i + 1], work.adjoints[i + 1]
@@ -337,7 +336,7 @@ def push(chain: Chain, v: Array, work: Scratch, width: int) -> None:
 
 @kernel
 def pull(chain: Chain, work: Scratch, slope: Array, block: Block, width: int) -> None:
-    """Carry the adjoints down to the base; write the slopes of a block in q, dq and ddq."""
+    """Propagate the adjoints to the base; write a block's gradient with respect to q, dq and ddq."""
     links, adjoints = work.links, work.adjoints
     b, start, lanes = block
     for i in range(len(chain.prismatic) - 1, -1, -1):
@@ -350,13 +349,13 @@ def pull(chain: Chain, work: Scratch, slope: Array, block: Block, width: int) ->
 
 @inline
 def beyond(x: float, limit: float, reserve: float) -> float:
-    """How far |x| exceeds the limit less the reserve, as a share of the limit and with x's sign; or zero."""
+    """Excess of |x| over (1 − reserve) · limit, relative to the limit and with the sign of x, or zero."""
     return math.copysign(max(abs(x) / limit - (1.0 - reserve), 0.0), x)
 
 
 @kernel_in_any_order
 def keep(limits: Limits, work: Scratch, lanes: int) -> float:
-    """Cost of the torques of a block, whose slopes take their place; friction and rotors add theirs."""
+    """Torque penalty of a block; replaces the torques by its gradient, adds to the adjoints of dq and ddq."""
     total = 0.0
     for i in range(len(limits.torque)):
         torque, most, viscous, rotor = work.torque[i], limits.torque[i], limits.viscous[i], limits.rotor[i]

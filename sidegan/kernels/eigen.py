@@ -1,8 +1,8 @@
 """Compiled algebra of small symmetric matrices: factors, inverses, eigenpairs.
 
-Eigenpairs at both ends of a spectrum cost a fraction of what all of them do. The matrix is made tridiagonal
-by Householder reflections; Sturm counts at several shifts at a time close in on the eigenvalues at the ends;
-an eigenvector is the solution of the two-sided factorisation that is nearest to being singular.
+The extreme eigenpairs cost a fraction of the full decomposition. Householder reflections make the matrix
+tridiagonal; Sturm counts at several shifts at a time bracket the extreme eigenvalues; eigenvectors come from
+the twisted factorisation with the smallest pivot.
 
 Sources: Golub, Van Loan 2013, Matrix Computations, 8.3 and 8.4; Dhillon, Parlett 2004, Orthogonal
 eigenvectors and relative gaps, for the two-sided (twisted) factorisation.
@@ -15,17 +15,17 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.kernels.jit import inline, inline_in_any_order, kernel
 
-_POINTS = 8  # shifts per eigenvalue and pass: each narrows its bracket to a ninth
-_PASSES = 19  # from twice the matrix's size to 1e-16 of its largest element
-_TINY = 1e-290  # keeps a division finite
-_NOISE = 1e-16  # a smaller pivot is rounding, for a matrix with elements up to one
-_APART = 1e-9  # larger products of eigenvectors: nearly equal eigenvalues, which are not for this method
+_POINTS = 8  # shifts per eigenvalue and pass: each pass narrows a bracket to a ninth
+_PASSES = 19  # narrow a bracket from twice the matrix's size to 1e-16 of its largest element
+_TINY = 1e-290  # avoids division by zero
+_NOISE = 1e-16  # smaller pivots are rounding noise, for a matrix with elements up to one
+_APART = 1e-9  # a larger product of two eigenvectors: their eigenvalues are too close for this method
 _RESIDUE = 1e-13
 
 
 @inline_in_any_order
 def product(x: Array, y: Array, count: int) -> float:
-    """Scalar product of the first numbers of two vectors."""
+    """Scalar product of the first ``count`` elements of two vectors."""
     total = 0.0
     for i in range(count):
         total += x[i] * y[i]
@@ -34,14 +34,14 @@ def product(x: Array, y: Array, count: int) -> float:
 
 @inline
 def add_to(x: Array, s: float, y: Array, count: int) -> None:
-    """Add s y to x, of the first numbers."""
+    """Add s y to x, in the first ``count`` elements."""
     for i in range(count):
         x[i] += s * y[i]
 
 
 @kernel
 def _reflect(a: Array, k: int, e: Array, tau: Array, w: Array) -> None:
-    """Clear row and column k beyond the second diagonal; the reflection I − τ v vᵀ stays in row k."""
+    """Zero row and column k beyond the subdiagonal by a reflection I − τ v vᵀ; v stays in row k."""
     v, p = a[k, k + 1 :], w[k + 1 :]
     rest = product(v[1:], v[1:], len(v) - 1)
     e[k], tau[k] = v[0], 0.0
@@ -67,7 +67,7 @@ def _reflect(a: Array, k: int, e: Array, tau: Array, w: Array) -> None:
 
 @kernel
 def _tridiagonal(matrix: Array, d: Array, e: Array, tau: Array, w: Array) -> None:
-    """Write the diagonals of a tridiagonal matrix with the same eigenvalues; reflections stay in the rows."""
+    """Write the diagonals of a similar tridiagonal matrix; the reflections stay in the rows."""
     size = len(matrix)
     for k in range(size):
         if k + 1 < size:
@@ -91,7 +91,7 @@ def _count(d: Array, e: Array, shifts: Array, pivots: Array, below: Array) -> No
 
 @kernel
 def _close_in(d: Array, e: Array, low: int, first: int, values: Array, work: Array) -> None:
-    """Write ``low`` eigenvalues from rank ``first`` on, and the largest ones, as many as there are values."""
+    """Fill ``values`` with ``low`` eigenvalues from rank ``first`` on, and then the largest ones."""
     size, count = len(d), len(values)
     left, right, most = work[3], work[4], count * _POINTS
     shifts, pivots, below = work[0, :most], work[1, :most], work[2, :most]
@@ -125,7 +125,7 @@ def _solid(pivot: float) -> float:
 
 @kernel
 def _vector(d: Array, e: Array, value: float, z: Array, down: Array, up: Array) -> None:
-    """Write the tridiagonal matrix's unit eigenvector of an eigenvalue."""
+    """Write the tridiagonal matrix's unit eigenvector for an eigenvalue."""
     size, best = len(d), 0
     down[0], up[size - 1] = _solid(d[0] - value), _solid(d[size - 1] - value)
     for i in range(1, size):
@@ -149,7 +149,7 @@ def _vector(d: Array, e: Array, value: float, z: Array, down: Array, up: Array) 
 
 @kernel
 def _sound(d: Array, e: Array, values: Array, z: Array) -> bool:
-    """Whether these are eigenpairs of the tridiagonal matrix, and the vectors at right angles."""
+    """Whether these are eigenpairs of the tridiagonal matrix with orthogonal vectors."""
     size = len(d)
     for k in range(len(values)):
         for i in range(size):
@@ -165,16 +165,16 @@ def _sound(d: Array, e: Array, values: Array, z: Array) -> bool:
 
 
 def scratch(size: int, count: int) -> tuple[Array, Array]:
-    """Scratch for the kernel at work; not to be shared among threads."""
+    """Scratch arrays of one thread: rows and shifts."""
     return np.zeros((5, size)), np.zeros((5, count * _POINTS))
 
 
 @kernel
 def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -> None:
-    """Write the eigenvalue of rank ``first``, from the smallest, and the largest one, (2,).
+    """Write the eigenvalue of ascending rank ``first`` and the largest one, (2,).
 
-    They are those of a symmetric matrix with elements up to one. The matrix (p, p) is
-    overwritten; the rest is ``scratch`` for two values or more.
+    The symmetric matrix (p, p), with elements up to one, is overwritten. Rows and shifts are ``scratch`` for
+    at least two values.
     """
     _tridiagonal(matrix, rows[0], rows[1], rows[2], rows[3])
     _close_in(rows[0], rows[1], 1, first, values, shifts)
@@ -184,10 +184,10 @@ def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -
 def extremes(
     a: Array, low: int, values: Array, vectors: Array, sound: Array, rows: Array, shifts: Array
 ) -> None:
-    """Write the ``low`` smallest eigenvalues and as many of the largest as there is place for, ascending.
+    """Write the ``low`` smallest and the K − ``low`` largest eigenvalues, ascending, and their eigenvectors.
 
-    The symmetric matrices (B, p, p), with elements up to one, are overwritten. Written are values, (B, K),
-    unit eigenvectors row by row, (B, K, p), and whether they are reliable, (B,); the rest is ``scratch``.
+    The symmetric matrices (B, p, p), with elements up to one, are overwritten. Outputs: values, (B, K), unit
+    eigenvectors as rows, (B, K, p), and whether they are reliable, (B,). The rest is ``scratch``.
     """
     d, e, tau, w, up = rows[0], rows[1], rows[2], rows[3], rows[4]
     size = a.shape[1]
@@ -206,12 +206,12 @@ def extremes(
 
 
 _SWEEPS = 30
-_ROUNDING = 1e-30  # squared share of the diagonal that is left beside it
+_ROUNDING = 1e-30  # off-diagonal over diagonal sum of squares at convergence
 
 
 @kernel
 def factorise(a: Array) -> bool:
-    """Put the Cholesky factor in place of the lower triangle of a matrix; whether it is positive definite."""
+    """Overwrite a matrix's lower triangle with its Cholesky factor; whether it is positive definite."""
     for i in range(len(a)):
         for j in range(i):
             a[i, j] = (a[i, j] - product(a[i], a[j], j)) / a[j, j]
@@ -224,7 +224,7 @@ def factorise(a: Array) -> bool:
 
 @kernel
 def invert_factor(a: Array, x: Array) -> None:
-    """Write the inverse of a lower triangular matrix, lower triangular too."""
+    """Write the inverse of a lower triangular matrix."""
     for i in range(len(a)):
         row = x[i]
         for k in range(len(row)):
@@ -239,9 +239,9 @@ def invert_factor(a: Array, x: Array) -> None:
 
 @kernel
 def all_eigenpairs(a: Array, v: Array) -> None:
-    """Write unit eigenvectors row by row; the eigenvalues are left on the diagonal, in no order.
+    """Write unit eigenvectors as rows; the eigenvalues remain on the diagonal, unordered.
 
-    Cyclic Jacobi rotations: slow and sure. Source: Golub, Van Loan 2013, Matrix Computations, 8.5.
+    Cyclic Jacobi rotations: slow but robust. Source: Golub, Van Loan 2013, Matrix Computations, 8.5.
     """
     size = len(a)
     for i in range(size):
@@ -263,7 +263,7 @@ def all_eigenpairs(a: Array, v: Array) -> None:
 
 @kernel
 def _rotate(a: Array, v: Array, i: int, k: int) -> None:
-    """Clear one element by a rotation."""
+    """Zero element (i, k) by a Jacobi rotation."""
     tau = (a[k, k] - a[i, i]) / (2 * a[i, k])
     t = math.copysign(1.0, tau) / (abs(tau) + math.sqrt(1 + tau * tau))
     c = 1 / math.sqrt(1 + t * t)

@@ -1,9 +1,9 @@
-"""Rigid-body formulas on tuples of numbers, which all kernels share.
+"""Rigid-body formulas on tuples of numbers, shared by all kernels.
 
-Kernels compile them where they stand (``jit.share``); this file needs no numba. A rate is the derivative in
-time of a vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval
-of half width h around a sample; bounds of how torques change in it come from the Newton–Euler recursion on
-norms: each quantity x of a link carries bounds of (|x|, |ẋ|, |ẍ|).
+Kernels inline them (``jit.share``); this file does not need numba. A rate is the time derivative of a
+vector's components in a link's frame, which turns at the joint's speed. A cell is a time interval of half
+width h around a sample. Bounds on torque changes in a cell come from the Newton–Euler recursion on norms:
+each quantity x of a link carries bounds on (|x|, |ẋ|, |ẍ|).
 """
 
 from typing import Any
@@ -14,11 +14,11 @@ Matrix = tuple[Vector, Vector, Vector]  # row by row
 Ten = tuple[Number, ...]  # a link's inertial parameters, in Pinocchio's order
 Motion = tuple[
     Vector, Vector, Vector
-]  # angular velocity and acceleration, acceleration of the origin less gravity
+]  # angular velocity and acceleration, acceleration of the origin minus gravity
 Moving = tuple[Motion, Motion]  # a motion and its rate
 Wrench = tuple[Vector, Vector]  # force and moment
-Own = tuple[Number, Number, Number, Number]  # a joint's velocity and three derivatives of it, or their bounds
-Bounds = tuple[Number, Number, Number]  # of the norm of a vector, of its rate, and of the rate of that
+Own = tuple[Number, Number, Number, Number]  # a joint's velocity and its first three derivatives, or bounds
+Bounds = tuple[Number, Number, Number]  # on the norms of a vector, its rate and the rate of its rate
 MotionBounds = tuple[Bounds, Bounds, Bounds]  # of the vectors of a motion
 WrenchBounds = tuple[Bounds, Bounds]
 
@@ -29,7 +29,7 @@ def add(a: Vector, b: Vector) -> Vector:
 
 
 def less(a: Vector, b: Vector) -> Vector:
-    """The first vector less the second."""
+    """Difference of two vectors, a − b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -49,12 +49,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def to_parent(r: Matrix, x: Vector) -> Vector:
-    """A vector of the frame with rotation r, in its parent's."""
+    """Rotate a vector from the frame with rotation r to its parent's."""
     return dot(r[0], x), dot(r[1], x), dot(r[2], x)
 
 
 def to_child(r: Matrix, x: Vector) -> Vector:
-    """A vector of the parent's frame, in that with rotation r."""
+    """Rotate a vector from the parent's frame to that with rotation r."""
     return add(add(times(x[0], r[0]), times(x[1], r[1])), times(x[2], r[2]))
 
 
@@ -74,7 +74,7 @@ def moved(
 ) -> Motion:
     """Motion of a link's frame, in that frame, from its parent's and the joint's velocity and acceleration.
 
-    Rotation and shift place the frame in its parent's; slides is 1 where the joint does, else 0.
+    Rotation r and shift place the frame in its parent's; slides is 1 for a prismatic joint, else 0.
     """
     w, alpha, a = parent
     a = to_child(r, add(a, add(cross(alpha, shift), cross(w, cross(w, shift)))))
@@ -88,7 +88,7 @@ def moved(
 
 
 def wrench_of(v: Ten, motion: Motion) -> Wrench:
-    """Force and moment about a link's origin that its motion takes."""
+    """Force and moment about a link's origin that its motion requires."""
     w, alpha, a = motion
     h = v[1], v[2], v[3]
     turning = less(times(dot(w, h), w), times(dot(w, w), h))
@@ -98,7 +98,7 @@ def wrench_of(v: Ten, motion: Motion) -> Wrench:
 
 
 def carried(r: Matrix, shift: Vector, wrench: Wrench) -> Wrench:
-    """A link's wrench in its parent's frame and about its parent's origin."""
+    """Transform a link's wrench to its parent's frame and origin."""
     f = to_parent(r, wrench[0])
     return f, add(to_parent(r, wrench[1]), cross(shift, f))
 
@@ -109,7 +109,7 @@ def moved_rate(
     """``moved`` and its rate, from the parent's.
 
     Args:
-        j: the joint's axis, and 1 where it slides, else 0.
+        j: the joint's axis, and 1 if it is prismatic, else 0.
         turn: rotation of the frame in its parent's.
         shifts: origin of the frame in its parent's, and its rate.
         rates: the joint's velocity, acceleration and jerk.
@@ -135,7 +135,7 @@ def moved_rate(
 
 
 def wrench_rate(v: Ten, at: Moving) -> Wrench:
-    """Rates of the force and the moment that a link's motion takes, from the motion and its rate."""
+    """Rates of the force and the moment that a link's motion requires, from the motion and its rate."""
     (w, _, _), (dw, dal, da) = at
     h = v[1], v[2], v[3]
     turning = add(times(dot(dw, h), w), times(dot(w, h), dw))
@@ -148,7 +148,7 @@ def wrench_rate(v: Ten, at: Moving) -> Wrench:
 def carried_rate(
     spin: Vector, turn: Matrix, shifts: tuple[Vector, Vector], wrench: Wrench, rate: Wrench
 ) -> Wrench:
-    """Rate of ``carried``, of a wrench and its rate in a frame that turns with the angular velocity spin."""
+    """Rate of ``carried``, from a wrench and its rate in a frame that turns at angular velocity ``spin``."""
     (f, n), (df, dn), (s, ds) = wrench, rate, shifts
     df = to_parent(turn, add(df, cross(spin, f)))
     dn = to_parent(turn, add(dn, cross(spin, n)))
@@ -156,7 +156,7 @@ def carried_rate(
 
 
 def columns_of(motion: Motion, turn: Vector, linear: Vector) -> Ten:
-    """A link's ten columns of the regressor, for a joint whose unit speed turns and moves its frame so."""
+    """A link's ten regressor entries for a joint that, at unit speed, gives its frame this twist."""
     w, alpha, a = motion
     spin = less(times(dot(w, linear), w), times(dot(w, w), linear))
     h = add(add(cross(linear, alpha), spin), cross(a, turn))
@@ -176,7 +176,7 @@ def columns_of(motion: Motion, turn: Vector, linear: Vector) -> Ten:
 
 
 def cell_bounds(dq: Number, ddq: Number, jerk: Number, half: float) -> tuple[Number, Number, Number, Number]:
-    """Largest change of position and velocity in a cell, speed and acceleration, by Taylor's theorem."""
+    """Bounds over a cell on position change, velocity change, speed and acceleration (Taylor's theorem)."""
     speed, acceleration = abs(dq), abs(ddq)
     change = half * (speed + half / 2 * (acceleration + half / 3 * jerk))
     velocity_change = half * (acceleration + half / 2 * jerk)
@@ -184,25 +184,25 @@ def cell_bounds(dq: Number, ddq: Number, jerk: Number, half: float) -> tuple[Num
 
 
 def drift(rate: Number, bound: Number, half: float) -> Number:
-    """Largest change in a cell of what changes at this rate at its centre, whose own rate is bounded."""
+    """Largest change in a cell of a quantity with this rate at its centre and a bounded second derivative."""
     return half * (abs(rate) + half / 2 * bound)
 
 
 def multiplied(a: Bounds, b: Bounds) -> Bounds:
-    """Bounds of a product, of whatever kind."""
+    """Bounds on a product of any kind: scalar, cross or matrix product."""
     return a[0] * b[0], a[0] * b[1] + a[1] * b[0], a[0] * b[2] + 2 * a[1] * b[1] + a[2] * b[0]
 
 
 def turned(own: Own, a: Bounds) -> Bounds:
-    """Bounds of a vector in a frame that turns with a joint, from those in the frame before, or back."""
+    """Bounds on a vector rotated by a joint from the parent's frame to the link's, or back."""
     v, acc = own[0], own[1]
     return a[0], a[1] + v * a[0], a[2] + 2 * v * a[1] + (acc + v * v) * a[0]
 
 
 def link_bounds(slides: bool, own: Own, travel: Number, parent: MotionBounds) -> MotionBounds:
-    """Bounds of a link's motion from its parent's and those of its joint.
+    """Bounds on a link's motion from those on its parent's and its joint's.
 
-    Travel is the largest distance between the two origins.
+    ``travel`` bounds the distance between the two origins.
     """
     w, al, a = parent
     v, acc, jerk, snap = own
@@ -217,14 +217,14 @@ def link_bounds(slides: bool, own: Own, travel: Number, parent: MotionBounds) ->
 
 
 def wrench_bounds(mass: Number, first: Number, spin: Number, link: MotionBounds) -> WrenchBounds:
-    """Bounds of the force and the moment that a link's motion takes."""
+    """Bounds on the force and the moment that a link's motion requires."""
     w, al, a = link
     swing = add(al, multiplied(w, w))
     return add(times(mass, a), times(first, swing)), add(times(first, a), times(spin, swing))
 
 
 def carried_bounds(slides: bool, own: Own, travel: Number, wrench: WrenchBounds) -> WrenchBounds:
-    """Bounds of a wrench in the frame of the link's parent and about its origin."""
+    """Bounds on a link's wrench in its parent's frame and about its parent's origin."""
     f, n = wrench
     if slides:
         return f, add(n, multiplied((travel, own[0], own[1]), f))

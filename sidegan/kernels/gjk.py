@@ -1,8 +1,8 @@
-"""Distance of convex hulls, compiled: the algorithm of Gilbert, Johnson and Keerthi on links' own corners.
+"""Compiled distance of convex hulls by the algorithm of Gilbert, Johnson and Keerthi.
 
-Every search direction gives a plane that lies between the two hulls, or shows that it does not: what comes
-back is the best such plane's lower bound of the distance, so that an early end or rounding makes it smaller
-and never too large. Sources: Gilbert, Johnson, Keerthi 1988; Ericson 2005, sections 5.1 and 9.5.
+Every search direction gives a lower bound on the distance, the gap between two supporting planes. The best
+bound is returned, so early termination and rounding can make the result too small but never too large.
+Sources: Gilbert, Johnson, Keerthi 1988; Ericson 2005, sections 5.1 and 9.5.
 """
 
 import math
@@ -16,23 +16,23 @@ from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import row, set_row
 
 _ROUNDS = 60  # of the search; five to ten are usual
-_CLOSE = 1e-8  # [m] between the bounds of a distance that is known well enough
-_TOUCHING = 1e-10  # [m] below it two hulls touch
-_INSIDE = 5  # what stands for a tetrahedron that holds the origin
+_CLOSE = 1e-8  # [m] gap between upper and lower bound at convergence
+_TOUCHING = 1e-10  # [m] hulls closer than this count as touching
+_INSIDE = 5  # returned when a tetrahedron contains the origin
 
 
 class Hulls(NamedTuple):
-    """Contents of C capsules, each the hull of some corners with a ball around each of its points."""
+    """Bodies inside C capsules: convex hulls of corners, each enlarged by a radius."""
 
     corners: Array  # in the frames of the capsules [m], (V, 3)
-    start: Array  # where those of each begin, (C + 1,) int
-    radius: Array  # of the balls [m], (C,)
-    around: Array  # how far the corners are from the capsule's axis at most [m], (C,)
+    start: Array  # first corner of each capsule, and V at the end, (C + 1,) int
+    radius: Array  # by which the hulls are enlarged [m], (C,)
+    around: Array  # largest distance of the corners from the capsule's axis [m], (C,)
     finer: Array  # whether a pair of hulls may be farther apart than its capsules, (P,) bool
 
     @classmethod
     def none(cls, capsules: int, pairs: int) -> "Hulls":
-        """Nothing but the capsules themselves."""
+        """No hulls: the capsules are all there is."""
         zeros = np.zeros(capsules)
         starts, finer = np.zeros(capsules + 1, dtype=np.int64), np.zeros(pairs, dtype=bool)
         return cls(np.zeros((0, 3)), starts, zeros, zeros, finer)
@@ -40,7 +40,7 @@ class Hulls(NamedTuple):
 
 @kernel
 def farthest(corners: Array, first: int, last: int, towards: Vector) -> int:
-    """The corner that lies farthest in a direction."""
+    """Index of the corner farthest in a direction (support point)."""
     best, found = -np.inf, first
     for i in range(first, last):
         height = dot(towards, row(corners, i))
@@ -53,17 +53,17 @@ def farthest(corners: Array, first: int, last: int, towards: Vector) -> int:
 def apart(
     hulls: Hulls, pair: tuple[int, int], turn: Matrix, place: Vector, start: Vector, need: float, room: Array
 ) -> float:
-    """Lower bound of the distance [m] of two pieces; minus infinity where their hulls touch.
+    """Lower bound on the distance [m] of two enlarged hulls; minus infinity where the hulls touch.
 
     Args:
-        hulls: all pieces.
-        pair: which two.
-        turn: rotation of the second one's frame in the first one's, (3, 3).
-        place: its origin there [m].
-        start: a direction from the second to the first, of any length above zero.
-        need: bound that is enough: where it is reached, the search ends.
-        room: to work in, (6, 4); in its last row the direction, from the second to the first, that gave the
-            bound stays behind.
+        hulls: all hulls.
+        pair: indices of the two.
+        turn: rotation of the second hull's frame in the first one's, (3, 3).
+        place: origin of the second hull's frame in the first one's [m].
+        start: initial direction from the second to the first, of any nonzero length.
+        need: bound at which the search may stop.
+        room: scratch, (6, 4); its last row receives the direction, from the second to the first, that gave
+            the bound.
     """
     i, k = pair
     points, weights, best = room[:4, :3], room[4], room[5]
@@ -101,7 +101,7 @@ def apart(
 
 @kernel
 def _on_triangle(a: Vector, b: Vector, c: Vector) -> tuple[float, float, float]:
-    """Shares of the corners in the point of a triangle that is nearest to the origin."""
+    """Barycentric coordinates of the point of a triangle nearest to the origin."""
     ab, ac = less(b, a), less(c, a)
     d1, d2 = -dot(ab, a), -dot(ac, a)
     if d1 <= 0 and d2 <= 0:
@@ -130,14 +130,14 @@ def _on_triangle(a: Vector, b: Vector, c: Vector) -> tuple[float, float, float]:
 
 @inline
 def _outside(a: Vector, b: Vector, c: Vector, d: Vector) -> bool:
-    """Whether the origin and d are on two sides of the plane through a, b and c."""
+    """Whether the plane through a, b and c separates the origin from d."""
     normal = cross(less(b, a), less(c, a))
     return -dot(a, normal) * dot(less(d, a), normal) <= 0
 
 
 @kernel
 def _face(points: Array, corners: tuple[int, int, int], best: float, weights: Array) -> float:
-    """Take a face of a simplex into account: the smaller squared distance, with its shares written."""
+    """Smaller of ``best`` and a face's squared distance; writes the face's weights if it is nearer."""
     i, j, k = corners
     a, b, c = row(points, i), row(points, j), row(points, k)
     s, t, u = _on_triangle(a, b, c)
@@ -152,9 +152,9 @@ def _face(points: Array, corners: tuple[int, int, int], best: float, weights: Ar
 
 @kernel
 def _nearest_point(points: Array, count: int, weights: Array) -> int:
-    """Shares of corners (4, 3) in the simplex' point nearest to the origin; corners without one are dropped.
+    """Reduce a simplex (4, 3) to the corners that span its point nearest to the origin; writes their weights.
 
-    The number of corners left comes back; ``_INSIDE`` when the origin is inside of a tetrahedron.
+    Returns the number of corners left, or ``_INSIDE`` if the origin is inside a tetrahedron.
     """
     if count == 1:
         weights[0] = 1.0

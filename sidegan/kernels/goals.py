@@ -1,7 +1,7 @@
-"""Compiled functions of a trajectory's information, and the directions that their slopes follow from.
+"""Compiled goals, functions of a trajectory's information, and the directions that give their gradients.
 
-A function F of the Gram matrix G = YᵀWY / T has a slope S = dF/dG = Σ weight · v vᵀ, and its gradient is
-that of the energy Σ weight · |Y v|² / T: each function writes its vectors v and their weights.
+A function F of the Gram matrix G = YᵀWY / T has the derivative dF/dG = Σ weight · v vᵀ, so its gradient is
+that of the energy Σ weight · |√W Y v|² / T. Each goal writes its vectors v (directions) and their weights.
 """
 
 import math
@@ -20,33 +20,33 @@ _TINY = 1e-300
 
 
 class GoalArrays(NamedTuple):
-    """Function that is to be made small.
+    """Function to minimise.
 
-    For M = prior + amount · G in an orthonormal basis the condition number of M, or the logarithm of trace or
-    determinant of A M⁻¹ Aᵀ for targets A. For a tool, whose torques are those of parameters A, the log
-    determinant of its covariance with the others unknown, after so many runs, the last of them with the tool.
+    With M = prior + amount · G in an orthonormal basis: the log condition number of M, or the log trace or
+    log determinant of A M⁻¹ Aᵀ for targets A. For a tool with torques Y Aᵀ t: the log determinant of the
+    covariance of t with the other parameters unknown, after ``runs`` runs, the last of them with the tool.
     """
 
     kind: int
-    prior: Array  # information that there is already, in the orthonormal basis, (p, p)
-    amount: float  # what one unit of G is worth
+    prior: Array  # prior information in the orthonormal basis, (p, p)
+    amount: float  # information per unit of G
     targets: Array  # A, (R, p) with R ≤ p
-    doubt: Array  # information on a tool that there is already, (R, R)
+    doubt: Array  # prior information on a tool, (R, R)
     runs: float  # 1 or 2
 
 
 class Scratch(NamedTuple):
-    """Scratch for a goal at work; not to be shared among threads."""
+    """Scratch arrays of one thread for a goal."""
 
     product: Array  # (p, p)
     inner: Array  # G in the orthonormal basis, (p, p)
     whole: Array  # (1, p, p)
-    values: Array  # that a smooth ratio is of, ascending, (1, K)
+    values: Array  # eigenvalues in the smooth ratio, ascending, (1, K)
     slopes: Array  # (K,)
     vectors: Array  # (1, K, p)
     sound: Array  # (1,)
-    rows: Array  # of ``eigen``
-    shifts: Array  # of ``eigen``
+    rows: Array  # for ``eigen``
+    shifts: Array  # for ``eigen``
     halves: Array  # (R, p)
     small: Array  # (R, R)
     weights: Array  # of the directions, (D,)
@@ -54,7 +54,7 @@ class Scratch(NamedTuple):
 
 
 def scratch(goal: GoalArrays) -> Scratch:
-    """Scratch to work on a goal, and on any other with as many parameters and targets."""
+    """Scratch arrays for a goal, or any other with as many parameters and targets."""
     size, targets = len(goal.prior), len(goal.targets)
     count, most = min(size, LOWEST + HIGHEST), max(size, 2 * targets)
     rows, shifts = eigen.scratch(size, max(count, 2))
@@ -77,7 +77,7 @@ def scratch(goal: GoalArrays) -> Scratch:
 
 @kernel
 def _folded(subspace: Array, matrix: Array, out: Array) -> None:
-    """Write Cᵀ A for a lower triangular C, most of which is zero."""
+    """Write Cᵀ A for a sparse lower triangular C."""
     size = len(subspace)
     for i in range(size):
         clear(out[i])
@@ -89,7 +89,7 @@ def _folded(subspace: Array, matrix: Array, out: Array) -> None:
 
 @kernel
 def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -> float:
-    """Write Cᵀ G C for a lower triangular C, most of which is zero, and symmetric G; its largest element."""
+    """Write Cᵀ G C for a sparse lower triangular C and symmetric G; returns its largest element."""
     size, largest = len(subspace), 0.0
     _folded(subspace, gram, inner)
     for i in range(size):
@@ -105,7 +105,7 @@ def to_orthonormal(subspace: Array, gram: Array, product: Array, inner: Array) -
 
 @kernel
 def _smooth_ratio(values: Array, slopes: Array) -> float:
-    """Smooth log ratio of the largest to the smallest of positive values, ascending; writes its slopes."""
+    """Smooth log ratio of the largest to the smallest of ascending positive values; writes its gradient."""
     count, total = len(values), 0.0
     floor = max(values[count - 1] / HOPELESS, _TINY)
     for k in range(count):
@@ -126,7 +126,7 @@ def _smooth_ratio(values: Array, slopes: Array) -> float:
 
 @kernel
 def _end_of(matrix: Array, count: int, k: int) -> int:
-    """Index on the diagonal of the k-th of ``count`` elements at both ends, ascending."""
+    """Diagonal index of the k-th, in ascending order, of the ``count`` smallest and largest elements."""
     size = len(matrix)
     rank = k if k < LOWEST else size - count + k
     for i in range(size):
@@ -135,12 +135,12 @@ def _end_of(matrix: Array, count: int, k: int) -> int:
             smaller += matrix[m, m] < matrix[i, i] or (matrix[m, m] == matrix[i, i] and m < i)
         if smaller == rank:
             return i
-    return 0  # no number is in order: the goal is infinite then
+    return 0  # NaN has no rank: the goal is infinite then
 
 
 @part
 def _ends(work: Scratch) -> None:
-    """Eigenpairs at both ends of the spectrum of the inner matrix, which ``whole`` is too."""
+    """Eigenpairs at both ends of the spectrum of the inner matrix; ``whole`` holds a copy."""
     size, whole, count = len(work.inner), work.whole[0], len(work.values[0])
     if size > count:
         eigen.extremes(work.whole, LOWEST, work.values, work.vectors, work.sound, work.rows, work.shifts)
@@ -177,14 +177,14 @@ def _condition(goal: GoalArrays, subspace: Array, work: Scratch) -> float:
 
 @kernel
 def _times(lower: Array, x: Array, out: Array) -> None:
-    """Write L x for a lower triangular L: from the orthonormal basis to the base columns, for instance."""
+    """Write L x for a lower triangular L, for instance to map from the orthonormal basis to base columns."""
     for i in range(len(lower)):
         out[i] = product(lower[i], x, i + 1)
 
 
 @kernel
 def _whole(inverse: Array, half: Array, x: Array) -> None:
-    """Write L⁻ᵀ times L⁻¹ x, which comes as half."""
+    """Write L⁻ᵀ half into x, for a given L⁻¹."""
     clear(x)
     for i in range(len(inverse)):
         add_to(x, half[i], inverse[i], i + 1)
@@ -192,7 +192,7 @@ def _whole(inverse: Array, half: Array, x: Array) -> None:
 
 @kernel
 def _eliminate(factor: Array, rows: Array, size: int) -> None:
-    """Put R⁻¹ times some rows in their place, for a lower triangular R."""
+    """Multiply rows by R⁻¹ in place, for a lower triangular R."""
     for m in range(len(factor)):
         for k in range(m):
             add_to(rows[m], -factor[m, k], rows[k], size)
@@ -202,7 +202,7 @@ def _eliminate(factor: Array, rows: Array, size: int) -> None:
 
 @kernel
 def _log_det(factor: Array) -> float:
-    """Logarithm of det R Rᵀ for a lower triangular R."""
+    """Log determinant of R Rᵀ for a lower triangular R."""
     total = 0.0
     for m in range(len(factor)):
         total += 2 * math.log(factor[m, m])
@@ -211,7 +211,7 @@ def _log_det(factor: Array) -> float:
 
 @kernel
 def _covariance(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]:
-    """Log of trace or determinant of the targets' covariance, and how many directions it wrote."""
+    """Log trace or log determinant of the targets' covariance, and the number of directions written."""
     size, count, inverse, halves, trace = len(subspace), len(goal.targets), work.product, work.halves, 0.0
     for m in range(count):
         _times(inverse, goal.targets[m], halves[m])
@@ -232,9 +232,9 @@ def _covariance(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float
 
 @kernel
 def _tool(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]:
-    """Log det of a tool's covariance, and how many directions it wrote.
+    """Log determinant of a tool's covariance, and the number of directions written.
 
-    With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t its information is
+    With t = amount · G A, K = prior + runs · amount · G and X = K⁻¹ t, the tool's information is
     S = doubt + Aᵀ t − tᵀ X, and dS = amount · ((A − X)ᵀ dG (A − X) + (runs − 1) Xᵀ dG X).
     """
     size, count, inverse = len(subspace), len(goal.targets), work.product
@@ -264,9 +264,9 @@ def _tool(goal: GoalArrays, subspace: Array, work: Scratch) -> tuple[float, int]
 
 @kernel
 def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: Scratch) -> tuple[float, int]:
-    """The goal at a Gram matrix of the base columns (p, p), and how many directions it wrote.
+    """Goal for a Gram matrix of the base columns (p, p), and the number of directions written.
 
-    It is infinite, and without directions, where the matrix is not finite or not positive definite.
+    If the matrix is not finite or not positive definite, the goal is infinite without directions.
     """
     scale = to_orthonormal(subspace, gram, work.product, work.inner)
     if not (math.isfinite(scale) and scale > 0):

@@ -1,7 +1,7 @@
-"""Compiled information of trajectories whose joints count by weights, and the slopes of functions of it.
+"""Compiled information of trajectories with weighted joints, and gradients of functions of it.
 
-Beside rigid bodies single joints' torques have terms: rotor inertia, friction, offset. They are columns of
-the regressor that only the rows of their own joint have; ``Terms`` of an identified model says what each is.
+Besides the rigid-body dynamics, joint torques have terms: rotor inertia, friction, offset. Each is a column
+of the regressor that is nonzero only in its own joint's rows. ``Terms`` of an identified model defines them.
 """
 
 import math
@@ -34,30 +34,30 @@ _ROTOR, _VISCOUS, _, _OFFSET = range(len(KINDS))
 
 
 class JointTerms(NamedTuple):
-    """E terms, joints in order, and how much the joints count."""
+    """E terms, ordered by joint, and the weights of the joints."""
 
-    kinds: Array  # which of ``KINDS`` each is, (E,)
+    kinds: Array  # index of each term's kind in ``KINDS``, (E,)
     first: Array  # first term of each joint, and E at the end, (J + 1,)
-    width: float  # velocity of the smooth sign tanh(dq / width) [rad/s or m/s]
-    roots: Array  # of the weights of the joints' torques, (J,)
+    width: float  # velocity scale of the smooth sign tanh(dq / width) [rad/s or m/s]
+    roots: Array  # square roots of the weights of the joint torques, (J,)
 
 
 class Signals(NamedTuple):
-    """Factors of the parameters of the terms; room for the kernels at work."""
+    """Regressor entries of the terms, their derivatives, and scratch arrays."""
 
-    values: Array  # (E, T)
-    rates: Array  # slopes in the velocity, of a rotor's in the acceleration, (E, T)
-    pushes: Array  # slopes of an energy in the values, (E, T)
-    shares: Array  # parameters of the terms in each set, (K, E)
+    values: Array  # entries of the regressor, (E, T)
+    rates: Array  # derivatives of the values in the velocity, for rotors in the acceleration, (E, T)
+    pushes: Array  # gradient of an energy in the values, (E, T)
+    shares: Array  # the terms' parameters in each set, (K, E)
 
 
 def no_terms(joints: int) -> JointTerms:
-    """Rigid bodies alone, whose joints count alike."""
+    """No terms, and joints of equal weight."""
     return JointTerms(np.zeros(0, np.int64), np.zeros(joints + 1, np.int64), 1.0, np.ones(joints))
 
 
 def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
-    """Scratch for T samples and K parameter sets."""
+    """Signals for T samples and K parameter sets, all zero."""
     count = len(terms.kinds)
     values, rates, pushes = (np.zeros((count, samples)) for _ in range(3))
     return Signals(values, rates, pushes, np.zeros((sets, count)))
@@ -65,7 +65,7 @@ def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
 
 @inline
 def _signal(terms: JointTerms, kind: int, dq: float, ddq: float) -> tuple[float, float]:
-    """Factor of a parameter, and its slope."""
+    """Regressor entry of a term, and its derivative."""
     if kind == _ROTOR:
         return ddq, 1.0
     if kind == _VISCOUS:
@@ -78,7 +78,7 @@ def _signal(terms: JointTerms, kind: int, dq: float, ddq: float) -> tuple[float,
 
 @kernel
 def write_signals(terms: JointTerms, states: Array, b: int, signals: Signals) -> None:
-    """Write values and their slopes along trajectory b of states (5, B, J, T)."""
+    """Write values and their derivatives along trajectory b of states (5, B, J, T)."""
     for j in range(len(terms.first) - 1):
         for e in range(terms.first[j], terms.first[j + 1]):
             for n in range(states.shape[3]):
@@ -90,10 +90,10 @@ def write_signals(terms: JointTerms, states: Array, b: int, signals: Signals) ->
 def add_terms(
     terms: JointTerms, columns: Columns, signals: Signals, block: Block, span: int, y: Array, gram: Array
 ) -> None:
-    """Add the terms' products with one another and with the weighted rigid columns of a block.
+    """Add a block's products of the terms with one another and with the weighted rigid-body columns.
 
-    The rigid columns are the first rows of y, as ``rows_of`` leaves them; the terms' rows follow. Products
-    are added above the diagonal.
+    The rigid-body columns are the first rows of y, as written by ``rows_of``; the terms' rows follow. Only
+    the upper triangle is updated.
     """
     _, start, count = block
     size = len(columns.kinds)
@@ -115,7 +115,7 @@ def add_terms(
 
 @kernel
 def add_torques(terms: JointTerms, signals: Signals, k: int, block: Block, torque: Array) -> None:
-    """Add the torques of the terms in set k to those of rigid bodies in lanes (J, LANES)."""
+    """Add the torques of the terms in set k to the rigid-body torques in lanes (J, LANES)."""
     _, start, count = block
     for j in range(len(torque)):
         for e in range(terms.first[j], terms.first[j + 1]):
@@ -126,7 +126,7 @@ def add_torques(terms: JointTerms, signals: Signals, k: int, block: Block, torqu
 
 @kernel
 def push_terms(terms: JointTerms, signals: Signals, k: int, block: Block, torque: Array) -> None:
-    """Add the slopes in the terms' values of what has cotangents in place of the torques (J, LANES)."""
+    """Add the gradient in the terms' values, from torque cotangents in lanes (J, LANES)."""
     _, start, count = block
     for j in range(len(torque)):
         for e in range(terms.first[j], terms.first[j + 1]):
@@ -137,7 +137,7 @@ def push_terms(terms: JointTerms, signals: Signals, k: int, block: Block, torque
 
 @kernel
 def pull_terms(terms: JointTerms, signals: Signals, slope: Array) -> None:
-    """Add the slopes in dq and ddq, of (3, 1, J, T), that follow from those in the values."""
+    """Add to the gradient in dq and ddq, (3, 1, J, T), the part that the terms' values contribute."""
     for j in range(len(terms.first) - 1):
         for e in range(terms.first[j], terms.first[j + 1]):
             to = slope[2 if terms.kinds[e] == _ROTOR else 1, 0, j]
@@ -148,7 +148,7 @@ def pull_terms(terms: JointTerms, signals: Signals, slope: Array) -> None:
 
 @kernel
 def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
-    """Multiply the rows of a regressor's joints, as ``rows_of`` leaves them, by roots of their weights."""
+    """Scale each joint's rows of a regressor, as written by ``rows_of``, by the root of its weight."""
     for i in range(len(roots)):
         for k in range(columns.first[i], columns.first[i + 1]):
             row = y[k]
@@ -170,8 +170,8 @@ def weighted_grams(
 ) -> None:
     """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
 
-    The base columns come first, then the terms, whose signals are left as those of the last trajectory. The
-    weights W are of joints. There is room in y for the regressor, (P, J · SPAN).
+    Base columns come first, then the terms; the signals keep those of the last trajectory. W holds the joint
+    weights, and y, (P, J · SPAN), is scratch for the regressor.
     """
     count, size, first, roots = states.shape[3], len(columns.kinds), columns.first, terms[0].roots
     for b in range(len(grams)):
@@ -201,10 +201,10 @@ def weighted_slopes(
     slope: Array,
     work: Lanes,
 ) -> float:
-    """Write the slopes in q, dq and ddq, (3, 1, J, T), of an energy and of what torques cost; the latter.
+    """Torque penalty; writes the gradient of it plus an energy in q, dq and ddq, (3, 1, J, T).
 
-    The energy is Σ weight · w |τ|² over parameter sets (K, 10 J), with the terms' shares in each, joints and
-    time, with the weights (K,) of the sets and w of the joints. The terms' signals are those of the states.
+    The energy is Σ weight · w τ², summed over parameter sets (K, 10 J) with their terms, joints and time, for
+    the sets' weights (K,) and the joints' weights w. The signals must be those of the states.
     """
     (sets, weights), count, cost, roots = directions, states.shape[3], 0.0, terms[0].roots
     for e in range(len(terms[1].pushes)):

@@ -1,8 +1,8 @@
-"""How kernels are compiled: once, then from a cache on disk.
+"""Compilation of kernels: once, then loaded from a cache on disk.
 
-A kernel that other kernels call is compiled into them; only one that Python calls gets what Python needs,
-which takes longer to compile than most kernels. Without reference counts (``_nrt``) kernels are twice as
-fast, and in return cannot allocate anything: the caller passes scratch arrays.
+Kernels call each other without a Python wrapper; only kernels called from Python get one, because it takes
+longer to compile than most kernels. Without reference counting (``_nrt``) kernels are twice as fast but
+cannot allocate memory: the caller passes scratch arrays.
 """
 
 import hashlib
@@ -31,8 +31,8 @@ _OPTIONS: Any = {
 }
 _INNER: Any = {"no_cpython_wrapper": True}
 _ANY_ORDER: Any = {"contract", "reassoc"}
-_PATIENCE = 120.0  # [s] with another process that compiles a kernel, before compiling it as well
-_KEPT = 3  # caches of other versions of the kernels
+_PATIENCE = 120.0  # [s] to wait for another process that compiles a kernel, before compiling it too
+_KEPT = 3  # cached older versions of the kernels
 
 log = logging.getLogger(__name__)
 
@@ -40,11 +40,11 @@ Function = Callable[..., Any]
 
 
 class Kernel:
-    """A compiled function that other kernels can call, and Python.
+    """A compiled function that can be called from Python and from other kernels.
 
     Args:
         function: the function.
-        options: of ``numba.njit``.
+        options: options of ``numba.njit``.
     """
 
     def __init__(self, function: Function, options: Any) -> None:
@@ -58,7 +58,7 @@ class Kernel:
         self._name, self._called = f"{function.__module__}.{function.__qualname__}", False
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call it from Python."""
+        """Call the kernel from Python."""
         if self._called:
             return self._compiled(*arguments)
         with _turn(_folder(), self._name):
@@ -67,11 +67,11 @@ class Kernel:
         return result
 
     def compile_for(self, *arguments: Any) -> None:
-        """Compile it, unless that was done, as other kernels call it with arguments of these types."""
+        """Compile the version that other kernels call with arguments of these types, unless compiled."""
         self.inner.compile(tuple(map(numba.typeof, arguments)))
 
     def to_be_compiled(self) -> bool:
-        """Whether nobody has compiled it on this machine, or does so now."""
+        """Whether no process on this machine has compiled the kernel or is compiling it."""
         if self._called or (folder := _folder()) is None or (folder / f"{self._name}.compiled").exists():
             return False
         try:
@@ -82,13 +82,13 @@ class Kernel:
 
 
 class _Inner(types.Dispatcher):
-    """Type of a kernel within another: compiled once for all tuples, whatever constants are in them.
+    """Type of a kernel called from another: compiled once per type, not per constant, for tuples.
 
-    Constants by themselves are worth it: they tell the compiler that an index is not negative.
+    Constants outside tuples stay: they tell the compiler that an index is not negative.
     """
 
     def get_call_type(self, context: Any, args: Any, kws: Any) -> Any:
-        """Signature of a call."""
+        """Signature of a call, without the constants in tuples."""
         args = tuple(types.unliteral(x) if isinstance(x, types.BaseTuple) else x for x in args)
         return super().get_call_type(context, args, kws)
 
@@ -107,9 +107,9 @@ def _kernel(**options: Any) -> Callable[[Function], Kernel]:
 
 @contextmanager
 def _turn(folder: Path | None, name: str) -> Iterator[None]:
-    """The first call of a kernel in a process, which compiles it or reads it from the cache.
+    """Context for a kernel's first call in a process, which compiles it or loads it from the cache.
 
-    Where several processes need a kernel that was never compiled, one compiles it and the others wait.
+    If several processes need a kernel that is not compiled yet, one compiles it and the others wait.
     """
     if folder is None:
         _tell()
@@ -131,7 +131,7 @@ def _turn(folder: Path | None, name: str) -> Iterator[None]:
 
 @contextmanager
 def _cached_in(folder: Path | None) -> Iterator[None]:
-    """Functions that are decorated within the block are cached in a folder, and no others."""
+    """Cache functions decorated within the block in a folder."""
     config: Any = numba.config
     before, config.CACHE_DIR = config.CACHE_DIR, str(folder or "")
     try:
@@ -142,9 +142,9 @@ def _cached_in(folder: Path | None) -> Iterator[None]:
 
 @cache
 def _folder() -> Path | None:
-    """Folder for these kernels, named by a digest of all their sources; None where nothing can be written.
+    """Cache folder of this version of the kernels, named by a digest of their sources; None if not writable.
 
-    It lies in the folder that ``SIDEGAN_CACHE`` names, or in the user's cache.
+    It lies in the folder named by ``SIDEGAN_CACHE``, or in the user's cache.
     """
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
@@ -156,22 +156,22 @@ def _folder() -> Path | None:
         if not folder.exists():
             folder.mkdir(parents=True, exist_ok=True)
             _remove_old(within, folder)
-    except (OSError, RuntimeError):  # the latter of a user without a home
+    except (OSError, RuntimeError):  # RuntimeError: the user has no home folder
         return None
     return folder if os.access(folder, os.W_OK) else None
 
 
 def _remove_old(within: Path, new: Path) -> None:
-    """Remove caches of other versions but for the last few."""
+    """Remove caches of other versions except the most recent ones."""
     others = [path for path in within.glob("kernels-*") if path.name != new.name]
-    with suppress(OSError):  # another process removes them too
+    with suppress(OSError):  # another process may be removing them too
         for path in sorted(others, key=lambda path: path.stat().st_mtime)[:-_KEPT]:
             shutil.rmtree(path, ignore_errors=True)
 
 
 @cache
 def _tell() -> None:
-    """Say once why nothing seems to happen."""
+    """Log once that compilation takes a while."""
     log.info("compiling for this processor, once, which takes up to a minute")
 
 
@@ -183,7 +183,7 @@ def share(module: ModuleType) -> None:
 
 
 kernel = _kernel()
-part = numba.njit(inline="always", **_OPTIONS)  # compiled where it is called, never by itself
+part = numba.njit(inline="always", **_OPTIONS)  # inlined into its callers, never compiled on its own
 inline = _kernel(forceinline=True)  # a call would cost more than the work
-kernel_in_any_order = _kernel(fastmath=_ANY_ORDER)  # its sums over lanes are sums of vectors
+kernel_in_any_order = _kernel(fastmath=_ANY_ORDER)  # lets sums over lanes be vectorised
 inline_in_any_order = _kernel(forceinline=True, fastmath=_ANY_ORDER)

@@ -1,4 +1,4 @@
-"""Joints of a chain and rows of arrays as tuples, compiled."""
+"""Compiled access to the joints of a chain and to rows of arrays, as tuples."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ from sidegan.kernels.chain import Chain
 from sidegan.kernels.formulas import Matrix, Ten, Vector, add, times
 from sidegan.kernels.jit import inline, share
 
-TOUCHING = 1e-12  # [m] below it a distance has no direction
+TOUCHING = 1e-12  # [m] shorter distances have no direction
 
 share(formulas)
 
@@ -54,7 +54,7 @@ def set_matrix(x: Array, i: int, m: Matrix) -> None:
 
 @inline
 def ten(x: Array, i: int) -> Ten:
-    """Ten numbers from index i on."""
+    """Ten consecutive numbers from index i on."""
     return (
         x[i], x[i + 1], x[i + 2], x[i + 3], x[i + 4], x[i + 5], x[i + 6], x[i + 7], x[i + 8], x[i + 9],
     )  # fmt: skip
@@ -77,7 +77,7 @@ def joint(chain: Chain, i: int) -> Joint:
 
 @inline
 def placement(j: Joint, s: float, c: float, q: float) -> tuple[Matrix, Vector]:
-    """Rotation and origin of a joint's frame in its parent's, at sine and cosine of the position q."""
+    """Rotation and origin of a joint's frame in its parent's, given sine s and cosine c of position q."""
     r0 = _mix(j.fixed[0], j.sine[0], s, c, j.cosine[0])
     r1 = _mix(j.fixed[1], j.sine[1], s, c, j.cosine[1])
     r2 = _mix(j.fixed[2], j.sine[2], s, c, j.cosine[2])

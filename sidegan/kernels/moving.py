@@ -1,7 +1,7 @@
-"""How near bodies may come, to each other or to a region, while the arm moves through a cell, compiled.
+"""Compiled lower bounds on the distance of bodies from each other or from regions over a cell.
 
-Along one direction both bodies lie in intervals, whose ends move evenly but for how their points' paths bend.
-A twist is the angular velocity of every frame, and its velocity at the origin, (2, J + 1, 3).
+Along a direction each body spans an interval; ``bend`` bounds how far its ends leave constant velocity.
+A twist is the angular velocity of every frame and its velocity at the world origin, (2, J + 1, 3).
 """
 
 import math
@@ -18,7 +18,7 @@ from sidegan.kernels.links import matrix, row, set_row
 
 @inline
 def place_twists(chain: Chain, at: Place, rates: Array, twist: Array) -> None:
-    """Write the twist of an arm whose joints have some rates, (J,)."""
+    """Write the twist of an arm at joint rates, (J,)."""
     turning = moving = (0.0, 0.0, 0.0)
     set_row(twist[0], 0, turning)
     set_row(twist[1], 0, moving)
@@ -35,16 +35,16 @@ def place_twists(chain: Chain, at: Place, rates: Array, twist: Array) -> None:
 
 @inline
 def bend(reach: Array, p: int, between: tuple[int, int], motion: Array, half: float) -> float:
-    """How far at most a point of a body, seen from another one, leaves its even motion [m].
+    """Largest deviation [m] of a body's points from constant velocity in the cell, relative to another body.
 
-    Half the square of the half width times the largest acceleration: joints' accelerations at their largest
-    levers, and products of speeds at the lever of the joint further out.
+    This is half² / 2 times the largest acceleration: joint accelerations at their largest lever arms, plus
+    products of joint speeds at the lever arm of the outer joint.
 
     Args:
-        reach: the largest lever of each joint wherever the arm is, (P, J).
-        p: its row.
+        reach: largest lever arm of each joint over all positions, (P, J).
+        p: row of ``reach``.
         between: the two bodies' frames, the inner one first.
-        motion: bounds over the cell, of which rows 2 and 3 are speeds and accelerations, (4, J).
+        motion: bounds over the cell, (4, J); rows 2 and 3 are speeds and accelerations.
         half: half width of the cell [s].
     """
     acceleration = before = 0.0
@@ -57,13 +57,13 @@ def bend(reach: Array, p: int, between: tuple[int, int], motion: Array, half: fl
 
 @inline
 def _between(twist: Array, f: int, g: int) -> tuple[Vector, Vector]:
-    """How frame g turns and moves, seen from frame f."""
+    """Twist of frame g relative to frame f."""
     return less(row(twist[0], g), row(twist[0], f)), less(row(twist[1], g), row(twist[1], f))
 
 
 @inline
 def fastest(twist: Array, frames: tuple[int, int], centre: Vector, radius: float) -> float:
-    """Largest speed [m/s], seen from the first frame, of a point of a ball that moves with the second one."""
+    """Largest speed [m/s], relative to the first frame, of the points of a ball fixed to the second one."""
     turning, moving = _between(twist, frames[0], frames[1])
     middle = add(moving, cross(turning, centre))
     return math.sqrt(dot(middle, middle)) + math.sqrt(dot(turning, turning)) * radius
@@ -71,10 +71,10 @@ def fastest(twist: Array, frames: tuple[int, int], centre: Vector, radius: float
 
 @inline
 def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Contact, half: float) -> float:
-    """Least margin [m] of capsule k that is off a region, in a cell, if points moved evenly.
+    """Smallest margin [m] over a cell of capsule k outside a region, for points at constant velocity.
 
-    A region is convex, so a plane that touches it at the point nearest to the capsule is never further away.
-    Ends of axes, (3, C, 3), twist and contact are those at the centre of the cell of half width ``half`` [s].
+    A region is convex, so its tangent plane at the nearest point is never farther away than the region. Ends
+    (3, C, 3), twist and contact are those at the centre of the cell of half width ``half`` [s].
     """
     distance, point, away = contact
     turning, moving = row(twist[0], shapes.frame[k]), row(twist[1], shapes.frame[k])
@@ -88,7 +88,7 @@ def least_height(shapes: Shapes, ends: Array, twist: Array, k: int, contact: Con
 
 @inline
 def _height(bodies: Bodies, at: Place, c: int, towards: Vector, inside: bool) -> float:
-    """How far the axis of a capsule, or the corners of what is inside of it, reach in a direction."""
+    """Largest extent in a direction of a capsule's axis, or of the corners of the hull inside it."""
     if not inside:
         return max(dot(towards, row(at.ends[0], c)), dot(towards, row(at.ends[1], c)))
     hulls, f = bodies.hulls, bodies.shapes.frame[c]
@@ -101,10 +101,10 @@ def _height(bodies: Bodies, at: Place, c: int, towards: Vector, inside: bool) ->
 def least_gap(
     bodies: Bodies, at: Place, twist: Array, p: int, normal: Vector, half: float, inside: bool
 ) -> float:
-    """Least gap [m] along a direction between the bodies of pair p in a cell, if points moved evenly.
+    """Smallest gap [m] over a cell between the bodies of pair p along a normal, at constant velocity.
 
-    The unit normal points from the inner to the outer body; ``inside`` means what is inside of capsules.
-    Place and twist are those at the centre of the cell of half width ``half`` [s].
+    The unit normal points from the inner to the outer body; ``inside`` selects the hulls, not the capsules.
+    Pose and twist are those at the centre of the cell of half width ``half`` [s].
     """
     i, k, f, g = ordered(bodies.shapes, p)
     turning, moving = _between(twist, f, g)

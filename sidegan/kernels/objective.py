@@ -1,4 +1,4 @@
-"""The penalised objective of one trajectory, its exact gradient, and its worst margins, compiled."""
+"""Compiled penalised objective of one trajectory, its exact gradient, and its worst margins."""
 
 import math
 from typing import NamedTuple
@@ -17,35 +17,35 @@ from sidegan.kernels.jit import kernel, part
 
 
 class Plan(NamedTuple):
-    """An arm among its regions, its trajectories, and what is asked of them.
+    """An arm in its workspace, the trajectory parametrisation, limits and goal.
 
-    A point x, (J, K), stands for the coefficients matrix @ x of each joint.
+    A point x, (J, K), has the coefficients matrix[j] @ x[j] for joint j.
     """
 
     chain: Chain
     shapes: Shapes
     columns: regressor.Columns  # base columns, ascending
-    extra: information.JointTerms  # what the model has beside rigid bodies, their parameters after the base's
+    extra: information.JointTerms  # rotor, friction and offset terms; their parameters follow the base's
     # lower triangular C of all P parameters; Cᵀ YᵀY C has the spectrum in an orthonormal basis, (P, P)
     subspace: Array
-    home: Array  # position that trajectories start from, (J,) [rad or m]
-    matrix: Array  # coefficients of points, (J, K, K), symmetric
+    home: Array  # start position of the trajectories, (J,) [rad or m]
+    matrix: Array  # maps points to coefficients, (J, K, K), symmetric
     basis: Array  # derivatives 0 to 2 of the K basis functions at T samples, (3, K, T)
-    # derivatives 0, 1 and what ``higher`` limits at S finer ones, some of them the same, (2 + L, K, S)
+    # derivatives 0, 1 and those that ``higher`` limits, at S finer samples that include the T, (2 + L, K, S)
     fine: Array
-    limits: Limits  # what torques cost, at the samples, and all else, at the finer ones
-    higher: Array  # limits of accelerations, jerks, …, (L, J); infinite where nothing is limited
-    close: float  # weight of what small distances lack, at the finer samples [1/m²]
-    reach: float  # smallest distance that costs nothing [m]
+    limits: Limits  # for torques at the T samples, for everything else at the finer ones
+    higher: Array  # limits on acceleration, jerk, …, (L, J); infinite where unlimited
+    close: float  # weight of squared distance shortfalls, at the finer samples [1/m²]
+    reach: float  # distance below which the penalty starts [m]
     goal: goals.GoalArrays
 
 
 class Scratch(NamedTuple):
-    """Scratch for the kernel at work; not to be shared among threads."""
+    """Scratch arrays of one thread."""
 
     c: Array  # coefficients, (J, K)
     states: Array  # (5, 1, J, T)
-    fine: Array  # the same at the finer samples, without accelerations, (5, 1, J, S)
+    fine: Array  # states at the finer samples, without accelerations, (5, 1, J, S)
     line: Array  # one derivative at the finer samples, (J, S)
     lanes: dynamics.Scratch
     y: Array  # regressor
@@ -53,15 +53,15 @@ class Scratch(NamedTuple):
     goal: goals.Scratch
     sets: Array  # inertial parameters of the directions, (D, 10 J)
     signals: information.Signals
-    slope: Array  # in positions, velocities and accelerations, (3, 1, J, T)
-    push: Array  # in what is limited at the finer samples, (2 + L, 1, J, S)
+    slope: Array  # gradient in positions, velocities and accelerations, (3, 1, J, T)
+    push: Array  # gradient in the derivatives limited at the finer samples, (2 + L, 1, J, S)
     near: apart.Scratch
-    back: Array  # slope in the coefficients, (J, K)
+    back: Array  # gradient in the coefficients, (J, K)
     ends: Array  # smallest and largest eigenvalue, (2,)
 
 
 def scratch(plan: Plan) -> Scratch:
-    """Scratch to work on a plan, and on any other with as many of everything."""
+    """Scratch arrays for a plan, or any other of the same dimensions."""
     joints, functions, _ = plan.matrix.shape
     size, samples, finer = len(plan.subspace), plan.basis.shape[2], plan.fine.shape[2]
     goal = goals.scratch(plan.goal)
@@ -87,9 +87,9 @@ def scratch(plan: Plan) -> Scratch:
 
 @kernel
 def _combine(c: Array, basis: Array, out: Array) -> None:
-    """Add sums of basis functions (K, T) with coefficients (J, K) to signals (J, T).
+    """Add combinations of basis functions (K, T) with coefficients (J, K) to signals (J, T).
 
-    A basis function is read once for all joints.
+    Each basis function is read once for all joints.
     """
     for k in range(len(basis)):
         for j in range(len(c)):
@@ -100,7 +100,7 @@ def _combine(c: Array, basis: Array, out: Array) -> None:
 
 @kernel
 def _move(plan: Plan, x: Array, work: Scratch) -> None:
-    """Write the coefficients (J, K) [rad/s] of a point (J, K), and the states."""
+    """Write the coefficients (J, K) [rad/s] and the states of a point (J, K)."""
     for j in range(len(x)):
         for k in range(x.shape[1]):
             work.c[j, k] = product(plan.matrix[j, k], x[j], x.shape[1])
@@ -109,7 +109,7 @@ def _move(plan: Plan, x: Array, work: Scratch) -> None:
 
 @kernel
 def roll_out(plan: Plan, work: Scratch) -> None:
-    """Write the states of the coefficients at both grids of samples."""
+    """Write the states that the coefficients give on both sample grids."""
     fine, states = work.fine, work.states
     joints, samples, finer = len(plan.home), states.shape[3], fine.shape[3]
     every = finer // samples
@@ -132,7 +132,7 @@ def roll_out(plan: Plan, work: Scratch) -> None:
 
 @kernel
 def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: float, slope: Array) -> float:
-    """Cost of a signal that leaves its range; writes its slopes."""
+    """Penalty of a signal for leaving its range; writes its gradient."""
     total = 0.0
     for n in range(len(x)):
         excess = beyond(x[n] - middle, limit, reserve)
@@ -143,7 +143,7 @@ def _cost_of(x: Array, middle: float, limit: float, reserve: float, weight: floa
 
 @kernel
 def _bound(plan: Plan, work: Scratch) -> float:
-    """Cost of positions, velocities and higher derivatives; writes their slopes."""
+    """Penalty of positions, velocities and higher derivatives; writes its gradient."""
     bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
     for j in range(len(bounds.room)):
@@ -160,7 +160,7 @@ def _bound(plan: Plan, work: Scratch) -> float:
 
 @kernel
 def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
-    """Carry the slopes from both grids back to the point."""
+    """Propagate the gradients on both sample grids back to the point."""
     joints, functions = work.back.shape
     samples, finer = work.states.shape[3], work.fine.shape[3]
     for j in range(joints):
@@ -179,14 +179,14 @@ def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
 
 @kernel
 def slopes(plan: Plan, count: int, work: Scratch) -> float:
-    """What torques cost; writes the slopes of it and of the energy of so many directions in the states."""
+    """Torque penalty; writes the gradient of it plus the energy of ``count`` directions in the states."""
     directions, extra = (work.sets, work.goal.weights[:count]), (plan.extra, work.signals)
     return weighted_slopes(plan.chain, plan.limits, work.states, extra, directions, work.slope, work.lanes)
 
 
 @part
 def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
-    """Penalty of the states; writes the gradient of it and of the energy of so many directions."""
+    """Penalty of the states; writes the gradient of it plus the energy of ``count`` directions."""
     columns, first, samples = plan.columns, plan.columns.first, work.states.shape[3]
     for k in range(count):
         work.goal.weights[k] /= samples
@@ -207,7 +207,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
 def objective_of(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[float, float]:
     """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K).
 
-    Where there is no goal it is infinite, and the gradient zero.
+    Where the goal is not finite, it is infinite and the gradient and the penalty are zero.
     """
     _move(plan, x, work)
     extra = plan.extra, work.signals
@@ -222,15 +222,15 @@ def objective_of(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[
 
 @kernel
 def objective(plan: Plan, x: Array, gradient: Array, work: Scratch) -> tuple[float, float]:
-    """``objective_of`` by itself."""
+    """``objective_of`` as a kernel of its own."""
     return objective_of(plan, x, gradient, work)
 
 
 @kernel
 def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Array, work: Scratch) -> float:
-    """Penalty of a point (J, K); writes the gradient of it and of Σ weight · |Y v|² / T, (J, K).
+    """Penalty of a point (J, K); writes the gradient of it plus Σ weight · |Y v|² / T, (J, K).
 
-    The vectors v are (D, p), of rigid bodies alone; their rows count by the joints' weights.
+    The vectors v, (D, p), hold rigid-body parameters only; joint weights apply to the rows of Y.
     """
     _move(plan, x, work)
     for k in range(len(weights)):
@@ -240,21 +240,21 @@ def pull_back(plan: Plan, x: Array, vectors: Array, weights: Array, gradient: Ar
     return _penalised(plan, len(weights), gradient, work)
 
 
-# Numbers of a trajectory.
+# Columns of a trajectory's numbers.
 FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NUMBERS = range(9)
 _EPS = float(np.finfo(np.float64).eps)
 
 
 class Measure(NamedTuple):
-    """Meaning of the numbers."""
+    """Conventions for fitness and distance violations."""
 
-    weakest: int  # rank, from the smallest, of the eigenvalue that the largest is divided by
-    distance: float  # clearance that counts like a whole limit [m]
+    weakest: int  # ascending rank of the eigenvalue in the denominator of the condition number
+    distance: float  # penetration that counts as a violation of one [m]
 
 
 @kernel
 def _beyond_most(x: Array, middle: float, limit: float) -> float:
-    """How far a signal exceeds its limit at most, as a share of it; less than zero where it never does."""
+    """Largest excess of a signal over its limit, relative to the limit; negative if it never exceeds it."""
     most = 0.0
     for n in range(len(x) if math.isfinite(limit) else 0):
         most = max(most, abs(x[n] - middle))
@@ -292,7 +292,7 @@ def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
 
 @kernel
 def _ratio(plan: Plan, measure: Measure, work: Scratch) -> float:
-    """Largest over smallest eigenvalue of YᵀY; infinite where that is rounding."""
+    """Largest over weakest eigenvalue of YᵀWY; infinite if the weakest is rounding noise."""
     extra, size = (plan.extra, work.signals), len(plan.subspace)
     weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
     inner = work.goal.inner
@@ -311,8 +311,8 @@ def _ratio(plan: Plan, measure: Measure, work: Scratch) -> float:
 def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Scratch) -> None:
     """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
 
-    A violation is the worst relative margin with its sign turned: positive where the constraint is violated.
-    Both grids of the plan have the same samples.
+    A violation is the negated worst relative margin: positive where the constraint is violated. Both sample
+    grids of the plan must be the same.
     """
     for b in range(len(c)):
         for n in range(NUMBERS):

@@ -1,7 +1,7 @@
-"""Margins of every constraint in many cells of many trajectories, one state at a time, in registers.
+"""Compiled margins of every constraint in many cells of many trajectories, one state at a time.
 
-What can neither be its trajectory's smallest margin nor leave a cell undecided is skipped after a cheap test
-that proves as much, and a part of a cell is asked only what its whole could not decide.
+A cheap test skips whatever can neither be its trajectory's smallest margin nor leave a cell undecided. Parts
+of a cell are checked only for the constraints that the whole cell left undecided.
 """
 
 import math
@@ -34,34 +34,34 @@ POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK = range(7)  
 class Smallest(NamedTuple):
     """Smallest margins so far, one row per trajectory and one column per constraint, (B, 7) each."""
 
-    margin: Array  # the margins
-    element: Array  # joint, pair or guarded capsule that each belongs to, int
+    margin: Array
+    element: Array  # index of the joint, pair or guarded capsule with this margin, int
     time: Array  # when it occurs [s]
 
 
 class Cells(NamedTuple):
     """Cells to visit."""
 
-    which: Array  # trajectory of each, (N,) int; equal ones follow each other
-    rows: Array  # centre of each, a row of the basis, (N,) int
-    last: bool  # whether what is undecided counts with its guaranteed margin
-    asked: Array  # which constraints are looked at, (N, 7) bool; positions and velocities go together
-    undecided: Array  # written: which of them leave the cell undecided, (N, 7) bool
+    which: Array  # trajectory of each cell, grouped, (N,) int
+    rows: Array  # row of the basis at each cell's centre, (N,) int
+    last: bool  # last pass: undecided constraints count with their guaranteed margins
+    asked: Array  # constraints to check, (N, 7) bool; positions go with velocities, accelerations with jerks
+    undecided: Array  # output: constraints that leave the cell undecided, (N, 7) bool
 
 
 class Here(NamedTuple):
     """The cell being visited."""
 
-    n: int  # its trajectory
+    n: int  # trajectory
     at: int  # row of the basis
     time: float  # centre [s]
     half: float  # half width [s]
-    last: bool  # whether it is of the last pass
+    last: bool  # whether this is the last pass
 
 
 @inline
 def _reached(reach: Array, i: int, motion: Array) -> float:
-    """How far the position changes in a cell move something [m], by its reach[i]."""
+    """Largest displacement [m] due to a cell's position changes, for the lever arms reach[i]."""
     total = 0.0
     for j in range(motion.shape[1]):
         total += reach[i, j] * motion[0, j]
@@ -70,11 +70,11 @@ def _reached(reach: Array, i: int, motion: Array) -> float:
 
 @inline
 def _settle(margin: float, slack: float, here: Here, what: tuple[int, int], smallest: Smallest) -> bool:
-    """Take the margin of a column and an element into account, which changes by at most so much in the cell.
+    """Update a column's smallest margin by an element's, which changes by at most ``slack`` in the cell.
 
-    Whether that leaves the cell undecided comes back.
+    Returns whether it leaves the cell undecided.
     """
-    (column, element), n, unsure = what, here.n, not margin >= slack  # what is no number decides nothing
+    (column, element), n, unsure = what, here.n, not margin >= slack  # NaN leaves the cell undecided
     if here.last and unsure and margin >= 0:
         margin -= slack
     if margin < smallest.margin[n, column] or margin != margin:
@@ -85,7 +85,7 @@ def _settle(margin: float, slack: float, here: Here, what: tuple[int, int], smal
 
 @inline
 def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """Take positions and velocities into account; whether one of them leaves the cell undecided."""
+    """Check positions and velocities; returns whether any of them leaves the cell undecided."""
     state, motion, undecided = work.state, work.motion, False
     for j in range(len(model.home)):
         margin = state[0, j] - model.lower[j]
@@ -99,7 +99,7 @@ def _check_limits(model: Model, work: Work, here: Here, smallest: Smallest) -> b
 
 @inline
 def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
-    """Take accelerations and jerks into account, where some are limited, likewise."""
+    """Check accelerations and jerks, if limited; returns whether any leaves the cell undecided."""
     n, c, basis, undecided = here.n, motions.c, motions.basis, False
     for j in range(model.higher.shape[1]):
         jerk, snap = work.state[3, j], 0.0
@@ -115,9 +115,9 @@ def _check_higher(model: Model, work: Work, motions: Motions, here: Here, smalle
 
 @inline
 def _check_torques(model: Model, work: Work, motions: Motions, here: Here, smallest: Smallest) -> bool:
-    """Take torques into account, by how fast they change at the centre of a cell, and in it.
+    """Check torques, from their rates at the cell's centre and bounds over the cell.
 
-    Their rates are found only where bounds of them do not do.
+    Exact rates are computed only if the bounds on the rates do not suffice.
     """
     torques(model, work)
     best, half, bent, undecided = smallest.margin[here.n, TORQUE], here.half, work.bent, False
@@ -137,7 +137,7 @@ def _check_torques(model: Model, work: Work, motions: Motions, here: Here, small
 
 @inline
 def _outward(shapes: Shapes, p: int, x: Vector) -> Vector:
-    """Unit direction from the inner to the outer body of a pair, along one from its second to its first."""
+    """Unit vector from a pair's inner to its outer body; x points from its second to its first."""
     inner, _, _, _ = ordered(shapes, p)
     sign = -1.0 if inner == shapes.pairs[p, 0] else 1.0
     return times(sign / math.sqrt(dot(x, x)), x)
@@ -147,12 +147,12 @@ def _outward(shapes: Shapes, p: int, x: Vector) -> Vector:
 def _look_closer(
     model: Model, work: Work, p: int, known: tuple[float, float, float], half: float
 ) -> tuple[float, float]:
-    """Margin of a pair, and how much it can change in the cell: of capsules, or of what is inside of them.
+    """Margin of a pair and its largest decrease in the cell, for the capsules or the hulls inside them.
 
-    Known are the capsules' margin, the smallest so far, and how far the links move if they move evenly; minus
-    infinity where the cell is settled anyway. First by how far they move in any direction, then by how the
-    bodies move along the line between them. What is inside is looked at no more closely than it takes to see
-    that it is at least ``best``.
+    ``known`` holds the capsules' margin, the smallest margin so far (``best``), and the links' displacement
+    at constant velocity, or minus infinity if the cell need not be proven. The first bound is displacement in
+    any direction; the second, motion along the line between the bodies. The distance of the hulls is refined
+    only until it reaches ``best`` and their largest displacement.
     """
     (margin, best, evenly), motion, at = known, work.motion, work.at
     bodies, shapes = model.bodies, model.bodies.shapes
@@ -182,7 +182,7 @@ def _look_closer(
 
 @inline
 def _capsules_apart(shapes: Shapes, ends: Array, p: int, need: float) -> bool:
-    """Whether a pair's margin is surely at least ``need``, since the balls around its capsules are."""
+    """Whether the bounding balls of a pair's capsules prove a margin of at least ``need``."""
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     apart, far = less(row(ends[2], i), row(ends[2], k)), need + shapes.size[i] + shapes.size[k]
     return dot(apart, apart) >= far * far
@@ -190,15 +190,15 @@ def _capsules_apart(shapes: Shapes, ends: Array, p: int, need: float) -> bool:
 
 @inline
 def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """Take pairs of capsules into account: only those whose balls are near enough to matter.
+    """Check pairs of capsules whose bounding balls are close enough to matter.
 
-    Where capsules leave the cell undecided, what is inside of them decides, where that is known.
+    Where the capsules leave the cell undecided, the hulls inside them decide, if known.
     """
     shapes, ends = model.bodies.shapes, work.at.ends
     least, undecided, invalid = smallest.margin[here.n], False, False
     for k in range(len(least)):
         invalid |= least[k] < 0
-    sure = invalid and not here.last  # what this cell leaves undecided is not looked at again
+    sure = invalid and not here.last  # no later pass revisits an invalid trajectory
     farthest = -np.inf if sure else _reached(model.reach_most, 0, work.motion)
     for p in range(len(shapes.pairs)):
         if _capsules_apart(shapes, ends, p, max(least[COLLISION], farthest)):
@@ -224,7 +224,7 @@ def _check_pairs(model: Model, work: Work, here: Here, smallest: Smallest) -> bo
 
 @inline
 def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> bool:
-    """Take capsules and keep-out regions into account."""
+    """Check capsules against keep-out regions; returns whether any leaves the cell undecided."""
     shapes, ends, motion, undecided = model.bodies.shapes, work.at.ends, work.motion, False
     most = _reached(model.reach_most, 0, motion)
     for g in range(len(shapes.guarded)):
@@ -247,7 +247,7 @@ def _check_regions(model: Model, work: Work, here: Here, smallest: Smallest) -> 
 
 @kernel
 def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Smallest) -> None:
-    """Update the smallest margins of trajectories; write which constraints leave which cells undecided."""
+    """Update the trajectories' smallest margins; write which constraints leave each cell undecided."""
     which, rows, asked, unsure = cells.which, cells.rows, cells.asked, cells.undecided
     shapes, before = model.bodies.shapes, -1
     for cell in range(len(which)):
@@ -279,7 +279,7 @@ def visit(model: Model, work: Work, motions: Motions, cells: Cells, smallest: Sm
 
 
 def everything(model: Model, cells: int) -> Array:
-    """That all constraints of a model are looked at in some cells, (N, 7) bool."""
+    """Mask that asks for all constraints of a model in every cell, (N, 7) bool."""
     wanted = np.zeros((cells, 7), dtype=bool)
     wanted[:, [POSITION, VELOCITY]] = True
     wanted[:, [ACCELERATION, JERK]] = model.higher.shape[1] > 0

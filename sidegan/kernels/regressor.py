@@ -1,4 +1,4 @@
-"""Compiled products of the base regressor with itself, which is never kept whole."""
+"""Compiled products of the base regressor with itself, without ever storing all of it."""
 
 from typing import NamedTuple
 
@@ -22,21 +22,21 @@ from sidegan.kernels.formulas import add, columns_of, cross, times, to_child
 from sidegan.kernels.jit import inline_in_any_order, kernel, kernel_in_any_order
 from sidegan.kernels.links import Joint, joint
 
-SPAN = 2 * LANES  # most states whose regressor is kept at a time: it stays near the processor
+SPAN = 2 * LANES  # maximum states per block of the regressor, which must fit in the cache
 
 Four = tuple[float, float, float, float]
 
 
 class Columns(NamedTuple):
-    """The p base columns, links in order."""
+    """The p base columns, ordered by link."""
 
-    kinds: Array  # which of its link's ten parameters each is, (p,)
+    kinds: Array  # index of each column among its link's ten parameters, (p,)
     first: Array  # first column of each link, and p at the end, (J + 1,)
 
 
 @kernel
 def _carry_screw(link: Lanes, screw: Lanes, width: int) -> None:
-    """A joint's turn and the speed of the origin, from the parent's frame into the link's."""
+    """Transform a joint's screw from the parent's frame to the link's."""
     for n in range(min(width, LANES)):
         r, turn = load_turn(link, n), load(screw, 0, n)
         linear = add(load(screw, 3, n), cross(turn, load(link, SHIFT, n)))
@@ -53,7 +53,7 @@ def _new_screw(j: Joint, screw: Lanes, width: int) -> None:
 
 @kernel
 def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
-    """The link's ten columns seen by one joint."""
+    """Write a link's ten regressor entries in one joint's row."""
     for n in range(min(width, LANES)):
         x = columns_of(load_motion(link, n), load(screw, 0, n), load(screw, 3, n))
         ten[n] = x[0]
@@ -64,10 +64,10 @@ def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
 
 @kernel
 def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: Scratch, y: Array) -> int:
-    """Write the base regressor of a block of states; how many lanes each joint takes.
+    """Write the base regressor of a block of states; returns the number of lanes per joint.
 
-    A column's row of y holds joint 0's lanes, then joint 1's, … up to the joint of its own link: the
-    others do not feel it. Lanes without a state are zero. There is room in y, (p, J · (count + LANES)).
+    Row k of y holds column k for joint 0's lanes, then joint 1's, … up to the joint of its own link; joints
+    further out do not feel it. Unused lanes are zero. y needs the size (p, J · (count + LANES)).
     """
     b, start, count = block
     state, links, screws, ten = work.state, work.links, work.screws, work.ten
@@ -101,7 +101,7 @@ def _four(s: Four, x: float, y: Four) -> Four:
 
 @kernel_in_any_order
 def tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int, out: Array) -> None:
-    """Add the products of up to four rows (first, end) with four others, from ``low`` to ``high``."""
+    """Add scalar products of up to four rows p = (first, end) with four rows q, over ``low`` to ``high``."""
     (i, ps), (j, qs) = p, q
     a0, a1, a2, a3 = y[i], y[min(i + 1, ps - 1)], y[min(i + 2, ps - 1)], y[min(i + 3, ps - 1)]
     b0, b1, b2, b3 = y[j], y[min(j + 1, qs - 1)], y[min(j + 2, qs - 1)], y[min(j + 3, qs - 1)]
@@ -118,7 +118,7 @@ def tile(y: Array, p: tuple[int, int], q: tuple[int, int], low: int, high: int, 
 
 @kernel
 def mirror(x: Array, factor: float) -> None:
-    """Multiply what is above the diagonal, and write it below too."""
+    """Scale the upper triangle, with the diagonal, and copy it to the lower one."""
     for p in range(len(x)):
         for q in range(p, len(x)):
             x[p, q] *= factor
@@ -129,9 +129,9 @@ def mirror(x: Array, factor: float) -> None:
 def sums(
     chain: Chain, states: Array, torque: Array, columns: Columns, products: Array, work: Scratch, y: Array
 ) -> None:
-    """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1); zeros before.
+    """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1), initially zero.
 
-    The torque, (B, J, T), comes last. There is room in y for the regressor and the torque, (p + 1, J · SPAN).
+    The torque, (B, J, T), is the last column. y is scratch for both, (p + 1, J · SPAN).
     """
     joints, count, size = states.shape[2], states.shape[3], len(columns.kinds)
     for b in range(states.shape[1]):

@@ -1,6 +1,6 @@
-"""Sine and cosine together, several angles at a time: the compiler turns the loop into vector instructions.
+"""Sine and cosine together, in a loop that the compiler vectorises.
 
-The angle less whole quarter turns lies within π/4, where the Taylor series are exact to rounding.
+The angle minus whole quarter turns lies within ±π/4, where the Taylor series are exact to rounding.
 """
 
 import math
@@ -10,8 +10,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.kernels.jit import kernel
 
-_QUARTERS = 2 / math.pi  # in a radian
-# A quarter turn in three parts, of which the first two have 33 bits: whole multiples of them are exact.
+_QUARTERS = 2 / math.pi  # quarter turns per radian
+# A quarter turn in three parts; the first two have 33 bits, so that their integer multiples are exact.
 _FIRST, _SECOND, _THIRD = 1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21
 _S = tuple((-1.0) ** n / math.factorial(2 * n + 1) for n in range(9))  # of x, x³, x⁵ …
 _C = tuple((-1.0) ** n / math.factorial(2 * n) for n in range(10))  # of 1, x², x⁴ …
