@@ -55,8 +55,11 @@ class TrajectoryGenerator(nn.Module):
 
     def coefficients(self, images: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), from images, within the box and the limits if it has them."""
-        c = self.scaling.coefficients(images)
-        c = c if self.box is None else self.box(c)
+        return self.bounded(self.scaling.coefficients(images))
+
+    def bounded(self, free: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), within the box and the limits; ``free`` itself without both."""
+        c = free if self.box is None else self.box(free)
         return c if self.limits is None else self.limits(c)
 
     def images(self, count: int, stream: torch.Generator | None = None) -> Tensor:

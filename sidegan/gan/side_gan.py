@@ -106,11 +106,11 @@ class SideGAN(pl.LightningModule):
         """A batch of new trajectories."""
         generator = self.generator
         images = generator.images(count)
-        c = generator.coefficients(images)
-        free = c if generator.box is None else generator.scaling.coefficients(images)
-        if generator.limits is not None or generator.box is not None:
+        free = generator.scaling.coefficients(images)
+        c = generator.bounded(free)
+        if c is not free:
             images = generator.scaling.image(c)
-        return Batch(c, images, free, self.convert)
+        return Batch(c, images, c if generator.box is None else free, self.convert)
 
     def convert(self, batch: Batch) -> Tensor:
         """Features that the converter predicts, (B, p)."""
