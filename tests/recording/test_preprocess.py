@@ -57,24 +57,21 @@ def test_filtering_a_long_recording_in_blocks_leaves_no_seams(planar, delay):
         np.testing.assert_allclose(x[inner], expected[inner], atol=1e-6, rtol=0)
 
 
-def test_a_long_recording_needs_little_more_memory_than_its_numbers(planar, tmp_path):
-    """Read from CSV and Parquet, and reduced."""
+@pytest.mark.parametrize("write", [write_csv, write_parquet])
+def test_a_long_recording_needs_little_more_memory_than_its_numbers(planar, tmp_path, write):
+    """Read and reduced."""
     recording = recorded(planar, np.arange(400_000) * 1e-3)
     numbers = 8 * len(recording) * 7  # bytes
-    paths = [write(recording, tmp_path) for write in (write_csv, write_parquet)]
+    path = write(recording, tmp_path)
     preprocess(recording, of_file())  # imports and compilation are not counted
     tracemalloc.start()
-    try:
-        for path in paths:
-            read = None
-            tracemalloc.reset_peak()
-            read = load_recording(path, of_file(), ("1", "2"))
-            assert tracemalloc.get_traced_memory()[1] < 2.2 * numbers
-        tracemalloc.reset_peak()
-        preprocess(read, of_file())
-        assert tracemalloc.get_traced_memory()[1] < 2.5 * numbers
-    finally:
-        tracemalloc.stop()
+    read = load_recording(path, of_file(), ("1", "2"))
+    loaded = tracemalloc.get_traced_memory()[1]
+    tracemalloc.reset_peak()
+    preprocess(read, of_file())
+    reduced = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert loaded < 2.2 * numbers and reduced < 2.5 * numbers
 
 
 def test_currents_are_converted_to_torques(planar, clock):
