@@ -6,14 +6,12 @@ from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.store import Store
 from tests.tiny import tiny
 
-OWN = ("~gan.exact", "~gan.prediction")  # which no claim is about
-
 
 @pytest.fixture(scope="session")
 def page(outputs, tmp_path_factory):
     """Folder of the published page of a whole tiny run."""
     folder = tmp_path_factory.mktemp("reproduction")
-    config = tiny(f"outputs={outputs}", f"publish={folder}/docs", *OWN, experiment="reproduction")
+    config = tiny(f"outputs={outputs}", f"publish={folder}/docs", experiment="reproduction")
     run_stages(config, folder, "first")
     return folder / "docs"
 
@@ -21,5 +19,5 @@ def page(outputs, tmp_path_factory):
 @pytest.fixture(scope="session")
 def artifacts(outputs, page):
     """What that run left."""
-    config = tiny(f"outputs={outputs}", *OWN, experiment="reproduction")
+    config = tiny(f"outputs={outputs}", experiment="reproduction")
     return reproduction.collect(RunContext(config, Store(outputs)))["ours"]

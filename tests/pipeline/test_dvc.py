@@ -24,7 +24,7 @@ PIPELINES = {
     "small": {"paper_seeds", "published_seeds", "identify"},
 }
 
-SPARED = "parallel.workers=1 tracking=off plants.plant.rate=250 ~gan.exact ~gan.prediction"
+SPARED = "parallel.workers=1 tracking=off plants.plant.rate=250"
 
 
 @pytest.fixture(params=PIPELINES, ids=lambda name: name or "root")
@@ -45,7 +45,7 @@ def test_every_stage_is_run_from_files_that_are_there(pipeline):
     folder, stages = pipeline
     outs = [one for stage in stages.values() for one in stage["outs"]]
     made = {str(next(iter(one)) if isinstance(one, dict) else one) for one in outs}
-    needed = {dep for one in stages.values() for dep in one["deps"]} - made
+    needed = {dep for one in stages.values() for dep in one.get("deps", ())} - made
     assert [path for path in needed if not (ROOT / folder / path).exists()] == []
     assert ROOT / "params.yaml" == VERSIONS
     keys = [key for one in stages.values() for key in one.get("params", ())]
@@ -61,11 +61,11 @@ def test_every_stage_is_run_from_files_that_are_there(pipeline):
 
 def test_hydra_reads_every_command(pipeline):
     """Its options stand on one side of all overrides, each of which it can parse."""
-    for command in (command for stage in pipeline[1].values() for command in stage["cmd"]):
-        words = shlex.split(command)
+    commands = (command for stage in pipeline[1].values() for command in stage["cmd"])
+    for words in (shlex.split(command) for command in commands if "sidegan.run" in command):
         words = words[words.index("python") + 3 :]
         options = [word.startswith("-") for word in words]
-        assert options == sorted(options) or options == sorted(options, reverse=True), command
+        assert options == sorted(options) or options == sorted(options, reverse=True), words
         OverridesParser.create().parse_overrides([word for word in words if not word.startswith("-")])
 
 

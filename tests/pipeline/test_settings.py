@@ -73,7 +73,7 @@ def test_conf_and_the_classes_have_the_same_defaults(words, groups):
 
 
 def test_conf_and_the_package_have_the_same_variants():
-    assert configured("condition=gradient").gan == RECIPES
+    assert configured("condition=gradient", "gan=all").gan == RECIPES
 
 
 def test_a_command_composes_only_the_groups_it_uses():

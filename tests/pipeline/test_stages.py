@@ -23,14 +23,14 @@ from tests.tiny import TINY, tiny
 def once(outputs, tmp_path_factory):
     """Folder of a run of a whole tiny experiment."""
     folder = tmp_path_factory.mktemp("once")
-    run_stages(tiny(f"outputs={outputs}"), folder, "first")
+    run_stages(tiny(f"outputs={outputs}", "gan=all"), folder, "first")
     return folder
 
 
 @pytest.fixture
 def made(once, outputs):
     """The context of that run."""
-    return RunContext(tiny(f"outputs={outputs}"), Store(outputs))
+    return RunContext(tiny(f"outputs={outputs}", "gan=all"), Store(outputs))
 
 
 def artifacts(made):
@@ -60,7 +60,7 @@ def test_every_stage_makes_its_artifacts_and_the_experiment_its_table(made, once
 
 def test_a_second_run_reuses_everything_and_prints_the_same(once, made, outputs, tmp_path, capsys):
     before = artifacts(made)
-    run_stages(tiny(f"outputs={outputs}"), tmp_path, "second")
+    run_stages(tiny(f"outputs={outputs}", "gan=all"), tmp_path, "second")
     assert artifacts(made) == before
     assert (tmp_path / "table1.csv").read_bytes() == (once / "table1.csv").read_bytes()
     out = capsys.readouterr().out

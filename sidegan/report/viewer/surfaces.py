@@ -1,19 +1,17 @@
 """Surfaces reduced to a size that fits a page."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sidegan.robot import Arm
+from sidegan.robot import Arm, solids
 from sidegan.robot.visuals import Part, capsule_surface, visual_parts
 from sidegan.validity import Convex, Plane, Region, Sphere
 
-if TYPE_CHECKING:  # slow to import
-    import trimesh
-
 _TRIANGLES = 120_000  # most triangles of an arm
 _FINEST, _COARSER = 5e-4, 1.4  # smallest grid cell for merging vertices [m], and factor to the next size
+_CELLS = 2**20  # most grid cells along an axis
 
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
@@ -27,19 +25,17 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
 
 def region_surface(region: Region) -> Part | None:
     """The surface of a keep-out region; None for a plane, which is unbounded."""
-    import trimesh
-
     if isinstance(region, Plane):
         return None
-    if isinstance(region, Convex):
-        return _part(trimesh.convex.convex_hull(region.points))
     if isinstance(region, Sphere):
-        return _part(trimesh.creation.icosphere(3, region.radius).apply_translation(region.centre))
-    return _part(trimesh.creation.box(bounds=[region.lower, region.upper]))
+        vertices, faces = solids.capsule(region.radius, 0)
+        return Part(-1, vertices + region.centre, faces)
+    if isinstance(region, Convex):
+        import trimesh  # slow to import
 
-
-def _part(mesh: "trimesh.Trimesh") -> Part:
-    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        hull = trimesh.convex.convex_hull(region.points)
+        return Part(-1, np.asarray(hull.vertices), np.asarray(hull.faces))
+    return Part(-1, *solids.box(region.lower, region.upper))
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
@@ -56,12 +52,19 @@ def fewer(parts: Sequence[Part]) -> list[Part]:
 
 
 def _clustered(part: Part, size: float) -> Part:
-    from trimesh.grouping import unique_rows
-
-    _, index = unique_rows(np.floor(part.vertices / size).astype(np.int64))
+    size = max(size, np.ptp(part.vertices) / _CELLS)
+    _, index = _distinct(np.floor(part.vertices / size).astype(np.int64))
     count = np.bincount(index)
     means = np.stack([np.bincount(index, column) for column in part.vertices.T], 1) / count[:, None]
     faces = index[part.faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
-    first, _ = unique_rows(np.sort(faces, axis=1)) if len(faces) else (slice(0), None)
-    return Part(part.link, means, faces[first])
+    return Part(part.link, means, faces[_distinct(np.sort(faces, axis=1))[0]])
+
+
+def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First of the equal rows, and for each row the number of its value."""
+    if not len(rows):
+        return np.arange(0), np.arange(0)
+    numbers = np.ravel_multi_index((rows - rows.min(0)).T, np.ptp(rows, 0) + 1)
+    _, first, index = np.unique(numbers, return_index=True, return_inverse=True)
+    return first, index
