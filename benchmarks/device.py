@@ -42,7 +42,9 @@ def task() -> tuple[Any, Data]:
 
     cfg = composed("+experiment=exp1", "scale=paper")
     constraints = Constraints(load_robot("kuka_lwr4"), [Plane((0.0, 0.0, 1.0), 0.10)])
-    family, arm, sizes = Trajectory(constraints.arm.joints), constraints.arm, cfg.surrogates
+    family = Trajectory(constraints.arm.joints)
+    arm = constraints.arm
+    sizes = cfg.surrogates
     seeds = Problem(constraints, family).start(SEEDS, np.random.default_rng(0))
     spectrum = excite(constraints.body, family, seeds[:200]).spectrum
     predictor = SuccessPredictor(arm, family, len(constraints.labels), sizes.width, sizes.margin_steps)

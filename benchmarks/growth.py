@@ -85,13 +85,13 @@ def harmonics(size: int) -> Costs:
 
 def library(size: int) -> Costs:
     """A library of random valid trajectories."""
-    constraints, noise = _lwr(), np.random.default_rng(0)
+    constraints = _lwr()
+    noise = np.random.default_rng(0)
     family = Trajectory(constraints.arm.joints)
-    problem, settings = (
-        Problem(constraints, family),
-        Expansion(count=size, batch=_BATCH, draws=20 * size, least=size),
-    )
-    found, start = Costs(), time.process_time()
+    problem = Problem(constraints, family)
+    settings = Expansion(count=size, batch=_BATCH, draws=20 * size, least=size)
+    found = Costs()
+    start = time.process_time()
     draws = draw_valid(
         lambda n: problem.start(n, noise, _REACH), lambda c: check(constraints, family, c), settings, "random"
     )
@@ -108,7 +108,8 @@ def library(size: int) -> Costs:
 
 
 def _pick(method: str, size: int) -> Costs:
-    constraints, noise = _lwr(), np.random.default_rng(0)
+    constraints = _lwr()
+    noise = np.random.default_rng(0)
     family = Trajectory(constraints.arm.joints)
     problem = Problem(constraints, family)
     c = np.concatenate([problem.start(_AT_ONCE, noise) for _ in range(size // _AT_ONCE)])
@@ -133,11 +134,13 @@ def d_optimal(size: int) -> Costs:
 def rls(size: int) -> Costs:
     """Least squares of so many seconds of motion at 100 Hz, read piece by piece."""
     constraints = _lwr()
-    body, family = RigidBody(constraints.arm), Trajectory(constraints.arm.joints, period=_PIECE)
+    body = RigidBody(constraints.arm)
+    family = Trajectory(constraints.arm.joints, period=_PIECE)
     c = Problem(constraints, family).start(1, np.random.default_rng(0))
     motion = family.roll_out(c, family.grid(round(100 * _PIECE)))
     part = Measurements(*(x[0] for x in motion[1:]), body.torque(*motion[1:])[0])
-    model, pieces = TorqueModel(body, RIGID), round(size / _PIECE)
+    model = TorqueModel(body, RIGID)
+    pieces = round(size / _PIECE)
     return {"fit": _spent(lambda: least_squares(gather(model, (part for _ in range(pieces))).sums))}
 
 
@@ -165,7 +168,8 @@ POINTS: dict[Callable[[int], Costs], list[int]] = {
 
 def main(name: str, *sizes: str) -> None:
     """Costs of these sizes, one JSON object."""
-    work, found = globals()[name], {}
+    work = globals()[name]
+    found = {}
     for size in sizes:
         with one_thread():
             costs = work(int(size))

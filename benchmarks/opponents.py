@@ -38,7 +38,8 @@ class Pinocchio:
 
     def __init__(self, constraints: Constraints) -> None:
         self.model = chain_model(constraints.arm)
-        self.data, self.pool = self.model.createData(), pin.ModelPool(self.model, 2)
+        self.data = self.model.createData()
+        self.pool = pin.ModelPool(self.model, 2)
         self.columns = constraints.body.base.columns
         self.geometry = capsule_geometry(constraints.arm)
         for first, second in constraints.pairs.tolist():
@@ -72,7 +73,8 @@ class Pinocchio:
     def estimate(self, states: Sequence[State], torques: Array) -> Array:
         """Base parameters (p,) by recursive least squares in its covariance form, one gain per sample."""
         count = len(self.columns)
-        covariance, estimate = _CERTAIN * np.eye(count), np.zeros(count)
+        covariance = _CERTAIN * np.eye(count)
+        estimate = np.zeros(count)
         for state, torque in zip(states, torques):
             y = self.regressor(state)
             carried = covariance @ y.T
@@ -87,12 +89,14 @@ class Mujoco:
     """Torques and regressors of an arm by ``mj_inverse``, and its plant by ``rollout``."""
 
     def __init__(self, arm: Arm) -> None:
-        self.own, self.model = arm.inertial_parameters, mujoco_model(arm)
+        self.own = arm.inertial_parameters
+        self.model = mujoco_model(arm)
         self.data = mujoco.MjData(self.model)
 
     def torque(self, states: Sequence[State]) -> Array:
         """Torques of states, (S, J)."""
-        data, found = self.data, []
+        data = self.data
+        found = []
         for data.qpos[:], data.qvel[:], data.qacc[:] in states:
             mujoco.mj_inverse(self.model, data)
             found.append(data.qfrc_inverse.copy())
@@ -100,7 +104,9 @@ class Mujoco:
 
     def regressor(self, states: Sequence[State]) -> Array:
         """Full regressor (S, J, 10 J), from torques with ten other bodies in the place of each link's."""
-        before, parts, model = self.torque(states), [], self.model
+        before = self.torque(states)
+        parts = []
+        model = self.model
         for link, own in enumerate(self.own, start=1):
             fields = (model.body_mass, model.body_ipos, model.body_inertia, model.body_iquat)
             kept = [field[link].copy() for field in fields]
@@ -123,7 +129,8 @@ class Mujoco:
     @staticmethod
     def execute(plant: Plant, threads: int, start: Array, targets: Array) -> Array:
         """Positions (B, T, J) after each step of servos with given targets (B, T, J), all arms at once."""
-        joints, data = targets.shape[2], [mujoco.MjData(plant.model) for _ in range(threads)]
+        joints = targets.shape[2]
+        data = [mujoco.MjData(plant.model) for _ in range(threads)]
         first = np.concatenate([np.zeros((len(start), 1)), start], 1)  # time, positions and velocities
         states, _ = rollout.rollout(plant.model, data, first, targets)
         return states[:, :, 1 : 1 + joints]
@@ -136,7 +143,8 @@ class Figaroh:
         pytest.importorskip("figaroh", reason="FIGAROH is not installed")
         from figaroh.tools.robot import Robot
 
-        self.robot, joints = Robot(str(arm.urdf), package_dirs=""), list(range(arm.joints))
+        self.robot = Robot(str(arm.urdf), package_dirs="")
+        joints = list(range(arm.joints))
         self.settings = {"act_idxq": joints, "act_idxv": joints, "is_joint_torques": True}
 
     def regressor(self, columns: Array, *states: Array) -> Array:
@@ -168,8 +176,11 @@ class Figaroh:
 
         class Search(optimal.BaseOptimalTrajectory):  # type: ignore[misc]
             def __init__(search) -> None:  # noqa: N805
-                search.robot, search.model, search.active_joints = self.robot, self.robot.model, list(joints)
-                search.logger, search.identif_config = optimal.logger, self.settings
+                search.robot = self.robot
+                search.model = self.robot.model
+                search.active_joints = list(joints)
+                search.logger = optimal.logger
+                search.identif_config = self.settings
                 search.trajectory_config = {"n_wps": 5, "t_s": 4.0, "soft_lim": 0.05, "max_attempts": 1000}
                 search.trajectory_config |= changes
                 search.results = {key: [] for key in ("T_F", "P_F", "V_F", "A_F", "iteration_data")}
@@ -195,6 +206,7 @@ def frax_torque(arm: Arm, folder: Path) -> Any:
         ET.SubElement(inertial, "mass", value="1")
         ET.SubElement(inertial, "inertia", ixx="1", iyy="1", izz="1", ixy="0", ixz="0", iyz="0")
     tree.write(folder / "arm.urdf")
-    robot, gravity = frax.Robot(str(folder / "arm.urdf")), jax.numpy.array([*-arm.gravity, 0, 0, 0])
+    robot = frax.Robot(str(folder / "arm.urdf"))
+    gravity = jax.numpy.array([*-arm.gravity, 0, 0, 0])
     batch = jax.jit(jax.vmap(lambda q, dq, ddq: robot.rnea(q, dq, ddq, gravity, None)))
     return lambda *states: batch(*states).block_until_ready()

@@ -36,7 +36,8 @@ def _rates(*words: str) -> dict[str, Any]:
         rows = json.loads(file.read_text())["benchmarks"]
     found: dict[str, Any] = {}
     for row in rows:
-        by, stats = (row["params"] or {}).get("by", "sidegan"), row["stats"]
+        by = (row["params"] or {}).get("by", "sidegan")
+        stats = row["stats"]
         keys = {"median": "median", "low": "min", "high": "max"}
         one = {key: stats[name] for key, name in keys.items()} | {"wall": row["extra_info"].get("wall") or []}
         found.setdefault(row["group"], {})[by] = one

@@ -63,14 +63,17 @@ def motions(count: int, samples: int) -> list[list[tuple[np.ndarray, ...]]]:
 @pytest.mark.parametrize("by", [OURS, "Pinocchio", "FIGAROH", "MuJoCo, unit bodies"])
 def test_regressor(rate: Rate, by: str) -> None:
     """Base regressor, and of ours and Pinocchio's YᵀY."""
-    few, unit, loops = 50, "states", Pinocchio(CONSTRAINTS)
+    few = 50
+    unit = "states"
+    loops = Pinocchio(CONSTRAINTS)
     if by == OURS:
         c = start(1000)
         work = partial(gram, BODY, FAMILY, c, samples=_SAMPLES)
         rate(work, len(c) * _SAMPLES, unit, both=work)
         return
     if by != "Pinocchio":
-        (states,), columns = motions(1, _SAMPLES), BODY.base.columns
+        (states,) = motions(1, _SAMPLES)
+        columns = BODY.base.columns
         parts = [np.array(x) for x in zip(*states)]
         expected = BODY.base_regressor(*parts)
         if by == "FIGAROH":
@@ -92,13 +95,15 @@ def test_regressor(rate: Rate, by: str) -> None:
 def test_torque(rate: Rate, by: str, tmp_path: Path) -> None:
     """Torques of states that are there."""
     states = [x.reshape(-1, FAMILY.joints) for x in FAMILY.roll_out(start(500), FAMILY.grid(_SAMPLES))[1:]]
-    expected, columns = BODY.torque(*states), [np.asfortranarray(x.T) for x in states]
+    expected = BODY.torque(*states)
+    columns = [np.asfortranarray(x.T) for x in states]
     if by == _FRAX:
         work = both = partial(frax_torque(CONSTRAINTS.arm, tmp_path), *states)
     elif by == _PARALLEL:
         work, both = (partial(Pinocchio(CONSTRAINTS).torque, threads, columns) for threads in (1, 2))
     elif by == _INVERSE:
-        work, both = partial(Mujoco(CONSTRAINTS.arm).torque, list(zip(*states))), None
+        work = partial(Mujoco(CONSTRAINTS.arm).torque, list(zip(*states)))
+        both = None
     else:
         work = both = partial(BODY.torque, *states)
     found = rate(work, len(expected), "states", both=both)
@@ -108,10 +113,12 @@ def test_torque(rate: Rate, by: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("by", [OURS, "mujoco.rollout"])
 def test_plant(rate: Rate, by: str) -> None:
     """Motions of an arm under servos in MuJoCo, with our feed-forward and checks, and without."""
-    plant, count = Plant(CONSTRAINTS.arm, IDEAL), 4
+    plant = Plant(CONSTRAINTS.arm, IDEAL)
+    count = 4
     motion = FAMILY.roll_out(start(count), FAMILY.times(IDEAL.rate))
     each = [Motion(motion.time, *(x[k : k + 1] for x in motion[1:])) for k in range(count)]
-    amount, unit = count * len(motion.time) / IDEAL.rate, "seconds of motion"
+    amount = count * len(motion.time) / IDEAL.rate
+    unit = "seconds of motion"
     expected = np.stack([plant.follow(one).position for one in each])
     if by == OURS:
         rate(lambda: [plant.follow(one) for one in each], amount, unit, 3)
@@ -128,7 +135,8 @@ def test_plant(rate: Rate, by: str) -> None:
 
 def test_gradient_of_the_objective(rate: Rate) -> None:
     """Condition number, penalty of all constraints, and their gradient."""
-    objective, points = Objective(PROBLEM, Goal(), Penalty(30.0)), flatten(start(200), 2)
+    objective = Objective(PROBLEM, Goal(), Penalty(30.0))
+    points = flatten(start(200), 2)
     slope = np.empty_like(points[0])
     rate(lambda: [objective(x, slope) for x in points], len(points) * PROBLEM.samples, "states")
 
@@ -140,8 +148,10 @@ def test_validity(rate: Rate, by: str) -> None:
         work = partial(check, CONSTRAINTS, FAMILY, start(2000))
         rate(work, 2000, "trajectories", both=work)
     elif by == _TOUCH:
-        arm, other = CONSTRAINTS.arm, Pinocchio(CONSTRAINTS)
-        noise, count = np.random.default_rng(0), 50
+        arm = CONSTRAINTS.arm
+        other = Pinocchio(CONSTRAINTS)
+        noise = np.random.default_rng(0)
+        count = 50
         q = noise.uniform(arm.position_lower, arm.position_upper, (count * _CELLS, arm.joints))
         positions = np.asfortranarray(q.T)
         work, both = (partial(other.touch, threads, positions) for threads in (1, 2))
@@ -149,14 +159,17 @@ def test_validity(rate: Rate, by: str) -> None:
         expected = [min(CONSTRAINTS.distances_at(one).values()) < 0 for one in q]
         assert any(expected) and np.array_equal(found, expected)
     else:
-        each, loops = motions(10, _CELLS), Pinocchio(CONSTRAINTS)
+        each = motions(10, _CELLS)
+        loops = Pinocchio(CONSTRAINTS)
         rate(lambda: [loops.check(states) for states in each], len(each), "trajectories")
 
 
 def test_generation(rate: Rate) -> None:
     """Trajectories from a generator of the usual size, in batches of a thousand."""
-    seeds, arm = tensor(start(200)), CONSTRAINTS.arm
-    scaling, network = Scaling.fit(seeds), Generator(*FAMILY.shape[:2], shortcut=True)
+    seeds = tensor(start(200))
+    arm = CONSTRAINTS.arm
+    scaling = Scaling.fit(seeds)
+    network = Generator(*FAMILY.shape[:2], shortcut=True)
     network.start_from(scaling.image(seeds))
     made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
@@ -166,7 +179,8 @@ def test_generation(rate: Rate) -> None:
 def test_seeds(rate: Rate, by: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Seeds by the compiled search and by the paper's, failures, checks and their file included."""
     if by == _FIGAROH:
-        search, names = Figaroh(CONSTRAINTS.arm), CONSTRAINTS.arm.joint_names
+        search = Figaroh(CONSTRAINTS.arm)
+        names = CONSTRAINTS.arm.joint_names
         work = partial(search.optimise, names, freq=5, max_iterations=10)
         found = rate(work, 1, "seeds", 1)
         assert len(found) > 5 and min(found) < found[0], "its optimiser has made the condition number smaller"
@@ -198,7 +212,8 @@ def _run(place: Path, *words: str) -> None:
 
 def test_training(rate: Rate, tmp_path: Path) -> None:
     """Epochs of variant eigen on 1800 seeds, with untrained surrogates and the true physics after each."""
-    (variant, data), places = device.task(), _places(tmp_path)
+    variant, data = device.task()
+    places = _places(tmp_path)
     rate(lambda place: train(variant, data, Run("eigen", 0, place)), device.EPOCHS, "epochs", 2, setup=places)
 
 
@@ -208,7 +223,8 @@ def test_recursive_least_squares(rate: Rate, by: str) -> None:
     count, samples = (60, 1600) if by == OURS else (1, 1600)
     motion = FAMILY.roll_out(start(count), FAMILY.grid(samples))
     torque = BODY.torque(*motion[1:])
-    model, opponent = TorqueModel(BODY, RIGID), Pinocchio(CONSTRAINTS)
+    model = TorqueModel(BODY, RIGID)
+    opponent = Pinocchio(CONSTRAINTS)
     recordings = [Measurements(*parts) for parts in zip(*motion[1:], torque)]
     states = motions(count, samples)[0]
 

@@ -42,7 +42,8 @@ def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
         for finding in findings.values():
             numbers = finding.numbers | numbers
         formatted = {part: words[part].format(**numbers) for part in ("criterion", "why")}
-        text, cited = words["claim"].format(**numbers), {part: words[part] for part in ("where", "paper")}
+        text = words["claim"].format(**numbers)
+        cited = {part: words[part] for part in ("where", "paper")}
         judged.append(Claim(key, text, findings=findings, **cited, **formatted))
     return judged
 

@@ -32,7 +32,8 @@ _COMPARABLE = 1.25  # largest ratio of comparable errors
 
 def _short_beat_long(made: Artifacts, frame: str) -> Judgement:
     """Whether the seeds' error is below that of every reading of the single long trajectory."""
-    nmse, cfg = _table1(made, frame), made.cfg
+    nmse = _table1(made, frame)
+    cfg = made.cfg
     effects = {
         f"{h} harmonics": log_ratio(nmse[f"long-{h}"], nmse["seeds"]) for h in sorted(cfg.long.harmonics)
     }
@@ -150,7 +151,8 @@ def _gain(made: Artifacts, name: str, which: Callable[[list[int]], int]) -> pd.S
 
     Unweighted, mean over joints.
     """
-    errors, replicas = made.whole_errors, which(made.cfg.replication.replicas)
+    errors = made.whole_errors
+    replicas = which(made.cfg.replication.replicas)
     part = exp2.improvement(errors[~errors.weighted], name, f"seeds ×{replicas}")
     return of_several(part.groupby([TRAINING, REPEAT]).gain.mean())
 

@@ -179,7 +179,8 @@ def _diverse_diagonals(made: Artifacts) -> Judgement:
 
 
 def _diverse_union(made: Artifacts) -> Judgement:
-    frame, effects = made.generators, {}
+    frame = made.generators
+    effects = {}
     for name in SIDE_GANS:
         part = frame[frame.name == name].set_index(TRAINING).union_distance_diagonal
         effects[name] = np.log(part.astype(float) / made.seeds["distance_diagonal"])
@@ -188,7 +189,8 @@ def _diverse_union(made: Artifacts) -> Judgement:
 
 def _trace(made: Artifacts) -> Judgement:
     """Whether the trace of YᵀY keeps the order of the seeds in another basis of their parameters."""
-    run, cell = made.run, made.run.cell
+    run = made.run
+    cell = made.run.cell
     grams = gram(cell.body, cell.trajectory, run.load(seed_set(run)).coefficients)
     turned, chosen = other_bases(cell.body)
     kept = {}
@@ -204,7 +206,8 @@ def _trace(made: Artifacts) -> Judgement:
 
 def other_bases(body: RigidBody) -> tuple[Array, Array]:
     """Changes of the base parameters, (p, p) each, Y′ = Y · change: a rotation; other independent columns."""
-    mapping, count = body.base.mapping, body.parameters_count
+    mapping = body.base.mapping
+    count = body.parameters_count
     random = np.random.default_rng(0)
     turned = np.linalg.qr(random.standard_normal((count, count)))[0]
     _, _, order = qr(mapping, mode="economic", pivoting=True)
@@ -213,7 +216,8 @@ def other_bases(body: RigidBody) -> tuple[Array, Array]:
 
 def _other_arms(made: Artifacts) -> Judgement:
     """Whether the same recipe works on other arms, by the page on generality."""
-    arms, needed = generality.of_arms(), {"reliable": RELIABLE, "comparable": _COMPARABLE}
+    arms = generality.of_arms()
+    needed = {"reliable": RELIABLE, "comparable": _COMPARABLE}
     if arms is None:
         return Judgement(UNKNOWN, UNKNOWN, needed)
     others = arms.xs("eigen", level="generator").drop(made.run.cell.arm.name, errors="ignore")
@@ -228,7 +232,8 @@ def _other_arms(made: Artifacts) -> Judgement:
 
 def _no_transfer(made: Artifacts) -> Judgement:
     """Whether trajectories of an arm are hardly ever valid on another, by the page on generality."""
-    shares_of, needed = generality.of_others(), {"carried": _CARRIED}
+    shares_of = generality.of_others()
+    needed = {"carried": _CARRIED}
     if shares_of is None:
         return Judgement(UNKNOWN, UNKNOWN, needed)
     ours = f"at most {shares_of.max():.1%} of an arm's trajectories are valid on another"
@@ -266,13 +271,15 @@ def _few(made: Artifacts, key: str) -> tuple[dict[str, pd.Series], int]:
 
 
 def _faster(made: Artifacts) -> Judgement:
-    seed, new = made.seed_seconds, made.speed["generation_seconds"]
+    seed = made.seed_seconds
+    new = made.speed["generation_seconds"]
     return _measured(seed / new, _ORDERS, f"{seconds(new)} against {seconds(seed)} ({seed / new:,.0f} ×)")
 
 
 def _trained_too(made: Artifacts) -> Judgement:
     """Whether a library, training included, takes far less time than as many seeds."""
-    first, count = made.cfg.trainings[0], made.cfg.library.count
+    first = made.cfg.trainings[0]
+    count = made.cfg.library.count
     spent = made.training_seconds("eigen", first) / count
     text = f"{seconds(spent)} for each of {count}, without the seeds, against {seconds(made.seed_seconds)}"
     ratio = made.seed_seconds / spent

@@ -26,7 +26,8 @@ def seed_sets(artifacts: Mapping[str, Artifacts]) -> pd.DataFrame:
 def seed_facts(artifacts: Artifacts) -> dict[str, float]:
     """Numbers that characterise a seed set."""
     library = artifacts.run.load(seed_set(artifacts.run))
-    c, margin = library.coefficients, library.margins["position"]
+    c = library.coefficients
+    margin = library.margins["position"]
     on_box = np.abs(c) > (1 - _ON_BOX) * np.abs(c).max()
     lower, middle, upper = np.quantile(library.fitness, [0.25, 0.5, 0.75])
     kept = ("count", "diagonal_ratio", "distance", "rank")

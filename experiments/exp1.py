@@ -156,7 +156,8 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
     for weighted, part in plant.groupby(plant.weighted.astype(bool)):
         effects = [x for key, x in over_others(part, trained).items() if key in trained]
         verdicts = [above(x) for x in effects]
-        larger, worse = sum(interval(x).mean < 0 for x in effects), verdicts.count(NOT)
+        larger = sum(interval(x).mean < 0 for x in effects)
+        worse = verdicts.count(NOT)
         sentences.append(
             f"{tables.weighting(bool(weighted))}: {larger} of {len(effects)} sets with generated trajectories"
             f" have a larger error than the seeds, {worse} significantly;"

@@ -32,7 +32,8 @@ collect = Artifacts
 def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Tables II and III, unweighted as in the paper and weighted."""
     config, results = artifacts.cfg, artifacts.whole_errors
-    noise, reading = config.replication.noise, config.replication.readings[0]
+    noise = config.replication.noise
+    reading = config.replication.readings[0]
     setting = f"{noise.level:.0%} uniform noise on {READINGS[reading]}, {config.replication.repeats} draws"
     shown = {}
     for name, (table, kind) in tables2(results, config).items():
@@ -106,7 +107,8 @@ def readings(made: Artifacts) -> pd.DataFrame:
     replicas = made.cfg.replication.replicas
     rows: dict[str, dict[str, str]] = {}
     for reading, results in made.readings.items():
-        part, kinds = results[~results.weighted], rows.setdefault(READINGS[reading], {})
+        part = results[~results.weighted]
+        kinds = rows.setdefault(READINGS[reading], {})
         for name in made.cfg.gan:
             gains = [improvement(part, name, f"seeds ×{k}") for k in replicas]
             kinds[name] = "; ".join(plain(x.improvement.mean(), ".0f") for x in gains)

@@ -60,11 +60,13 @@ def check(run: RunContext) -> None:
 
 def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     """Write ``reproduction.md``, its tables, figures and metrics; record the page."""
-    first, judged = next(iter(conditions.values())), claims.claims(conditions)
+    first = next(iter(conditions.values()))
+    judged = claims.claims(conditions)
     target = Path(first.cfg.publish or folder)
     target = target if target.suffix == ".md" else target / f"{NAME}.md"
     template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
-    shown, numbers = _all_tables(conditions, judged), metrics(conditions)
+    shown = _all_tables(conditions, judged)
+    numbers = metrics(conditions)
     drawn = {
         f"{name}-{key}": figure for name, made in conditions.items() for key, figure in _figures(made).items()
     }
@@ -154,7 +156,8 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
 
 def _joined(key: str, tables_of: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
     """A table over all conditions, with the rows of ``_JOINED``, and the paper's rows once at the end."""
-    parts, kept = {name: shown[key] for name, shown in tables_of.items()}, _JOINED.get(key)
+    parts = {name: shown[key] for name, shown in tables_of.items()}
+    kept = _JOINED.get(key)
     wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
     joined = pd.concat(wanted, names=["condition"])
     first = next(iter(parts.values()))
@@ -187,7 +190,8 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
     """The figures of a condition, by name."""
     eigen = made.generators[made.generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal")}
-    subsets, taught = made.subsets[made.subsets.kept], ("seeds", "seeds trained on")
+    subsets = made.subsets[made.subsets.kept]
+    taught = ("seeds", "seeds trained on")
     return {
         "training": training.figure(made.histories, made.few_seeds, union),
         "nmse": figures.errors(made.errors),
@@ -199,7 +203,9 @@ def _figures(made: Artifacts) -> dict[str, "Figure"]:
 
 def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
     """The 3D figures, by name."""
-    run, family, first = artifacts.run, artifacts.run.cell.trajectory, artifacts.cfg.trainings[0]
+    run = artifacts.run
+    family = artifacts.run.cell.trajectory
+    first = artifacts.cfg.trainings[0]
     generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
     traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
     longs = zip(artifacts.cfg.long.harmonics, artifacts.longs.items())

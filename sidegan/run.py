@@ -39,12 +39,14 @@ def main() -> int:
         end_sweep("KILLED")
         code, words = INTERRUPTED, "\nstopped; the same command continues where it stopped"
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
-        code, words = BAD_CONFIG, f"error: {explain(error)}"
+        code = BAD_CONFIG
+        words = f"error: {explain(error)}"
     except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = FAILURE
     except OSError as error:  # from Hydra, which makes the run's folder
-        code, words = FAILURE, f"error: the outputs cannot be written: {error}"
+        code = FAILURE
+        words = f"error: the outputs cannot be written: {error}"
     except RuntimeError as error:
         if "srun" not in str(error):
             raise

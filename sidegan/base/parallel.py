@@ -116,7 +116,8 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
 def _by_joblib(jobs: Sequence[Job], workers: int) -> Generator[tuple[Any, float], None, None]:
     from joblib import Parallel, delayed, parallel_config
 
-    folder, ends = Path.cwd(), {"initializer": _exit_with, "initargs": (os.getpid(),)}
+    folder = Path.cwd()
+    ends = {"initializer": _exit_with, "initargs": (os.getpid(),)}
     with parallel_config("loky", inner_max_num_threads=1, **ends), warnings.catch_warnings():
         # joblib warns of workers replaced for their memory, and of cancelled tasks; both are harmless
         warnings.filterwarnings("ignore", module="joblib")

@@ -87,7 +87,8 @@ class Cell:
         period: float = 16.0,
         **setup: Any,
     ) -> None:
-        self.robot, self.setup = str(robot), build(Setup, setup)
+        self.robot = str(robot)
+        self.setup = build(Setup, setup)
         own = {"home": home, "effort": effort, "clearance": clearance}
         self.choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
         self.workspace = settings_of(Workspace, workspace)

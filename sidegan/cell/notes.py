@@ -65,7 +65,8 @@ def decisions(cell: "Cell") -> Iterator[str]:
     arm, constraints = cell.arm, cell.constraints
     yield cell.workspace.notes(arm)
     if cell.choices.home is None and (any(cell.home) or arm.home is not None):
-        place, own = ", ".join(f"{x:g}" for x in cell.home), arm.home
+        place = ", ".join(f"{x:g}" for x in cell.home)
+        own = arm.home
         if own is not None and tuple(own) == cell.home:
             why = "home is the rest position of the description:"
         else:

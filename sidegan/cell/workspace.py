@@ -138,7 +138,8 @@ class Workspace:
             ConfigError: when a file cannot be read or has an invalid shape.
             InfeasibleError: when links cannot be kept apart, or out of a region.
         """
-        shapes, arm = self.shapes(arm), with_points(arm)
+        shapes = self.shapes(arm)
+        arm = with_points(arm)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         if arm.capsules.points:  # distances between points mean nothing

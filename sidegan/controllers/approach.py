@@ -41,7 +41,8 @@ def approach(
         InfeasibleError: when the straight line is not free, a joint cannot hold the arm on it, or it takes
             longer than ``longest``; says what to do.
     """
-    arm, use = constraints.arm, settings.careful
+    arm = constraints.arm
+    use = settings.careful
     try:
         require_straight(constraints, start, home)
     except InfeasibleError as error:
@@ -81,7 +82,8 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
     Raises:
         InfeasibleError: when holding the arm leaves no torque to move it, for any duration.
     """
-    arm, drives = body.arm, body.arm.known_drives
+    arm = body.arm
+    drives = body.arm.known_drives
     friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the highest allowed speed
     limit = np.maximum(arm.torque_limit - friction, np.finfo(float).tiny)
 
@@ -101,7 +103,8 @@ def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
 
 def _largest(share: Callable[[Array], Array], count: int) -> Array:
     """Largest values, (J,), of a smooth function of time from 0 to 1, from ``count`` steps and refinement."""
-    times, step = np.linspace(0, 1, count + 1), 1 / count
+    times = np.linspace(0, 1, count + 1)
+    step = 1 / count
     found = share(times)
     largest = found.max(0)
     for _ in range(_ROUNDS):
@@ -127,7 +130,8 @@ def _refuse_heavy(arm: Arm, share: Array) -> None:
 
 def _quintic(arm: Arm, ends: Array, duration: float, share: Array) -> Course:
     """The course between ends (2, J) at shares of its duration [s], (T,)."""
-    s, change = share[:, None], ends[1] - ends[0]
+    s = share[:, None]
+    change = ends[1] - ends[0]
     done = s**3 * (10 + s * (6 * s - 15))
     return Course(
         arm.joint_names,

@@ -27,7 +27,8 @@ class Coordinates:
     @classmethod
     def of(cls, problem: Problem) -> "Coordinates":
         """Natural coordinates of a problem's trajectories."""
-        arm, trajectory = problem.constraints.arm, problem.trajectory
+        arm = problem.constraints.arm
+        trajectory = problem.trajectory
         times = trajectory.grid(_POINTS * trajectory.harmonics)
         position, velocity = (flatten(trajectory.basis(times, order), 1) for order in (0, 1))
         room = ((arm.position_upper - arm.position_lower) / 2)[:, None, None]

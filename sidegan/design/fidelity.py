@@ -153,12 +153,15 @@ def told_apart(x: Array, other: Array) -> float:
     count = min(len(x), len(other))
     rows = np.concatenate([_rows(x)[:count], _rows(other)[:count]])
     label = np.repeat([1.0, -1.0], count)
-    fold, right = np.arange(2 * count) % _FOLDS, 0
+    fold = np.arange(2 * count) % _FOLDS
+    right = 0
     for k in range(_FOLDS):
         unseen, seen = fold == k, fold != k
         deviation = np.maximum(rows[seen].std(0, ddof=1), np.finfo(float).tiny)
         z = (rows - rows[seen].mean(0)) / deviation
-        inner, square, size = z @ z.T / z.shape[1], np.square(z), np.abs(z)
+        inner = z @ z.T / z.shape[1]
+        square = np.square(z)
+        size = np.abs(z)
         kernel = inner + (square @ square.T / 2 + size @ size.T) / z.shape[1] + np.square(1 + inner)
         ridge = _RIDGE * np.eye(seen.sum())
         weights = np.linalg.solve(kernel[seen][:, seen] + ridge, label[seen])

@@ -70,7 +70,8 @@ def compiled(
     if goal.certainty is not None:
         terms = terms._replace(roots=_fitting("certainty", goal.certainty, (body.joints,)))
     order = np.concatenate([np.arange(rigid), rigid + by_joint])
-    size, count = len(order), 0 if goal.targets is None else len(goal.targets)
+    size = len(order)
+    count = 0 if goal.targets is None else len(goal.targets)
     subspace = np.eye(size)
     subspace[:rigid, :rigid] = body.base.subspace
     prior = _fitting("prior", goal.prior, (size, size))[np.ix_(order, order)]

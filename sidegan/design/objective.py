@@ -69,7 +69,8 @@ class Objective:
         matrix: Array | None = None,
     ) -> None:
         constraints, trajectory, body = problem.constraints, problem.trajectory, problem.body
-        arm, drives = constraints.arm, constraints.arm.known_drives
+        arm = constraints.arm
+        drives = constraints.arm.known_drives
         terms, subspace, arrays = compiled(goal, body, trajectory.period)
         joints, harmonics, _ = trajectory.shape
         lower, upper = arm.position_lower, arm.position_upper
@@ -85,7 +86,8 @@ class Objective:
             times = trajectory.grid(points)
             return array(np.stack([flatten(trajectory.basis(times, k), 1).T for k in range(orders)]))
 
-        self.samples, self.finer = problem.samples, refine * problem.samples
+        self.samples = problem.samples
+        self.finer = refine * problem.samples
         plan = kernel.Plan(
             chain=body.chain,
             shapes=constraints.shapes,

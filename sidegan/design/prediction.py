@@ -60,8 +60,10 @@ class TorqueNoise:
 
 def _largest_torque(body: RigidBody) -> Array:
     """Largest torque of each joint over random states [N·m or N], bounded below by ``_FLOOR``, (J,)."""
-    arm, random = body.arm, np.random.default_rng(0)
-    speed, size = _PACE * arm.velocity_limit, (_STATES, arm.joints)
+    arm = body.arm
+    random = np.random.default_rng(0)
+    speed = _PACE * arm.velocity_limit
+    size = (_STATES, arm.joints)
     q = random.uniform(arm.position_lower, arm.position_upper, size)
     dq, ddq = random.uniform(-speed, speed, (2, *size))
     largest = np.abs(body.torque(q, dq, ddq)).max(0)
@@ -176,7 +178,8 @@ def wanted_torques(body: RigidBody, trajectory: Trajectory, c: Array, times: Arr
         parts.append(rows @ rows.mT)
         torques.append(torque.reshape(-1, body.joints))
     torque = np.concatenate(torques)
-    variance, information = torque.var(0), np.stack(parts).sum(0)
+    variance = torque.var(0)
+    information = np.stack(parts).sum(0)
     varies = variance > _STILL * np.square(torque).mean(0)
     return information[varies] / len(torque) / variance[varies, None, None]
 
@@ -189,7 +192,8 @@ def torque_size(body: RigidBody, trajectory: Trajectory, c: Array) -> Array:
 
 def random_motions(problem: Problem, count: int = 20, reach: float = 0.55, seed: int = 99) -> Array:
     """Random motions, (count, J, H, 2), each joint using the share ``reach`` of its tightest limit."""
-    natural, random = Coordinates.of(problem), np.random.default_rng(seed)
+    natural = Coordinates.of(problem)
+    random = np.random.default_rng(seed)
     return natural.coefficients(natural.start(problem, count, random, reach))
 
 

@@ -72,8 +72,11 @@ class Problem:
         The limits are those that are linear in the coefficients: position from home, velocity and, if
         present, acceleration and jerk.
         """
-        arm, times = self.constraints.arm, self.trajectory.grid(4 * self.samples)
-        lower, upper, home = arm.position_lower, arm.position_upper, np.array(self.trajectory.home)
+        arm = self.constraints.arm
+        times = self.trajectory.grid(4 * self.samples)
+        lower = arm.position_lower
+        upper = arm.position_upper
+        home = np.array(self.trajectory.home)
         least = _LEAST_ROOM * (upper - lower)
         above, below = np.maximum(upper - home, least), np.maximum(home - lower, least)
         motion = self.trajectory.roll_out(c, times)

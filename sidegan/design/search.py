@@ -64,7 +64,8 @@ class Descent:
     """
 
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
-        self.problem, self.coordinates = problem, Coordinates.of(problem)
+        self.problem = problem
+        self.coordinates = Coordinates.of(problem)
         rough, strict = (Penalty.reserving(weight, reserve) for weight in (_ROUGH, _STRICT))
         refine = 1 if problem.samples >= _DENSE * problem.trajectory.harmonics else _REFINE
         self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
@@ -191,7 +192,8 @@ class ConditionGoal:
     """The condition number of a whole set, for rigid bodies alone."""
 
     def __init__(self, problem: Problem) -> None:
-        self._body, size = problem.body, problem.body.parameters_count
+        self._body = problem.body
+        size = problem.body.parameters_count
         self._sum = np.zeros((size, size))
 
     def next(self) -> Goal:

@@ -93,7 +93,8 @@ def greedy(diagonals: Array, count: int) -> Array:
     _check_count(count, len(diagonals))
     excitation = diagonals.sum(1)
     chosen = np.zeros(len(diagonals), dtype=bool)
-    previous, order = np.zeros_like(diagonals[0]), list[int]()
+    previous = np.zeros_like(diagonals[0])
+    order = list[int]()
     for _ in range(count):
         # Differences, since inner products lose near neighbours to cancellation.
         differences = (part - previous for part in split(diagonals, _ROWS))
@@ -146,13 +147,16 @@ def _optimal(
     """Indices of the greedy selection; ``bounded``: a candidate's gain never grows."""
     if isinstance(information, np.ndarray) and (information.ndim != 3 or not len(information)):
         raise ShapeError(f"information is {information.shape}, expected (N, q, q), N ≥ 1")
-    total, order = _PRIOR * information.mean(0), list[int]()
+    total = _PRIOR * information.mean(0)
+    order = list[int]()
     if not math.isfinite(condition_of(total)):
         raise ShapeError("no trajectory excites some combination of parameters: they cannot be told apart")
     _check_count(count, len(information))
     most = np.full(len(information), np.inf)  # bound on each candidate's gain
     for _ in range(count):
-        added, best, before = np.full_like(most, -np.inf), 0.0, criterion(total[None])
+        added = np.full_like(most, -np.inf)
+        best = 0.0
+        before = criterion(total[None])
         for batch in split(np.argsort(-most, stable=True), _AT_ONCE):
             batch = batch[most[batch] >= best - 2 * _TIE]
             if not len(batch):

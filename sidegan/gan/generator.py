@@ -50,7 +50,9 @@ class TrajectoryGenerator(nn.Module):
         self.limits = LimitLayer(arm, trajectory) if limited else None
         width = int(network.settings["width"])
         self.corrections = nn.ModuleList(Correction(arm, trajectory, width) for _ in range(corrections))
-        self.trajectory, self.robot, self.digest = trajectory, arm.name, arm.digest
+        self.trajectory = trajectory
+        self.robot = arm.name
+        self.digest = arm.digest
         self.float()
 
     def coefficients(self, images: Tensor) -> Tensor:
@@ -114,7 +116,9 @@ class TrajectoryGenerator(nn.Module):
                 f"not for {arm.name} (digest {arm.digest[:12]})"
             )
         family = Trajectory(**content["trajectory"])
-        joints, harmonics, size = family.joints, family.harmonics, 2 * family.harmonics
+        joints = family.joints
+        harmonics = family.harmonics
+        size = 2 * family.harmonics
         network: Generator | ConvolutionalGenerator
         scaling: Scaling | PublishedScaling
         if content["published"]:

@@ -46,7 +46,8 @@ def blend(seeds: Array, others: Array, count: int, seed: int) -> Array:
     Half are seeds, half are others (samples of a vanilla GAN), each scaled by 0.8 to 1.2: optimised seeds are
     on the boundary of validity, so that scaling puts samples on both sides of it.
     """
-    half, noise = count // 2, torch.Generator().manual_seed(seed)
+    half = count // 2
+    noise = torch.Generator().manual_seed(seed)
     parts = [
         x[array(torch.randint(len(x), (n,), generator=noise))]
         for x, n in ((seeds, half), (others, count - half))

@@ -58,7 +58,8 @@ class LimitLayer(nn.Module):
 
     def use(self, c: Tensor) -> Tensor:
         """Upper bound of the share of its tightest limit that each joint uses over the period, (B, J)."""
-        x, between = c.flatten(2), self.gap**2 / 8
+        x = c.flatten(2)
+        between = self.gap**2 / 8
         motion = [x @ basis.to(c).T for basis in self.bases]
         snap, crackle = (x.abs() @ peak.to(c) for peak in self.peaks)
         acceleration = motion[2].abs().amax(2) + between * snap

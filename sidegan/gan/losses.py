@@ -96,7 +96,8 @@ def _mean_cosine(x: Tensor) -> Tensor:
 
 def missing_rank(seeds: Array, size: int, share: float = 1.0) -> Value:
     """Missing log effective rank of a batch, 0 if it reaches a share of that of equally many seeds."""
-    rows, size = flatten(seeds, 1), min(size, len(seeds))
+    rows = flatten(seeds, 1)
+    size = min(size, len(seeds))
     parts = [tensor(part) for part in split(rows[: _BATCHES * size], size) if len(part) == size]
     target = float(torch.stack([_log_rank(part) for part in parts]).mean()) + math.log(share)
     return lambda batch: (target - _log_rank(batch.coefficients.flatten(1))).clamp_min(0)

@@ -63,11 +63,13 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Array) 
     With the paper's noise and equal weights, and with constant noise and joints weighted by it; arithmetic
     and geometric mean over joints and draws. Infinite for fewer than 35 trajectories, (N, J, H, 2).
     """
-    body, motions = constraints.body, random_motions(Problem(constraints, trajectory))
+    body = constraints.body
+    motions = random_motions(Problem(constraints, trajectory))
     wanted = wanted_torques(body, trajectory, motions, sampled(trajectory))
     errors: dict[str, float] = {}
     for name, noise in zip(("error", "error_constant"), noises(body).values()):
-        predicting, nmse = Prediction.at_rate(body, trajectory, wanted, noise), np.array(np.inf)
+        predicting = Prediction.at_rate(body, trajectory, wanted, noise)
+        nmse = np.array(np.inf)
         if len(c) >= TOGETHER:
             nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)
         errors |= {name: float(nmse.mean()), f"{name}_geometric": float(np.exp(np.log(nmse).mean()))}

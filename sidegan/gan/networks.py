@@ -48,8 +48,10 @@ class Generator(FromNoise):
     ) -> None:
         super().__init__()
         sizes = {"joints": joints, "harmonics": harmonics, "noise": noise, "width": width}
-        self.noise, self.settings = noise, {**sizes, "shortcut": shortcut}
-        self.shape, size = (2, joints, harmonics), 2 * joints * harmonics
+        self.noise = noise
+        self.settings = {**sizes, "shortcut": shortcut}
+        self.shape = (2, joints, harmonics)
+        size = 2 * joints * harmonics
         self.shortcut = nn.Linear(noise, size) if shortcut else None
         if self.shortcut is not None:
             nn.init.zeros_(self.shortcut.weight)
@@ -77,7 +79,8 @@ class Generator(FromNoise):
         The layers' output becomes small. Noise dimensions beyond the image's only enter the layers; with
         fewer dimensions, the shortcut keeps the leading principal directions.
         """
-        shortcut, x = cast("nn.Linear", self.shortcut), images.flatten(1).double()
+        shortcut = cast("nn.Linear", self.shortcut)
+        x = images.flatten(1).double()
         values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
         count = min(self.noise, x.shape[1])
         # Noise that is uniform on [−1, 1] has variance 1/3.
@@ -150,7 +153,8 @@ class ConvolutionalDiscriminator(nn.Module):
         image = len(shape) > 1
         first, *sides = shape if image else (1, *shape, 1)
         layers: list[nn.Module] = [] if image else [nn.Unflatten(1, (first, *sides))]
-        channels, strides = [first, width, 2 * width, 4 * width, 8 * width], _STRIDES[image]
+        channels = [first, width, 2 * width, 4 * width, 8 * width]
+        strides = _STRIDES[image]
         for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
             layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
             if index:

@@ -45,7 +45,8 @@ class Pretraining:
         """One of ``SHARES`` shares of the labelled samples."""
         sources = self.seeds[: self._learnt], self.negatives[:-_HELD_OUT_NEGATIVES]
         samples = blend(*sources, -(-self.settings.samples // SHARES), seed)
-        energies, steps = Energies(self.constraints, self.trajectory, self.seeds), self.settings.margin_steps
+        energies = Energies(self.constraints, self.trajectory, self.seeds)
+        steps = self.settings.margin_steps
         return label(self.constraints, self.trajectory, samples, steps, progress, energies)
 
     def train_success(
@@ -93,7 +94,8 @@ class Pretraining:
     def _fit(
         self, network: Surrogate, tensors: Sequence[Tensor], random: torch.Generator, progress: Report
     ) -> None:
-        batches, epochs = Shuffled(tensors, _BATCH, random), self.settings.epochs
+        batches = Shuffled(tensors, _BATCH, random)
+        epochs = self.settings.epochs
         fit(network, batches, epochs, [Progress(progress, epochs * len(batches))])
         network.freeze()
 

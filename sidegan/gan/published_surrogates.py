@@ -108,7 +108,8 @@ class PublishedPretraining:
     ) -> dict[str, float]:
         """Train and save a converter to features (N, p); return its mean relative error on held-out seeds."""
         torch.manual_seed(seed)
-        seeds, target = tensor(self.seeds), tensor(features).float()
+        seeds = tensor(self.seeds)
+        target = tensor(features).float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)

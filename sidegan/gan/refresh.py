@@ -38,8 +38,11 @@ class Refreshed(pl.Callback):
 
     def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Label new samples, and train on those of the last epochs."""
-        data, settings, (predictor, converter) = pl_module.data, self.settings, self.surrogates
-        new, steps = pl_module.generator.sample(settings.samples, self.random), predictor.roll_out.steps
+        data = pl_module.data
+        settings = self.settings
+        predictor, converter = self.surrogates
+        new = pl_module.generator.sample(settings.samples, self.random)
+        steps = predictor.roll_out.steps
         made = label(data.constraints, data.trajectory, new, steps, lambda *_: None, pl_module.energies)
         self.window = [*self.window, made][-settings.window :]
         recent = Labelled.join(self.window)

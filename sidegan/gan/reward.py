@@ -45,7 +45,9 @@ def energies_of(problem: Problem, c: Array, directions: Array, weights: Array) -
 
     ``weights``, (J,), scale each joint's equations y.
     """
-    times, trajectory, values = problem.trajectory.grid(problem.samples), problem.trajectory, []
+    times = problem.trajectory.grid(problem.samples)
+    trajectory = problem.trajectory
+    values = []
     for part in split(c, max(1, _STATES_AT_ONCE // problem.samples)):
         y = problem.body.base_regressor(*trajectory.roll_out(part, times)[1:])
         values.append(np.square(weights[:, None] * (y @ directions)).sum((1, 2)) / problem.samples)
@@ -98,12 +100,15 @@ class Worth:
     """
 
     def __init__(self, problem: Problem, noise: TorqueNoise) -> None:
-        body, family, times = problem.body, problem.trajectory, problem.trajectory.grid(problem.samples)
+        body = problem.body
+        family = problem.trajectory
+        times = problem.trajectory.grid(problem.samples)
         motions = random_motions(problem, _MOTIONS, seed=_STREAM)
         wanted = wanted_torques(body, family, motions, sampled(family))
         self.problem = problem
         self.prediction = Prediction(body, family, wanted, noise, times, 1 / len(times))
-        self.means, self.seen = np.zeros((2, *wanted.shape[1:])), 0
+        self.means = np.zeros((2, *wanted.shape[1:]))
+        self.seen = 0
 
     def __call__(self, c: Tensor) -> Tensor:
         """Log worth of coefficients [rad/s], (B, J, H, 2), relative to the running means, (B,) float64."""
@@ -113,7 +118,8 @@ class Worth:
 
     def learn(self, c: Array) -> None:
         """Update the running means of information and noise with trajectories [rad/s], (B, J, H, 2)."""
-        new, self.seen = np.stack([x.mean(0) for x in self.prediction.informations(c)]), self.seen + 1
+        new = np.stack([x.mean(0) for x in self.prediction.informations(c)])
+        self.seen = self.seen + 1
         self.means = self.means + max(_FORGETTING, 1 / self.seen) * (new - self.means)
 
     @property
@@ -149,7 +155,8 @@ class Energies:
 
         In these directions the error is about Σ b / x̄ with mean energies x̄, and its slope b / x̄².
         """
-        total, sizes = logs.new_zeros(()), [len(shares) for _, shares, _ in self.parts.values()]
+        total = logs.new_zeros(())
+        sizes = [len(shares) for _, shares, _ in self.parts.values()]
         for x, (name, (_, shares, _)) in zip(logs.exp().split(sizes, 1), self.parts.items()):
             mean = x.mean(0).detach()
             slope = tensor(shares).to(x) / mean.square()

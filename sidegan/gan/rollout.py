@@ -32,7 +32,8 @@ class RollOut(nn.Module):
 
     def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
-        self.steps, self.higher = steps, tuple(arm.higher_limits)
+        self.steps = steps
+        self.higher = tuple(arm.higher_limits)
         self.linear = 2 + len(self.higher)
         self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)
@@ -70,7 +71,8 @@ class Correction(nn.Module):
 
     def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
         super().__init__()
-        size, steps = math.prod(trajectory.shape), _POINTS * trajectory.harmonics
+        size = math.prod(trajectory.shape)
+        steps = _POINTS * trajectory.harmonics
         self.roll_out = RollOut(arm, trajectory, steps)
         inputs = size + steps * self.roll_out.channels
         last = nn.Linear(width, size)

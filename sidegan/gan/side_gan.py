@@ -68,7 +68,9 @@ class SideGAN(pl.LightningModule):
 
     def make_generator(self) -> TrajectoryGenerator:
         """The untrained generator, with the scaling of the seeds."""
-        settings, family, box = self.settings, self.data.trajectory, self.data.box
+        settings = self.settings
+        family = self.data.trajectory
+        box = self.data.box
         joints, harmonics, _ = family.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         seeds = self.seeds if box is None else Box(box).free(self.seeds)
@@ -85,7 +87,9 @@ class SideGAN(pl.LightningModule):
     @cached_property
     def floors(self) -> list[Loss]:
         """Losses of every variant, which keep a batch as diverse as the seeds."""
-        weights, seeds, share = self.settings.weights, self.data.seeds, self.settings.diversity
+        weights = self.settings.weights
+        seeds = self.data.seeds
+        share = self.settings.diversity
         return [
             Loss(weights.distance, missing_distance(seeds)),
             Loss(weights.rank, missing_rank(seeds, self.settings.batch, share)),
@@ -137,7 +141,8 @@ class SideGAN(pl.LightningModule):
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""
-        batch, losses = self(count), [*self.losses(), *self.floors]
+        batch = self(count)
+        losses = [*self.losses(), *self.floors]
         return torch.stack([weight * value(batch) for weight, value in losses if weight]).sum()
 
     def _step(self, adam: Any, loss: Tensor) -> None:

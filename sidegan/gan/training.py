@@ -89,7 +89,9 @@ class EpochMetrics(pl.Callback):
     @torch.no_grad()
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Measure before Lightning saves its checkpoint."""
-        run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
+        run = self.run
+        epoch = trainer.current_epoch
+        generator = pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
         c = generator.sample(run.evaluation, noise)
         if not np.isfinite(c).all():
@@ -114,7 +116,8 @@ def random_trajectories(
     """
     problem = Problem(constraints, trajectory)
     coordinates = Coordinates.of(problem)
-    random, reach = np.random.default_rng(seed), _REACH if box is None else 1.0
+    random = np.random.default_rng(seed)
+    reach = _REACH if box is None else 1.0
     c = coordinates.coefficients(coordinates.start(problem, _RANDOM, random, reach))
     verdict = check(constraints, trajectory, _SMALL / reach * c[:_TRIED])
     if not verdict.valid.any():

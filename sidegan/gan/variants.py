@@ -67,7 +67,8 @@ class Eigen(Vanilla):
 
     def losses(self) -> list[Loss]:
         """The vanilla GAN's loss, predicted failure, the second discriminator, and fitness."""
-        weights, fit = self.settings.weights, self.current_epoch >= self.settings.fitness_start
+        weights = self.settings.weights
+        fit = self.current_epoch >= self.settings.fitness_start
         return [
             *super().losses(),
             Loss(weights.success, self.failure),
@@ -103,7 +104,8 @@ class Predicting(Eigen):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, from predicted energies."""
-        reward, logs = self.settings.reward, self.converter.log_features(batch.features)
+        reward = self.settings.reward
+        logs = self.converter.log_features(batch.features)
         if reward is None:
             raise ConfigError(f"{self.name} needs settings reward")
         return -self.energies.worth(logs, reward)
@@ -130,7 +132,8 @@ class Exact(SideGAN):
 
     def losses(self) -> list[Loss]:
         """Violation of the constraints, with a weight that grows geometrically, and worth for prediction."""
-        weights, ease = self.settings.weights, _EASE ** (1 - min(1.0, self.share / _EASED))
+        weights = self.settings.weights
+        ease = _EASE ** (1 - min(1.0, self.share / _EASED))
         return [Loss(weights.success * ease, self.violation), Loss(weights.fitness, self.fitness)]
 
     def violation(self, batch: Batch) -> Tensor:
@@ -153,7 +156,8 @@ class Exact(SideGAN):
         """Also restore the running means."""
         super().on_load_checkpoint(checkpoint)
         for (_, worth), kept in zip(self.worths, checkpoint["worths"]):
-            worth.means, worth.seen = array(kept[0]), kept[1]
+            worth.means = array(kept[0])
+            worth.seen = kept[1]
 
 
 class PublishedVanilla(Vanilla):
@@ -161,7 +165,8 @@ class PublishedVanilla(Vanilla):
 
     def make_generator(self) -> TrajectoryGenerator:
         """The authors' generator of scrambled images."""
-        settings, family = self.settings, self.data.trajectory
+        settings = self.settings
+        family = self.data.trajectory
         layout = Layout(family.joints, family.harmonics)
         if layout.shape != IMAGE:
             raise ConfigError(
@@ -169,7 +174,8 @@ class PublishedVanilla(Vanilla):
                 f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
             )
         network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
-        scaling, arm = PublishedScaling(layout), self.data.constraints.arm
+        scaling = PublishedScaling(layout)
+        arm = self.data.constraints.arm
         return TrajectoryGenerator(network, scaling, family, arm, limited=settings.limited)
 
     def make_critic(self, examples: Tensor) -> nn.Module:

@@ -41,7 +41,9 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
 
     A fault that would cause the others is reported alone.
     """
-    model, arm, links = found.model, found.model.arm, found.links
+    model = found.model
+    arm = found.model.arm
+    links = found.links
     remarks: dict[str, str] = {}
     for recording in found.recordings[::-1]:  # reversed: the first recording's remark on a signal wins
         remarks |= recording.remarks
@@ -85,7 +87,8 @@ def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
 
 def _rotors(found: IdentifiedArm) -> list[str]:
     """Remark that rotor inertias, which the model lacks, explain most of the misfit."""
-    terms, now = found.model.terms, found.quality.mean(found.quality.judged)
+    terms = found.model.terms
+    now = found.quality.mean(found.quality.judged)
     if terms.rotor_inertia:
         return []
     error = _error_of(found, TorqueModel(found.model.body, replace(terms, rotor_inertia=True)))
@@ -103,7 +106,9 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     If two joints disagree, either torque may be wrong: the description decides. It is not enough on its own,
     since its masses may be wrong.
     """
-    chosen, arm, sums = found.chosen, found.model.arm, found.chosen.sums
+    chosen = found.chosen
+    arm = found.model.arm
+    sums = found.chosen.sums
     squares = np.square(chosen.weights)
     moments = squares[:, None] * sums.moment
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
@@ -160,13 +165,15 @@ def _load(
 
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
     """Large torque offsets: the model includes them, but a tared sensor has none."""
-    chosen, arm = found.chosen, found.model.arm
+    chosen = found.chosen
+    arm = found.model.arm
     limits = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, 0.0)
     for name, value, deviation in zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist()):
         if not name.startswith("fo"):
             continue
         j = joint_of(name)
-        usual, unit = found.quality.usual[j], "N" if arm.prismatic[j] else "N·m"
+        usual = found.quality.usual[j]
+        unit = "N" if arm.prismatic[j] else "N·m"
         if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * limits[j], _SURE * deviation):
             text = (
                 f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, for a usual torque of "

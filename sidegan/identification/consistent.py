@@ -72,7 +72,8 @@ def pulled(
     pull = Pull(unit, _scaled(possible_links(model.arm), unit), np.full(model.joints, strength or 1.0))
     found = most_likely(rows @ model.mapping, right, pull, signed)
     for _ in range(_ROUNDS if strength is None else 0):
-        before, pull = pull, pull._replace(strength=_most_probable(model, information, found, pull))
+        before = pull
+        pull = pull._replace(strength=_most_probable(model, information, found, pull))
         found = most_likely(rows @ model.mapping, right, pull, signed)
         if (np.abs(np.log(pull.strength / before.strength)) < math.log(_SETTLED)).all():
             break

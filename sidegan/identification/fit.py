@@ -61,7 +61,8 @@ def reweighted(sums: Sums, least: float = LEAST) -> Fit:
     fit = least_squares(sums, least)
     for _ in range(_REPETITIONS):
         residual = np.sqrt(sums.squares(fit.parameters) / sums.weight)
-        before, fit = fit, least_squares(sums, least, 1 / np.maximum(residual, least_residual(sums)))
+        before = fit
+        fit = least_squares(sums, least, 1 / np.maximum(residual, least_residual(sums)))
         if np.allclose(fit.weights, before.weights, rtol=_SETTLED, atol=0):
             break
     return fit

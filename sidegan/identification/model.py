@@ -139,7 +139,8 @@ class TorqueModel:
 
     def _grouped(self) -> tuple[Array, Array]:
         """Indices of the independent extra columns, and all extras' coefficients in the P parameters."""
-        joints, base = self.joints, self.body.base
+        joints = self.joints
+        base = self.body.base
         if not self.kinds:
             return np.zeros(0, dtype=int), np.zeros((len(base.values), 0))
         q, dq, ddq = states_within(self.arm, _STATES_PER_JOINT * joints)

@@ -51,7 +51,8 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
     if not sum(len(torque) for torque, _ in parts):
         raise ShapeError("there are no samples to test with")
     torque, residual = (np.concatenate(x) for x in zip(*parts))
-    variance, squares = torque.var(0), np.square(residual).mean(0)
+    variance = torque.var(0)
+    squares = np.square(residual).mean(0)
     constant = np.flatnonzero(np.sqrt(variance) <= _CONSTANT * np.abs(torque).max())
     if len(constant):
         raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")

@@ -65,7 +65,8 @@ def measured_sums(
 ) -> list[Sums]:
     """Least-squares sums over all N trajectories of a set, for each draw of noise; progress counts to N."""
     model = TorqueModel(body, RIGID)
-    count, done = len(family[1]), 0
+    count = len(family[1])
+    done = 0
     generators = [np.random.default_rng(seed) for seed in randoms]
     sums = [no_sums(model.joints, model.count) for _ in generators]
     for batch in split(family[1], _TRAJECTORIES_AT_ONCE) if count else ():

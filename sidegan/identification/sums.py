@@ -43,7 +43,8 @@ class Sums(NamedTuple):
 
     def nmse(self, parameters: Array) -> Array:
         """Mean squared residual over the torque's variance, (J,); infinite where the torque is constant."""
-        squares, variance = self.squares(parameters) / self.weight, self.variance
+        squares = self.squares(parameters) / self.weight
+        variance = self.variance
         return np.divide(squares, variance, out=np.full_like(squares, np.inf), where=variance > 0)
 
 
@@ -89,7 +90,8 @@ def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
     scale = _scale(information)
     eigenvalues, vectors = np.linalg.eigh(information / scale[:, None] / scale)
     kept = eigenvalues > _floor(eigenvalues)
-    root, vectors = np.sqrt(eigenvalues[kept]), vectors[:, kept]
+    root = np.sqrt(eigenvalues[kept])
+    vectors = vectors[:, kept]
     return root[:, None] * vectors.T * scale, vectors.T @ (moment / scale) / root
 
 

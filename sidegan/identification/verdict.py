@@ -151,12 +151,15 @@ def _held_out(quality: Quality) -> Iterator[Finding]:
         yield Finding(USABLE, text)
     if folds is not None and quality.mean(folds) > _GOOD_NMSE:
         errors = folds.nmse[:, ~quality.drowned].mean(1)
-        worst, error = int(errors.argmax()), float(errors.max())
+        worst = int(errors.argmax())
+        error = float(errors.max())
         yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
 
 
 def _misfits(quality: Quality) -> Iterator[Finding]:
-    judged, where, drowned = quality.judged, quality.where, quality.drowned.tolist()
+    judged = quality.judged
+    where = quality.where
+    drowned = quality.drowned.tolist()
     if (mean := quality.mean(judged)) > _GOOD_NMSE:
         others = " of the other joints" * any(drowned)
         yield Finding(BAD if mean > _USABLE_NMSE else USABLE, f"mean nMSE{others} is {mean:.3g} on {where}")

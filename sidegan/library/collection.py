@@ -100,7 +100,10 @@ def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
 
 def _joined(parts: Iterable[Library], count: int) -> Library:
     """A library of ``count`` trajectories from its parts, with only one part at a time in memory."""
-    first, rows, columns, source = None, 0, dict[str, Array](), list[str]()
+    first = None
+    rows = 0
+    columns = dict[str, Array]()
+    source = list[str]()
     for part in parts:
         first = first or part
         _refuse_others(asdict(first.family()), asdict(part.family()))

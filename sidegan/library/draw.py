@@ -50,7 +50,9 @@ def draw_valid(
         InfeasibleError: when fewer than ``least`` are valid; names the violated constraints.
     """
     kept: list[Array] = []
-    count, drawn, valid = settings.count, 0, 0
+    count = settings.count
+    drawn = 0
+    valid = 0
     while valid < count and drawn < settings.draws:
         c = sample(min(settings.batch, settings.draws - drawn))
         verdict = check(c)

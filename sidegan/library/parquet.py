@@ -69,7 +69,8 @@ def table_of(family: Family, columns: dict[str, Array], source: list[str]) -> "p
     schema = _schema(family)
     arrays = {"source": pa.array(source, pa.string())}
     for name, x in columns.items():
-        flat, kind = pa.array(x.ravel()), schema.field(name).type
+        flat = pa.array(x.ravel())
+        kind = schema.field(name).type
         arrays[name] = flat if x.ndim == 1 else pa.FixedSizeListArray.from_arrays(flat, type=kind)
     metadata = json.dumps({"format": FORMAT, **asdict(family)}).encode()
     return pa.table(arrays, schema=schema).replace_schema_metadata({METADATA_KEY: metadata})

@@ -11,7 +11,8 @@ _ROUNDING = 1e-9  # [m] by which spheres around capsules are enlarged
 
 def chain_of(arm: Arm) -> Chain:
     """The kinematic chain of an arm."""
-    eye, slides = np.eye(3), arm.prismatic[:, None, None]
+    eye = np.eye(3)
+    slides = arm.prismatic[:, None, None]
     spin = np.linalg.cross(arm.axis[:, :, None], eye[None], axis=1)  # cross-product matrices, (J, 3, 3)
     arrays = [
         arm.prismatic,
@@ -37,7 +38,8 @@ def shapes_of(
 
     Pairs (P, 2) may be closer by distances (P,) [m]; None: zero.
     """
-    ends, radius = np.stack([capsules.a, capsules.b]), capsules.radius
+    ends = np.stack([capsules.a, capsules.b])
+    radius = capsules.radius
     size = radius + np.linalg.norm(ends[0] - ends[1], axis=1) / 2 + _ROUNDING
     bodies = capsules.link + 1, ends, radius, capsules.core, size
     allowed = np.zeros(len(pairs)) if closer is None else closer

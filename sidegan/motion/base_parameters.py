@@ -73,7 +73,8 @@ def _random_rows(arm: Arm) -> Array:
 def _first_independent(y: Array) -> Array:
     """Indices of the first linearly independent columns, whose norms are at most 1, from left to right."""
     triangle: Array = np.asarray(np.linalg.qr(y, mode="r"))
-    basis, kept = np.zeros((0, len(triangle))), list[int]()
+    basis = np.zeros((0, len(triangle)))
+    kept = list[int]()
     for k, column in enumerate(triangle.T):
         rest = column
         for _ in range(2):  # Gram-Schmidt, twice

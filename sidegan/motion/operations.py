@@ -34,7 +34,8 @@ def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) 
     Each joint's rows of Y are weighted by its certainty, (J,); None: ones.
     """
     batch, count, joints = states[0].shape
-    size, of_links = len(columns), columns_of_links(columns, joints)
+    size = len(columns)
+    of_links = columns_of_links(columns, joints)
     grams = np.empty((batch, size, size))
     rigid = information.no_terms(joints)
     if certainty is not None:
@@ -64,7 +65,8 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
     """Each joint's sums of products of columns (p,) and torque, (J, p + 1, p + 1), over states (S, J)."""
     joints = torque.shape[1]
     of_links = columns_of_links(columns, joints)
-    size, threads = len(columns) + 1, threads_for(len(torque), len(torque))
+    size = len(columns) + 1
+    threads = threads_for(len(torque), len(torque))
     products = np.zeros((threads, joints, size, size))
     parts = [np.array_split(x, threads) for x in (*states, torque)]
 

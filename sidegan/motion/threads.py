@@ -42,7 +42,8 @@ def _pool(process: int, threads: int) -> ThreadPoolExecutor:
 
 def eigh(x: Array) -> tuple[Array, Array]:
     """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices, on several threads."""
-    values, vectors = np.empty(x.shape[:2]), np.empty_like(x)
+    values = np.empty(x.shape[:2])
+    vectors = np.empty_like(x)
 
     def work(k: slice) -> None:
         values[k], vectors[k] = np.linalg.eigh(x[k])

@@ -72,7 +72,8 @@ def _unknown(key: str, inner: str) -> str:
     from sidegan.pipeline.settings import Config
 
     *group, name = place = tuple(inner.split("."))
-    siblings, near = names_in(Config, group), suggest(Config, place)
+    siblings = names_in(Config, group)
+    near = suggest(Config, place)
     if name in siblings:
         return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
     if inner != key and siblings:

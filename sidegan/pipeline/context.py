@@ -39,7 +39,8 @@ class RunContext:
     @cached_property
     def cell(self) -> Cell:
         """The arm in its cell, as configured."""
-        cfg, robot = self.cfg, self.cfg.robot
+        cfg = self.cfg
+        robot = self.cfg.robot
         planned = {"workspace": cfg.workspace, **asdict(cfg.trajectory)} if self.planning else {}
         return Cell(robot.name, effort=robot.effort, **planned, **asdict(robot.setup))
 
@@ -100,7 +101,9 @@ class RunContext:
         """
         values = settings if isinstance(settings, Mapping) else asdict(settings)
         arm = self.cell.arm
-        parts, title, numbered = [arm.name, label, f"seed{self.cfg.seed}"], f"{maker}/{label}", {}
+        parts = [arm.name, label, f"seed{self.cfg.seed}"]
+        title = f"{maker}/{label}"
+        numbered = {}
         if (training := options.get("training")) is not None:
             parts.append(f"training{training}")
             numbered = {"training": training}

@@ -244,7 +244,8 @@ class Config:
         """Sampling rates below twice the highest harmonic."""
         if not self.has("seeds", "trajectory"):
             return
-        family, few = self.trajectory, "expected more than two per period of the highest of"
+        family = self.trajectory
+        few = "expected more than two per period of the highest of"
         if self.seeds.samples <= 2 * family.harmonics:
             yield f"seeds.samples is {self.seeds.samples}, {few} trajectory.harmonics={family.harmonics}"
         highest = family.harmonics / family.period

@@ -61,8 +61,10 @@ def _produce(name: str, run: RunContext, artifacts: list[Artifact], missing: set
 
 def _record(artifact: Artifact, run: RunContext, tracker: Tracker) -> None:
     """Log an artifact's metrics and costs, and record it if it is a model."""
-    title, folder = artifact.title, run.store.require(artifact)
-    metrics, costs = artifact.metrics(folder), run.store.costs(artifact)
+    title = artifact.title
+    folder = run.store.require(artifact)
+    metrics = artifact.metrics(folder)
+    costs = run.store.costs(artifact)
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
     spent = {key: float(x) for key, x in costs.items() if isinstance(x, int | float)}

@@ -39,7 +39,8 @@ class Store:
     """
 
     def __init__(self, root: Path, run_folder: Path | None = None) -> None:
-        self.root, self.run_folder = root, run_folder or root
+        self.root = root
+        self.run_folder = run_folder or root
         try:
             root.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=root) as probe:  # unnamed, so that a kill leaves nothing
@@ -71,7 +72,8 @@ class Store:
             return folder
         if (folder := self.folder(artifact)).exists():
             read_params(folder)  # raises if it is damaged
-        name, stage = f"{artifact.maker}/{artifact.label}", stage_of(artifact.maker)
+        name = f"{artifact.maker}/{artifact.label}"
+        stage = stage_of(artifact.maker)
         message = f"there is no {name} for this configuration, run stage {stage} first"
         differences = []
         for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
@@ -104,9 +106,11 @@ class Store:
         return final
 
     def _make(self, artifact: Artifact, build: Build) -> None:
-        final, folder = self.folder(artifact), build.folder
+        final = self.folder(artifact)
+        folder = build.folder
         shutil.rmtree(folder, ignore_errors=True)  # left by a killed run: this run holds the lock
-        began, used = time.monotonic(), cpu_seconds()
+        began = time.monotonic()
+        used = cpu_seconds()
         try:
             with writing(final):
                 folder.mkdir(parents=True)

@@ -144,7 +144,8 @@ class Tracker:
         if known:
             model = known[0].model_id
         else:
-            named, tags = re.sub(r"[^\w-]", "-", name), {"digest": digest}
+            named = re.sub(r"[^\w-]", "-", name)
+            tags = {"digest": digest}
             model = self._client.create_logged_model(self._experiment, named, self.run_id, tags).model_id
             self._client.log_model_artifacts(model, str(folder))
             self._client.finalize_logged_model(model, "READY")

@@ -55,7 +55,9 @@ class Plant:
     """
 
     def __init__(self, arm: Arm, settings: PlantSettings) -> None:
-        self.arm, self.settings, self.body = arm, settings, RigidBody(arm)
+        self.arm = arm
+        self.settings = settings
+        self.body = RigidBody(arm)
 
     @cached_property
     def gains(self) -> tuple[Array, Array]:
@@ -121,7 +123,8 @@ class Plant:
         joints = self.arm.joints  # a state is time, positions, velocities
         states = np.concatenate([start[None], states[0]])[:, 1 : 1 + 2 * joints]
         position, velocity = states[:, :joints], states[:, joints:]
-        spring, limit = stiffness * (target - position[:-1]), self.arm.torque_limit
+        spring = stiffness * (target - position[:-1])
+        limit = self.arm.torque_limit
         demand = spring - damping * velocity[:-1]
         held = np.clip(demand, -limit, limit)
         torque = np.where(np.abs(demand) < limit, spring - damping * velocity[1:], held)
@@ -133,7 +136,8 @@ class Plant:
         return self.settings.feed_forward * rigid
 
     def _check(self, motion: Motion) -> None:
-        joints, rate = self.arm.joints, self.settings.rate
+        joints = self.arm.joints
+        rate = self.settings.rate
         count = len(motion.time)
         for name, x in zip(motion._fields[1:], motion[1:]):
             if x.ndim != 3 or x.shape[1:] != (count, joints) or not len(x) or count < 2:
@@ -162,10 +166,12 @@ class Plant:
 
     def largest_inertia(self) -> Array:
         """Largest diagonal element of the mass matrix over random postures, (J,)."""
-        arm, random = self.arm, np.random.default_rng(0)
+        arm = self.arm
+        random = np.random.default_rng(0)
         postures = random.uniform(arm.position_lower, arm.position_upper, (_POSTURES, 1, arm.joints))
         q = np.repeat(postures, arm.joints, axis=1)
-        still, unit = np.zeros_like(q), np.broadcast_to(np.eye(arm.joints), q.shape)
+        still = np.zeros_like(q)
+        unit = np.broadcast_to(np.eye(arm.joints), q.shape)
         columns = self.body.torque(q, still, unit) - self.body.torque(q, still, still)
         return np.linalg.diagonal(columns).max(0)
 

@@ -64,8 +64,11 @@ class Law:
 
     def __call__(self, q: Array, dq: Array, load: Array) -> Array:
         """Friction against the motion [N·m or N], (…, J), with transmitted torques ``load``."""
-        s, size, share = np.tanh(dq / self.settings.width), self.settings, load / self.scale
-        rest, thin = 1 / (1 + (dq / self.speed) ** 2), 6 * self.speed
+        s = np.tanh(dq / self.settings.width)
+        size = self.settings
+        share = load / self.scale
+        rest = 1 / (1 + (dq / self.speed) ** 2)
+        thin = 6 * self.speed
         loaded = load**2 / (np.abs(load) + 0.5 * self.scale) * (1 + 0.3 * s * np.tanh(share))
         place = 0.6 * np.cos(q + self.phase[0]) + 0.4 * np.cos(3 * q + self.phase[1])
         wave = np.sin(54 * q + self.phase[2]) * (1 + 0.5 * share)

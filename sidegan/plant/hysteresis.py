@@ -19,7 +19,8 @@ def lagging(load: Array, full: Array, share: float) -> Array:
     ``share`` of the range is the largest error, half the width at zero of the loop over the whole range.
     """
     bound = (RADII[:, None] * full)[:, None]
-    reading, before = np.empty_like(load), np.zeros_like(load[:, 0])
+    reading = np.empty_like(load)
+    before = np.zeros_like(load[:, 0])
     held = np.zeros((len(RADII), *before.shape))
     for i in range(load.shape[1]):
         held = np.clip(held + (load[:, i] - before), -bound, bound)  # of the stops, (R, B, J)

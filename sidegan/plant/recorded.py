@@ -44,7 +44,8 @@ def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> 
     """States and torque (n, S, J) at the sensors' rate, filtered without phase shift."""
     from scipy.signal import butter, sosfiltfilt  # slow to import
 
-    step, sos = round(rate / sensors.rate), butter(2, sensors.cutoff, fs=rate, output="sos")
+    step = round(rate / sensors.rate)
+    sos = butter(2, sensors.cutoff, fs=rate, output="sos")
     q, torque = (sosfiltfilt(sos, x, axis=1) for x in (position, torque))
     dq = np.gradient(q, 1 / rate, axis=1)
     ddq = np.empty_like(q)

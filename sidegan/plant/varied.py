@@ -65,8 +65,11 @@ def torque_scale(body: RigidBody, floor: float) -> Array:
 
     Without that minimum, joints of very light links would hardly have any friction.
     """
-    arm, random = body.arm, np.random.default_rng(0)
-    speed, most, size = arm.velocity_limit / 2, arm.velocity_limit, (_STATES, arm.joints)
+    arm = body.arm
+    random = np.random.default_rng(0)
+    speed = arm.velocity_limit / 2
+    most = arm.velocity_limit
+    size = (_STATES, arm.joints)
     if (limit := arm.acceleration_limit) is not None:  # infinite for a joint without one
         most = np.where(np.isfinite(limit), limit, most)
     q = random.uniform(arm.position_lower, arm.position_upper, size)
@@ -148,7 +151,8 @@ class VariedPlant:
         """Positions, motor torques and torques behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
 
-        (stiffness, damping), limit = self.gains, self.arm.torque_limit
+        stiffness, damping = self.gains
+        limit = self.arm.torque_limit
         machines = [MjData(self.model) for _ in q]
         for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
             machine.qpos[:], machine.qvel[:] = start, speed
@@ -186,7 +190,9 @@ class VariedPlant:
 
 def _tool(random: np.random.Generator, most: float) -> Array:
     """Inertial parameters about the last joint's frame, (10,), of a solid sphere of random mass and place."""
-    mass, centre, radius = random.uniform(0, most), random.uniform(-0.08, 0.08, 3), 0.05
+    mass = random.uniform(0, most)
+    centre = random.uniform(-0.08, 0.08, 3)
+    radius = 0.05
     about = 0.4 * mass * radius**2 * np.eye(3) + mass * (
         centre @ centre * np.eye(3) - np.outer(centre, centre)
     )

@@ -92,7 +92,8 @@ def _fields(path: Path, messages: Sequence[Any], names: Sequence[str]) -> list[s
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:
     """Time [s] from the header, or else from the bag, and the joints' values; NaN where missing."""
-    stamp, place = message.header.stamp, {name: i for i, name in enumerate(message.name)}
+    stamp = message.header.stamp
+    place = {name: i for i, name in enumerate(message.name)}
     row = [stamp.sec + stamp.nanosec * _NANOSECONDS or received * _NANOSECONDS]
     for field in fields:
         values = dict(enumerate(getattr(message, field).tolist()))

@@ -176,7 +176,8 @@ def check_recording(
     statistics = statistics_of(recording, settings)
     refused.refuse_wrong_units(statistics, arm, settings.units)
     refused.refuse_idle(statistics, arm)
-    parts, repeated = [recording], None
+    parts = [recording]
+    repeated = None
     if settings.sent is not None:
         sent = load_commanded(Path(settings.sent), arm.joint_names)
         parts, repeated = averaged(recording, sent, statistics.gap)

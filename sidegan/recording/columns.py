@@ -72,7 +72,9 @@ class Finder:
         self, file: str, table: Table, settings: RecordingSettings, joints: Joints, only: str | None
     ) -> None:
         self.file, self.table, self.settings, self.joints = file, table, settings, joints
-        self.available, self.only, self.effort = [*table.columns], only, settings.effort
+        self.available = [*table.columns]
+        self.only = only
+        self.effort = settings.effort
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
         self.numbering, *others = self._likeliest()
@@ -173,7 +175,8 @@ class Finder:
 
         A file with columns of joint names states its numbering.
         """
-        names, count = self.joints.names, len(self.joints.places)
+        names = self.joints.names
+        count = len(self.joints.places)
         for series in self.series:
             if not series.named and series.words[-1:] in (["name"], ["names"]):
                 numbers = {self.table.first(column): number for number, column in series.columns.items()}
@@ -237,7 +240,8 @@ class Finder:
             return
         like = [pattern for pattern in patterns if pattern != AUTO] if not optional else []
         wanted = _filled(pattern or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.numbering[0])
-        own, missing = self.joints.own, [column for column in wanted if column not in self.available]
+        own = self.joints.own
+        missing = [column for column in wanted if column not in self.available]
         joints = [name for name, column in zip(own, wanted) if column in missing] if wanted[1:] else own
         raise RecordingError(
             f"{self.file} has no {signal} for {len(joints)} of the arm's {counted(len(own), 'joint')}: "

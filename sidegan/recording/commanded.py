@@ -163,6 +163,8 @@ def _start_time(time: Array, position: Array, sent: Commanded, start: float) -> 
         off = np.abs(error.mean(0)).max()
         error -= error.mean(0)
         start -= float((error * (rate - rate.mean(0))).sum() / (rate**2).sum())
-    first, last, slack = float(time[0]), float(time[-1] - sent.time[-1]), 1 / _RATE
+    first = float(time[0])
+    last = float(time[-1] - sent.time[-1])
+    slack = 1 / _RATE
     inside = first - slack <= start <= last + slack
     return min(max(start, first), last) if inside and off < _NEAR else None

@@ -52,7 +52,8 @@ class Delay(NamedTuple):
 
     def statement(self, taken_off: bool) -> str:
         """A sentence on the delay, and on whether it was removed."""
-        size, when = abs(self.seconds) * 1e3, "earlier" if self.seconds < 0 else "later"
+        size = abs(self.seconds) * 1e3
+        when = "earlier" if self.seconds < 0 else "later"
         if self.given:
             return f"torques are assumed to be {size:g} ms {when} than the motion, as set"
         if self.lost:
@@ -148,7 +149,8 @@ def delay_of(body: RigidBody, segments: list[Segment], above: float = 0.0) -> De
     if above:
         fast = np.abs(dq) >= above * np.sqrt(np.square(dq).mean(0))
         known, torque, rate, bend = known * fast[..., None], torque * fast, rate * fast, bend * fast
-    late, deviation = 0.0, math.inf
+    late = 0.0
+    deviation = math.inf
     for _ in range(_ROUNDS):
         # the torque without the delay found so far
         now = torque + late * rate + late**2 / 2 * bend

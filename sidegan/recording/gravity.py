@@ -40,7 +40,8 @@ class _Torques:
     """
 
     def __init__(self, body: RigidBody, q: Array, v: Array, a: Array, measured: Array) -> None:
-        still, none = np.zeros_like(q), np.zeros(3)
+        still = np.zeros_like(q)
+        none = np.zeros(3)
         inertial = RigidBody(replace(body.arm, gravity=none)).torque(q, v, a)
         static = [RigidBody(replace(body.arm, gravity=g)).torque(q, still, still) for g in np.eye(3)]
         columns = np.concatenate([inertial[..., None], np.stack(static, -1), measured[..., None]], -1)

@@ -130,7 +130,8 @@ def noise_of(torques: Sequence[tuple[Array, Array]], grid: Grid) -> Array:
 
     Source: Welch 1967, The use of fast Fourier transform for the estimation of power spectra.
     """
-    low, high = _BAND[0] * grid.cutoff, min(_BAND[1] * grid.cutoff, _RESOLVED / (2 * grid.step))
+    low = _BAND[0] * grid.cutoff
+    high = min(_BAND[1] * grid.cutoff, _RESOLVED / (2 * grid.step))
     size = round(_BLOCK / (grid.cutoff * grid.step))
     signals = (
         run.at([torque], 0, run.points)

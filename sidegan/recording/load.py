@@ -138,7 +138,8 @@ def _open(
     path: Path, settings: RecordingSettings, joints: Joints, only: str | None
 ) -> tuple[Table, Where, list[str]]:
     """A file's table, which of its columns hold which signal, and remarks on that."""
-    suffix, dataset = path.suffix.lower(), is_dataset(path)
+    suffix = path.suffix.lower()
+    dataset = is_dataset(path)
     if is_bag(path) and not dataset:
         table, where = bag_table(path, settings, joints.names)
         if only and only not in where:

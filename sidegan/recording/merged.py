@@ -46,7 +46,8 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
         return {name: x for part in parts for name, x in part.signals.items()}, corrupt, remarks
     clocks = [clock_of(part.file, part.time) for part in parts]
     fastest = parts[int(np.argmin([clock.step for clock in clocks]))]
-    begin, end = max(part.time[0] for part in parts), min(part.time[-1] for part in parts)
+    begin = max(part.time[0] for part in parts)
+    end = min(part.time[-1] for part in parts)
     if not begin < end:
         spans = [f"{part.file} from {part.time[0]:.6g} s to {part.time[-1]:.6g} s" for part in parts]
         raise RecordingError(

@@ -27,7 +27,8 @@ _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
     """Refuse positions and time stamps that make sense only in another unit."""
-    name, position = statistics.name, statistics.signals["position"]
+    name = statistics.name
+    position = statistics.signals["position"]
     if statistics.step > SLOWEST:
         raw = statistics.step / units.factor("time")
         likely = next((unit for unit in ("ms", "us") if raw * Units.of_time(unit) <= _USUAL), "ns")
@@ -42,7 +43,9 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     """Message if angles look like degrees taken for radians, or vice versa."""
-    turning, reach, limit = ~arm.prismatic, position.largest, _limit(arm)
+    turning = ~arm.prismatic
+    reach = position.largest
+    limit = _limit(arm)
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
     if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= limit[turning]).all():
         return f"{_reaches(position, arm, far)}: are these degrees? (recording.units.angle=deg)"
@@ -55,7 +58,9 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
 
 def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     """Message if lengths look like millimetres taken for metres, or vice versa."""
-    sliding, reach, limit = arm.prismatic, position.largest, _limit(arm)
+    sliding = arm.prismatic
+    reach = position.largest
+    limit = _limit(arm)
     far = sliding & (reach > _LONG * limit)
     if units.length != "mm" and far.any() and (reach[far] / MILLIMETRES <= _FAR * limit[far]).all():
         return f"{_reaches(position, arm, far)}: are these millimetres? (recording.units.length=mm)"

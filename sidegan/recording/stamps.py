@@ -35,7 +35,8 @@ def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Ar
     dates = _dates(table.columns[columns[0]])
     if dates is not None:
         return dates[:, None], []
-    stamps, heading = table.numbers(columns[0]), columns[0]
+    stamps = table.numbers(columns[0])
+    heading = columns[0]
     known = units.time or units.read("time", False, heading)
     unit = "" if known else _since_1970(stamps)
     if unit:

@@ -47,7 +47,8 @@ def stationary_positions(
     for files in recordings:
         recording = load_for(arm, files, only)
         position = recording.position[:, places]
-        lower, upper = np.minimum(lower, position.min(0)), np.maximum(upper, position.max(0))
+        lower = np.minimum(lower, position.min(0))
+        upper = np.maximum(upper, position.max(0))
         for name, low, high in zip(settings.without, lower.tolist(), upper.tolist()):
             if high - low > HARDLY:
                 raise RecordingError(

@@ -79,7 +79,9 @@ class Statistics(Clock):
 
 def statistics_of(recording: Recording, settings: RecordingSettings) -> Statistics:
     """Statistics of a recording; the gap follows from the settings and the motion's bandwidth."""
-    name, samples, time = recording.name, len(recording), recording.time
+    name = recording.name
+    samples = len(recording)
+    time = recording.time
     if samples < _LEAST_SAMPLES:
         raise RecordingError(f"{name} has {counted(samples, 'sample')}, expected {_LEAST_SAMPLES} or more")
     clock = clock_of(name, time, settings.gap)
@@ -166,7 +168,9 @@ def _signal(x: Array) -> Signal:
 
 def _of_joint(x: Array) -> tuple[float, float, float, float]:
     """Statistics of one joint's signal (S,); joint by joint, a long recording takes little memory."""
-    lower, upper, steps = x.min(), x.max(), np.abs(np.diff(x))
+    lower = x.min()
+    upper = x.max()
+    steps = np.abs(np.diff(x))
     quantum = steps.min(where=steps > 0, initial=np.inf)
     clipped = max(_longest_run(x == lower), _longest_run(x == upper)) if upper > lower else 0
     return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped if clipped >= _CLIPPED else 0.0

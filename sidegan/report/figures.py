@@ -68,7 +68,8 @@ def _line(axis: Axes, line: pd.DataFrame, name: str) -> Line2D:
 def errors(raw: pd.DataFrame) -> Figure:
     """NMSE by joint and set on a logarithmic axis, unweighted and weighted; the whiskers are the range."""
     figure = blank(11, 4.4)
-    names, joints = ordered(raw["set"].unique()), list(dict.fromkeys(raw.joint))
+    names = ordered(raw["set"].unique())
+    joints = list(dict.fromkeys(raw.joint))
     parts = raw.groupby("weighted")
     for axis, (weighted, part) in zip(figure.subplots(1, len(parts), sharey=True, squeeze=False)[0], parts):
         groups = part.groupby(["joint", "set"]).nmse

@@ -86,9 +86,11 @@ def tip_paths(arm: Arm, family: Trajectory, coefficients: Array) -> Array:
 def bounds(points: Sequence[Array]) -> Array:
     """Corners [m], (2, 3), of a box around all points (…, 3) and the arm's base."""
     flat = np.concatenate([np.zeros((1, 3)), *(x.reshape(-1, 3) for x in points)])
-    low, high = flat.min(0), flat.max(0)
+    low = flat.min(0)
+    high = flat.max(0)
     room = np.maximum(0.04 * (high - low).max(), _ROOM)
-    low, high = low - room, high + room
+    low = low - room
+    high = high + room
     if low[2] > -2 * room:
         low[2] = 0.0  # hardly anything is below the desk: make it the floor
     return np.stack([low, high])

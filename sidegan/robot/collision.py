@@ -137,17 +137,20 @@ def _refused_pairs(
 
 def _hulls(shapes: Sequence[Shape]) -> tuple[pin.GeometryModel, list[str]]:
     """Hulls of all shapes that are not flat, and the links that they belong to."""
-    hulls, owners = pin.GeometryModel(), list[str]()
+    hulls = pin.GeometryModel()
+    owners = list[str]()
     for shape in shapes:
         corners = shape.part.corners
         if (hull := hull_of(corners)) is None:
             continue
         out = corners - corners.mean(0)
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-12)
-        points, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+        points = coal.StdVec_Vec3s()
+        triangles = coal.StdVec_Triangle()
         points.extend(list(corners + _OUT * shape.part.rounding * out))  # coal cannot inflate hulls
         triangles.extend([coal.Triangle(*face) for face in hull.simplices.tolist()])
-        name, body = str(len(owners)), coal.Convex(points, triangles)
+        name = str(len(owners))
+        body = coal.Convex(points, triangles)
         hulls.addGeometryObject(pin.GeometryObject(name, shape.link + 1, pin.SE3.Identity(), body))
         owners.append(shape.owner)
     return hulls, owners
@@ -158,7 +161,8 @@ def _pair(hulls: pin.GeometryModel, owners: Sequence[str], description: Descript
     spared = {frozenset(pair) for *pair, _ in description.may_touch}
     parents = {frozenset(pair) for pair in description.parents}
     for (i, a), (k, b) in combinations(enumerate(hulls.geometryObjects), 2):
-        links, between = frozenset((owners[i], owners[k])), abs(a.parentJoint - b.parentJoint)
+        links = frozenset((owners[i], owners[k]))
+        between = abs(a.parentJoint - b.parentJoint)
         if between > (links in parents) and links not in spared:
             hulls.addCollisionPair(pin.CollisionPair(i, k))
 

@@ -76,7 +76,8 @@ def possible_links(arm: Arm) -> Array:
     Too small second moments about the centre of mass are raised. A link whose mass or its place is unknown
     becomes a default link half-way to the next joint, with the median mass of the others.
     """
-    links, length = arm.inertial_parameters.copy(), _length(arm)
+    links = arm.inertial_parameters.copy()
+    length = _length(arm)
     known = _masses(arm)[2] & ~_placeholders(arm)
     usual = np.median(links[known, 0]) if known.any() else _DENSITY * length**3
     plain = (_PLAIN * length) ** 2 * np.eye(3)

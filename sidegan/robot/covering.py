@@ -117,7 +117,8 @@ def _best(part: Points, weight: float) -> _Cut:
     if not hull_volume(outer):  # flat: there is nothing to leave out
         return _Cut(0.0, ())
     ways = axes(outer)
-    low, size = (outer @ ways.T).min(0), np.ptp(outer @ ways.T, axis=0)
+    low = (outer @ ways.T).min(0)
+    size = np.ptp(outer @ ways.T, axis=0)
     planes = [((axis, float(h)),) for axis, a, s in zip(ways, low, size) for h in a + s * _CUTS]
     middles = [(axis, float(a + s / 2)) for axis, a, s in zip(ways, low, size)]
     quarters = [(middles[i], middles[k]) for i, k in ((0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5))]

@@ -37,9 +37,11 @@ def decomposed(triangles: Points) -> list[Points]:
 
 def shared_out(triangles: Points, bodies: list[Planes]) -> list[Points]:
     """Triangles (N, 3, 3) [m] grouped by the convex body that contains them or is nearest."""
-    parts, rest = [], triangles
+    parts = []
+    rest = triangles
     for planes in bodies:
-        inside, outside = rest, []
+        inside = rest
+        outside = []
         for *normal, height in planes:
             inside, beyond = split(inside, np.array(normal), height + _ROUNDING)
             outside.append(beyond)

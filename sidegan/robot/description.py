@@ -50,7 +50,8 @@ def read_description(
 ) -> Description:
     """A checked description of an arm; see `load_robot` for arguments."""
     source = read_source(path, setup.args)
-    root, where = source.root, str(path)
+    root = source.root
+    where = str(path)
     robot = root.get("name") or path.stem
     root.set("name", robot)
     may_touch = _touching(root, where)

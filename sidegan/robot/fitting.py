@@ -20,7 +20,8 @@ _SPARED = 1e-10  # [m] by which qhull may leave points out of a hull
 def _directions(count: int) -> Points:
     """Unit vectors, (count, 3), spread evenly: a Fibonacci lattice."""
     k = np.arange(count) + 0.5
-    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    z = 1 - 2 * k / count
+    turn = np.pi * (1 + 5**0.5) * k
     across = np.sqrt(1 - z * z)
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], 1)
 
@@ -110,12 +111,14 @@ def ends_along(points: Points, axis: Points) -> Points:
     across = points - np.outer(points @ axis, axis)
     foot = (across.max(0) + across.min(0)) / 2
     foot = foot - (foot @ axis) * axis
-    height, beside = points @ axis, np.linalg.norm(across - foot, axis=1)
+    height = points @ axis
+    beside = np.linalg.norm(across - foot, axis=1)
     middle = (height.max() + height.min()) / 2
     thin, wide = beside.max(), np.hypot(beside, height - middle).max()
     radius = thin + (wide - thin) * _WIDER * np.arange(_RADII) / _RADII
     cap = np.sqrt(np.maximum(radius[:, None] ** 2 - beside**2, 0.0))  # of round ends beyond a point
-    low, high = (height + cap).min(1), (height - cap).max(1)
+    low = (height + cap).min(1)
+    high = (height - cap).max(1)
     length = np.maximum(high - low, 0.0)
     volumes = [*(radius**2 * (4 / 3 * radius + length)), 4 / 3 * wide**3]
     best = int(np.argmin(volumes))
@@ -176,7 +179,8 @@ def split(triangles: Points, normal: Points, height: float) -> tuple[Points, Poi
     a, b, c = np.take_along_axis(t, order[..., None], 1).transpose(1, 0, 2)
     sa, sb, sc = np.take_along_axis(s, order, 1).T[..., None]
     p, q = a + sa / (sa - sb) * (b - a), a + sa / (sa - sc) * (c - a)
-    tip, rest = np.stack([a, p, q], 1), np.concatenate([np.stack([p, b, c], 1), np.stack([p, c, q], 1)])
+    tip = np.stack([a, p, q], 1)
+    rest = np.concatenate([np.stack([p, b, c], 1), np.stack([p, c, q], 1)])
     high = sa[:, 0] > 0
     twice = np.concatenate([high, high])
     return (

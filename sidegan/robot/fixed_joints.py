@@ -29,7 +29,8 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
 
     def follow(joint: Joint, mimic: ET.Element, followers: tuple[str, ...]) -> float:
         """Position of a joint that mimics another: multiplier · its position + offset."""
-        at, name = tree.at(joint), mimic.get("joint", "")
+        at = tree.at(joint)
+        name = mimic.get("joint", "")
         if name not in tree.joints or name in free or name in followers:
             wrong[joint.name] = f"{at} mimics {name!r}" if name else f"{at} mimics no joint"
             return 0.0

@@ -48,7 +48,9 @@ def limits_of(
     """
     given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
-    described, found, wider = _Described(tree, home), dict[str, JointLimits](), list[str]()
+    described = _Described(tree, home)
+    found = dict[str, JointLimits]()
+    wider = list[str]()
     for joint in moving:
         own = {kind: values[joint.name] for kind, values in stated.items() if joint.name in values}
         lower, upper = own.get("position") or described.position(joint)
@@ -121,7 +123,8 @@ class _Described:
         if joint.kind == "continuous":
             middle = self.home.get(joint.name, 0.0)
             return middle - math.pi, middle + math.pi
-        span, example = self.tree.span(joint), _EXAMPLE[joint.kind]
+        span = self.tree.span(joint)
+        example = _EXAMPLE[joint.kind]
         if span is None:
             why = "no position limits, expected <limit lower upper>"
             return self._example("position", joint, example, why)
@@ -170,9 +173,11 @@ class _Described:
 
     def _softened(self, joint: Joint, span: _Span) -> _Span:
         """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
-        safety, at = joint.part("safety_controller"), self.tree.at(joint)
+        safety = joint.part("safety_controller")
+        at = self.tree.at(joint)
         soft = [xml.number(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
-        lower, upper = max(span[0], soft[0]), min(span[1], soft[1])
+        lower = max(span[0], soft[0])
+        upper = min(span[1], soft[1])
         if not any(soft) or (lower, upper) == span:
             return span
         if lower >= upper:
@@ -213,7 +218,8 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
         units |= {"lower": length, "upper": length}
     wider = []
     for kind, unit in units.items():
-        value, own = getattr(limits, kind), _plain(joint.part("limit").get(kind, ""))
+        value = getattr(limits, kind)
+        own = _plain(joint.part("limit").get(kind, ""))
         if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider

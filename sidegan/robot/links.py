@@ -51,7 +51,8 @@ def prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> li
             continue
         shape = _checked_shape(collision, where)
         if shape.tag == "capsule":  # Pinocchio wants a cylinder that is marked as a capsule
-            shape.tag, name = "cylinder", f"capsule_{index}"
+            shape.tag = "cylinder"
+            name = f"capsule_{index}"
             collision.set("name", name)
             ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
         elif shape.tag == "mesh":

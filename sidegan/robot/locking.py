@@ -60,7 +60,8 @@ def from_rpy(rpy: tuple[float, ...]) -> Matrix:
 def to_rpy(turn: Matrix) -> tuple[float, float, float]:
     """Roll, pitch and yaw [rad] of a rotation (3, 3), exact even in gimbal lock."""
     yaw = math.atan2(turn[1, 0], turn[0, 0])
-    c, s = math.cos(yaw), math.sin(yaw)
+    c = math.cos(yaw)
+    s = math.sin(yaw)
     pitch = math.atan2(-turn[2, 0], c * turn[0, 0] + s * turn[1, 0])
     roll = math.atan2(s * turn[0, 2] - c * turn[1, 2], c * turn[1, 1] - s * turn[0, 1])
     return roll, pitch, yaw

@@ -102,7 +102,8 @@ def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
 
 def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
     """Whether a geom contributes to the mass of its body."""
-    body, (first, last) = geom.parent, spec.compiler.inertiagrouprange
+    body = geom.parent
+    first, last = spec.compiler.inertiagrouprange
     always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     own = body.explicitinertial and not always
     return body.name != "world" and not own and geom.mass != 0 and first <= geom.group <= last
@@ -142,7 +143,8 @@ class _Writer:
 
     def notes(self) -> list[str]:
         """Notes on what could not be carried over."""
-        model, notes = self.model, []
+        model = self.model
+        notes = []
         if self.dropped:
             notes.append(f"unsupported shapes left out: {listed(self.dropped)}")
         if model.dof_armature.any():
@@ -178,10 +180,12 @@ class _Writer:
         """Write the joints between a body and its parent; all but the last lead to auxiliary links."""
         model = self.model
         parent, child = self.name("body", model.body_parentid[body]), self.name("body", body)
-        turn, place = turn_of(model.body_quat[body]), model.body_pos[body].copy()
+        turn = turn_of(model.body_quat[body])
+        place = model.body_pos[body].copy()
         count, first = model.body_jntnum[body], model.body_jntadr[body]
         for joint in range(first, first + count):
-            anchor, axis = model.jnt_pos[joint].copy(), model.jnt_axis[joint]
+            anchor = model.jnt_pos[joint].copy()
+            axis = model.jnt_axis[joint]
             kind = _KINDS[int(model.jnt_type[joint])]
             if kind == "floating":
                 anchor = np.zeros(3)
@@ -190,7 +194,8 @@ class _Writer:
             after = child if direct else f"{child}/{name}"
             if not direct:
                 ET.SubElement(self.root, "link", name=after)
-            at, around = place + turn @ anchor, turn
+            at = place + turn @ anchor
+            around = turn
             reference = 0.0 if kind == "floating" else float(model.qpos0[model.jnt_qposadr[joint]])
             if kind == "prismatic":
                 at = at - turn @ axis * reference
@@ -200,7 +205,9 @@ class _Writer:
             self._limits(element, joint)
             if direct:
                 return
-            parent, turn, place = after, np.eye(3), -anchor
+            parent = after
+            turn = np.eye(3)
+            place = -anchor
         self._joint(f"{child}/fixed", "fixed", parent, child, turn, place)
 
     def _joint(
@@ -235,7 +242,8 @@ class _Writer:
 
     def _mimics(self) -> None:
         """Write joints that an equality constraint couples to another as mimic joints."""
-        model, joints = self.model, {j.get("name"): j for j in self.root.findall("joint")}
+        model = self.model
+        joints = {j.get("name"): j for j in self.root.findall("joint")}
         for i in range(model.neq):
             if int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0:
                 follower, leader = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
@@ -265,7 +273,8 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
     ranges: dict[int, Vector] = {}
     for i in range(model.nu):
         if int(model.actuator_trntype[i]) in _ON_JOINTS:
-            joint, gear = int(model.actuator_trnid[i, 0]), model.actuator_gear[i, 0]
+            joint = int(model.actuator_trnid[i, 0])
+            gear = model.actuator_gear[i, 0]
             force = np.sort(_forces(model, i) * gear) if gear else np.zeros(2)
             ranges[joint] = ranges.get(joint, np.zeros(2)) + force
     for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():

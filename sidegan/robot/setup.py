@@ -24,7 +24,8 @@ class Limits:
 
     def of_joints(self, names: Iterable[str]) -> "Limits":
         """The same limits, with single numbers expanded to all joints."""
-        joints, changed = list(names), dict[str, Any]()
+        joints = list(names)
+        changed = dict[str, Any]()
         for kind, value in vars(self).items():
             if isinstance(value, int | float):
                 changed[kind] = dict.fromkeys(joints, (-value, value) if kind == "position" else value)

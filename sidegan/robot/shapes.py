@@ -48,7 +48,8 @@ def shapes_of(
     count = Counter(owner for owner, _ in groups)
     shapes = []
     for (owner, primitive), group in groups.items():
-        link, name = group[0].parentJoint - 1, owner if count[owner] == 1 else group[0].name
+        link = group[0].parentJoint - 1
+        name = owner if count[owner] == 1 else group[0].name
         if primitive:
             exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
             shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
@@ -97,7 +98,8 @@ def _core(shape: Shape) -> float:
 def _placed(part: Part, shape: pin.GeometryObject) -> Part:
     """A part of a shape, in the frame of the joint that moves it."""
     (ends, radius), corners, rounding = part
-    turn, place = shape.placement.rotation.T, shape.placement.translation
+    turn = shape.placement.rotation.T
+    place = shape.placement.translation
     return Part((ends @ turn + place, radius), corners @ turn + place, rounding)
 
 
@@ -114,7 +116,8 @@ def _primitive(shape: coal.CollisionGeometry) -> Part:
             ends = np.outer([-shape.halfLength, shape.halfLength], [0.0, 0.0, 1.0])
             return Part((ends, shape.radius), ends, shape.radius)
         case coal.Cylinder():
-            axis, angle = 2, 2 * np.pi * np.arange(_SIDES) / _SIDES
+            axis = 2
+            angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
             rim = shape.radius / np.cos(np.pi / _SIDES) * np.stack([np.cos(angle), np.sin(angle)], 1)
             heights = (-shape.halfLength, shape.halfLength)
             corners = np.concatenate([np.c_[rim, np.full(_SIDES, z)] for z in heights])
@@ -131,7 +134,8 @@ def is_mesh(shape: pin.GeometryObject) -> bool:
 
 def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], str]:
     """Capsules and hulls around the meshes of a link, in the first mesh's frame, and the meshes' digest."""
-    first, state = group[0].placement, hashlib.sha256(str(VERSION).encode())
+    first = group[0].placement
+    state = hashlib.sha256(str(VERSION).encode())
     for mesh in group:
         relative = first.actInv(mesh.placement)
         state.update(hashlib.sha256(Path(mesh.meshPath).read_bytes()).digest())

@@ -26,7 +26,8 @@ def cylinder(radius: float, length: float) -> Surface:
 def capsule(radius: float, length: float, rings: int = _RINGS, around: int = _AROUND) -> Surface:
     """A cylinder along z with hemispheres at its ends, centred; a sphere if it has no length."""
     angle = np.linspace(0, np.pi / 2, rings, endpoint=False)
-    radii, heights = radius * np.cos(angle), length / 2 + radius * np.sin(angle)
+    radii = radius * np.cos(angle)
+    heights = length / 2 + radius * np.sin(angle)
     start = 0 if length else 1  # the equator of a sphere once
     return _revolved(
         [*radii[::-1], *radii[start:]], [*-heights[::-1], *heights[start:]], length / 2 + radius, around

@@ -121,7 +121,9 @@ def _joints(root: ET.Element, where: str) -> list[Joint]:
         name, count = Counter(given).most_common(1)[0] if given else ("", 0)
         if count > 1:
             raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
-    links, taken, joints = set(names["link"]), set(), []
+    links = set(names["link"])
+    taken = set()
+    joints = []
     for element, name in zip(root.findall("joint"), names["joint"]):
         at = f"{where}: joint {name!r}"
         parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))

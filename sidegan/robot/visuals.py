@@ -41,7 +41,8 @@ def visual_parts(arm: Arm) -> list[Part]:
 
     Unreadable shapes are left out, since pictures are no reason to fail; all if the description is missing.
     """
-    parts, unread = [], dict[str, str]()
+    parts = []
+    unread = dict[str, str]()
     for link, frame in _links(arm):
         for shape in link.findall("visual") or link.findall("collision"):
             try:
@@ -102,7 +103,8 @@ def _links(arm: Arm) -> Iterator[tuple[ET.Element, pin.Frame]]:
     """The description's links and their frames; none if the file is missing."""
     try:
         description = read_description(arm.urdf, arm.setup, planning=False)
-        model, root = build(description), read_source(arm.urdf, arm.setup.args).root
+        model = build(description)
+        root = read_source(arm.urdf, arm.setup.args).root
     except RobotError as error:
         _log.warning("%s is shown with its collision shapes only: %s", arm.name, error)
         return
@@ -119,7 +121,8 @@ def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))
     shape = xml.child(visual, "geometry", "a shape")[0]
     points, faces = _mesh(shape, arm.urdf) if shape.tag == "mesh" else _solid(shape)
-    size, moves = float(np.linalg.norm(np.ptp(points, 0))), bool(link.parentJoint)
+    size = float(np.linalg.norm(np.ptp(points, 0)))
+    moves = bool(link.parentJoint)
     if why := of_another_order(size, length_of(vars(arm)), moves, shape.tag == "mesh"):
         raise RobotError(f"a shape is {why}")
     return Part(link.parentJoint - 1, points @ turn.T + link.placement.act(shift), faces)

@@ -112,7 +112,8 @@ def _round(root: ET.Element) -> None:
     for link in root.findall("link"):
         for shape in [child for child in link if child.find("geometry/capsule") is not None]:
             capsule = xml.child(xml.child(shape, "geometry", ""), "capsule", "")
-            radius, origin = capsule.get("radius", ""), xml.child(shape, "origin", "")
+            radius = capsule.get("radius", "")
+            origin = xml.child(shape, "origin", "")
             place = np.array(xml.vector(origin, "xyz", ""))
             axis = from_rpy(xml.vector(origin, "rpy", ""))[:, 2]
             for side in (-0.5, 0.5):

@@ -108,7 +108,9 @@ def _limits(arm: Arm) -> Iterable[dict[str, str]]:
 
 def _draw(arm: Arm, root: ET.Element) -> None:
     """Add shapes to the bodies of links and of what is fixed to them."""
-    world, assets, moving = child(root, "worldbody", ""), ET.Element("asset"), [*root.iter("body")]
+    world = child(root, "worldbody", "")
+    assets = ET.Element("asset")
+    moving = [*root.iter("body")]
     bodies = {"world": world} | {body.get("name", ""): body for body in moving}
     for k, (link, owner) in enumerate(zip(arm.capsules.link.tolist(), arm.capsules.owners)):
         if owner not in bodies:
@@ -130,10 +132,12 @@ def _draw(arm: Arm, root: ET.Element) -> None:
 
 def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
     """Attributes of the geom of a capsule, or of the hull inside, which is added to the assets."""
-    capsules, pieces = arm.capsules, arm.capsules.pieces
+    capsules = arm.capsules
+    pieces = arm.capsules.pieces
     a, b, radius = capsules.a[k], capsules.b[k], capsules.radius[k]
     if pieces is not None and not pieces.exact[k]:
-        hull, r = pieces.corners[pieces.start[k] : pieces.start[k + 1]], float(pieces.radius[k])
+        hull = pieces.corners[pieces.start[k] : pieces.start[k + 1]]
+        r = float(pieces.radius[k])
         cube = np.array(np.meshgrid([-r, r], [-r, r], [-r, r])).reshape(3, 8).T
         points = (hull[:, None] + cube).reshape(-1, 3)  # encloses the inflated hull
         if hull_of(points) is not None:

@@ -35,7 +35,8 @@ def make_seeds(
     work.mkdir(parents=True, exist_ok=True)
     batches: list[SeedBatch] = []
     for _ in range(1 + _SPARE_ROUNDS):
-        missing, number = count - sum(map(len, batches)), len(batches)
+        missing = count - sum(map(len, batches))
+        number = len(batches)
         if missing <= 0:
             break
         sizes = [min(batch, missing - i) for i in range(0, missing, batch)]
@@ -72,7 +73,8 @@ def make_long(
     Raises:
         InfeasibleError: when no start becomes valid.
     """
-    began, batches = time.process_time(), list[SeedBatch]()
+    began = time.process_time()
+    batches = list[SeedBatch]()
     for done, seed in enumerate(random.spawn((1 + _SPARE_STARTS) * starts), 1):
         batches.append(method.optimise(problem, 1, seed))
         progress(min(done, starts), starts)

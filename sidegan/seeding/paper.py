@@ -34,8 +34,10 @@ class ConditionProblem:
     def __init__(self, problem: Problem, box: float) -> None:
         from sidegan.design.objective import evaluator  # imports compiled code
 
-        self.evaluate, self.constraints = evaluator(problem, _DISTANCE), len(problem.constraints.labels)
-        self.box, self.shape = box, problem.trajectory.shape
+        self.evaluate = evaluator(problem, _DISTANCE)
+        self.constraints = len(problem.constraints.labels)
+        self.box = box
+        self.shape = problem.trajectory.shape
 
     def __deepcopy__(self, memory: dict[int, Any]) -> "ConditionProblem":
         return self  # pygmo copies its problems; this one is immutable, with large work arrays
@@ -100,6 +102,7 @@ class Paper(Optimiser):
 
 def _best(population: "pygmo.population") -> Array:
     """The feasible decision vector with the least fitness, or else the least infeasible one."""
-    values, vectors = population.get_f(), population.get_x()
+    values = population.get_f()
+    vectors = population.get_x()
     violation = np.clip(values[:, 1:], 0, None).sum(1)
     return vectors[np.lexsort((values[:, 0], violation))[0]]

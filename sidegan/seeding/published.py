@@ -68,7 +68,8 @@ class PublishedSeeds:
 
     def read(self, trajectory: Trajectory) -> Array:
         """Coefficients [rad/s], (N, J, H, 2); ConfigError if the file does not have this layout."""
-        path, layout = self.file, Layout(trajectory.joints, trajectory.harmonics)
+        path = self.file
+        layout = Layout(trajectory.joints, trajectory.harmonics)
         with reading(path, "NumPy", ConfigError):
             images = np.load(path, allow_pickle=False)
         if images.shape[1:] != layout.shape:

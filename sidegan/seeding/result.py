@@ -125,7 +125,8 @@ class Optimiser(ABC):
         """
         problem.constraints.refuse_home(problem.trajectory.home or ())
         began = time.process_time()
-        missing, batches = count, list[SeedBatch]()
+        missing = count
+        batches = list[SeedBatch]()
         for index in range(self.attempts):
             source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
             proposed = self.propose(problem, missing, _REACH ** (index + 1), source)

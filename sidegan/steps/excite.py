@@ -84,7 +84,8 @@ def aim_of(
         return unmeasured(cell.body, terms, goal)
     found, covariance, certainty, rate = known_model(Path(known), cell.arm)
     if goal.noise is not None:  # overrides the noise of the recordings
-        certainty, rate = 1 / goal.deviation(usual_torque(cell.body)), goal.rate
+        certainty = 1 / goal.deviation(usual_torque(cell.body))
+        rate = goal.rate
     return Uncertain(found, covariance, certainty, rate, goal.objective, identified=True)
 
 

@@ -86,7 +86,8 @@ class IdentifiedModel:
             ShapeError: when the states do not have equal shapes (…, J).
         """
         states = [np.asarray(x, float) for x in (q, dq, ddq)]
-        joints, shape = self.arm.model.joints, states[0].shape
+        joints = self.arm.model.joints
+        shape = states[0].shape
         if any(x.shape != shape or x.shape[-1:] != (joints,) for x in states):
             shapes = ", ".join(str(x.shape) for x in states)
             raise ShapeError(f"states are {shapes}, expected three times (…, {joints})")

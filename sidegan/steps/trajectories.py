@@ -150,7 +150,9 @@ class TrajectorySet:
 
     def demands(self, rate: float = 100.0) -> pd.DataFrame:
         """Demands of each trajectory as text: peaks at a rate [Hz], clearance and energy."""
-        arm, cell, c = self.cell.whole_arm, self.cell, self.coefficients
+        arm = self.cell.whole_arm
+        cell = self.cell
+        c = self.coefficients
         times = self.family.times(rate)
         q = self.family.derivative(c, self.family.times(_DISTANCE_RATE), 0)
         nearest = cell.constraints.nearest(q.reshape(-1, arm.joints))[0].reshape(len(q), -1).min(1)
@@ -190,7 +192,8 @@ class TrajectorySet:
         settings = settings_of(ExportSettings, controllers)
         run = self.at_speed(settings.speed)
         self.library.save(Path(folder) / LIBRARY)
-        c, files = run.coefficients, Path(folder) / FOLDER
+        c = run.coefficients
+        files = Path(folder) / FOLDER
         return export_set(self.cell.constraints, run.family, c, settings, files)
 
     def view(self, path: str | Path, rate: float = 100.0, steps: Sequence[tuple[str, str]] = ()) -> None:

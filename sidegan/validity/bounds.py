@@ -54,10 +54,12 @@ class Reaches(NamedTuple):
 
         For two capsules only the joints between their links count; these move the outer one.
         """
-        link, reach = arm.capsules.link, capsule_reach(arm)
+        link = arm.capsules.link
+        reach = capsule_reach(arm)
         first, second = link[pairs].T
         outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
-        joints, far = np.arange(arm.joints), np.maximum(first, second)[:, None]
+        joints = np.arange(arm.joints)
+        far = np.maximum(first, second)[:, None]
         between = (joints[None] > np.minimum(first, second)[:, None]) & (joints[None] <= far)
         return cls(reach[outer] * between, piece_reach(arm)[outer] * between, reach[guarded[:, 1]])
 

@@ -62,7 +62,8 @@ def thicker(arm: Arm, clearance: float) -> Arm:
     """The arm with its shapes inflated by half a clearance [m]; the arm itself for zero."""
     if not clearance:
         return arm
-    half, capsules = clearance / 2, arm.capsules
+    half = clearance / 2
+    capsules = arm.capsules
     pieces = capsules.pieces
     if pieces is not None:
         pieces = replace(pieces, radius=pieces.radius + half, core=pieces.core + half)

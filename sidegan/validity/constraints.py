@@ -182,7 +182,9 @@ class Constraints:
 
     def described(self) -> str:
         """What is checked and what is not, in one line for people."""
-        arm, capsules, pairs = self.arm, self.arm.capsules, self.of_links
+        arm = self.arm
+        capsules = self.arm.capsules
+        pairs = self.of_links
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
         limited["torque"] = int(np.isfinite(arm.torque_limit).sum()) if self.torque else 0
         limits = ", ".join(f"{name} of {count}" for name, count in limited.items())

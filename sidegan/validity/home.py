@@ -37,7 +37,8 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
         return None
     middle = (arm.position_lower + arm.position_upper) / 2
     half = (arm.position_upper - arm.position_lower) / 2
-    random, tried = np.random.default_rng(0), []
+    random = np.random.default_rng(0)
+    tried = []
     for share in _SHARES:
         draw = 2 * random.random((_DRAWS, arm.joints)) - 1
         q = middle + share * half * draw
@@ -77,7 +78,9 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     """
     if len(positions) != arm.joints:
         return
-    q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
+    q = np.array(positions, float)
+    lower = arm.position_lower
+    upper = arm.position_upper
     turned = np.where(arm.prismatic, q, np.deg2rad(q))
     beyond = ~arm.prismatic & (np.abs(q) > _TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):

@@ -92,7 +92,8 @@ class Convex:
 def _touching(hull: "scipy.spatial.ConvexHull") -> Array:
     """Unit normals, (K, 3), of supporting planes at a hull's faces, edges and corners."""
     faces = hull.equations[:, :3]
-    i, j = np.repeat(np.arange(len(faces)), 3), hull.neighbors.reshape(-1)
+    i = np.repeat(np.arange(len(faces)), 3)
+    j = hull.neighbors.reshape(-1)
     i, j = i[i < j], j[i < j]
     angles = np.arccos(np.clip((faces[i] * faces[j]).sum(1), -1, 1))
     parts = [faces]

@@ -182,7 +182,8 @@ class _Touching:
         rest = [links for links in self.rows if links not in set(self.near)]
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
-        self.q, self.inside = sampled(arm), PieceDistances(arm, self.pairs)
+        self.q = sampled(arm)
+        self.inside = PieceDistances(arm, self.pairs)
         self.capsules = capsule_distances(arm, self.q, self.pairs).T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:

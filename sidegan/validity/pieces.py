@@ -42,7 +42,8 @@ class PieceDistances:
         """The pieces for compiled kernels."""
         from sidegan.kernels.gjk import Hulls
 
-        capsules, pieces = self.arm.capsules, self.arm.capsules.pieces
+        capsules = self.arm.capsules
+        pieces = self.arm.capsules.pieces
         if pieces is None:
             return Hulls.none(len(capsules.radius), len(self.pairs))
         around = _around(capsules, pieces)

@@ -49,7 +49,8 @@ def describe_weak_limits(arm: Arm) -> str:
     weak = np.flatnonzero(share < _MOSTLY).tolist()
     if not weak:
         return ""
-    limits, names = arm.torque_limit.tolist(), arm.joint_names
+    limits = arm.torque_limit.tolist()
+    names = arm.joint_names
     joints = [f"{names[j]} (effort {limits[j]:.4g}) in {float(share[j]):.0%}" for j in weak]
     return (
         f"torque limits that hold the arm still in only part of its range: {listed(joints)}; if these are "
@@ -91,7 +92,9 @@ def _far(arm: Arm, span: Array) -> Array:
 
 def _strong(arm: Arm) -> Array:
     """Joints with implausibly large torque limits, (J,) bool."""
-    limit, turns, held = arm.torque_limit, ~arm.prismatic, _held(arm).max(0)
+    limit = arm.torque_limit
+    turns = ~arm.prismatic
+    held = _held(arm).max(0)
     none = np.zeros_like(turns)
     if turns.any() and np.isfinite(limit[turns]).all():
         most = max(_SPARE * float(held[turns].max()), _WEAK) if held.any() else _UNKNOWN

@@ -32,7 +32,8 @@ def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where
 
 def remedy(constraints: Constraints, where: Where) -> str:
     """Settings that relax a constraint, in words for people."""
-    (constraint, which), arm = where, constraints.arm
+    constraint, which = where
+    arm = constraints.arm
     home = "another home ('trajectory.home=[…]')"
     if constraint == "collision":
         pair = which.split(" – ")

@@ -59,7 +59,8 @@ class Search:
         """
         which, index = np.ascontiguousarray(cells.T)  # another layout would compile the kernel again
         if count <= len(cells):
-            used, rows = np.arange(count), index
+            used = np.arange(count)
+            rows = index
         else:
             used, rows = np.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2

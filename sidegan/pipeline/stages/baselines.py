@@ -56,7 +56,8 @@ def test_trajectories(run: RunContext) -> Array:
 
 def prediction(run: RunContext, noise: TorqueNoise, family: Trajectory | None = None) -> Prediction:
     """Expected errors on the test trajectories; the excitation is of ``family``, by default the short one."""
-    settings, tests = run.cfg.identification, test_trajectories(run)
+    settings = run.cfg.identification
+    tests = test_trajectories(run)
     times = run.cell.trajectory.times(settings.rate)
     wanted = wanted_torques(run.cell.body, run.cell.trajectory, tests, times)
     return Prediction.at_rate(
@@ -85,7 +86,8 @@ def baselines(run: RunContext) -> dict[str, Artifact]:
 
 
 def _make_natural(run: RunContext, build: Build) -> None:
-    problem, random = run.cell.problem, np.random.default_rng(run.number("natural"))
+    problem = run.cell.problem
+    random = np.random.default_rng(run.number("natural"))
     natural = Coordinates.of(problem)
     whole = natural.coefficients(natural.start(problem, _DRAWN, random, 1.0))
     reach, above = 0.0, 1.0
@@ -101,7 +103,9 @@ def _make_natural(run: RunContext, build: Build) -> None:
 
 
 def _make_searched(run: RunContext, build: Build, evaluations: int) -> None:
-    settings, found, first = replace(_SEARCH, evaluations=evaluations), [], run.number("search")
+    settings = replace(_SEARCH, evaluations=evaluations)
+    found = []
+    first = run.number("search")
     for k in range(_SEARCHED):
         try:
             found.append(search(run.cell.problem, Goal(), settings, first + k).coefficients)
@@ -144,7 +148,9 @@ def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
 
 
 def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
-    settings, family, seeds = run.cfg.long, long_family(run, harmonics), run.cfg.seeds
+    settings = run.cfg.long
+    family = long_family(run, harmonics)
+    seeds = run.cfg.seeds
     problem = Problem(run.cell.constraints, family, settings.samples)
     method = Gradient(settings.steps, attempts=1, reserve=seeds.reserve or 0.0)
     made = make_long(problem, method, settings.starts, run.random(f"long {harmonics}"), build.report)

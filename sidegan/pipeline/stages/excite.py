@@ -35,7 +35,8 @@ log = logging.getLogger(__name__)
 
 def _show(run: RunContext, tracker: Tracker) -> None:
     """Design a set, and write its files, tables and page."""
-    cfg, folder = run.cfg, run.store.run_folder
+    cfg = run.cfg
+    folder = run.store.run_folder
     chosen = excite(
         run.cell, None, cfg.seed, goal=cfg.goal, search=cfg.search, model=cfg.model, known=cfg.known
     )
@@ -105,7 +106,8 @@ def _view(run: RunContext, slowed: TrajectorySet, steps: Steps, tracker: Tracker
 def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
     """Tracking error, largest torque and closest approach of each trajectory in MuJoCo."""
     plant = Plant(run.cell.whole_arm, run.cfg.plant)
-    family, times = slowed.family, slowed.family.times(plant.settings.rate)
+    family = slowed.family
+    times = slowed.family.times(plant.settings.rate)
     rows = []
     for c in slowed.coefficients:
         planned = family.roll_out(c[None], times)
@@ -139,7 +141,8 @@ def _require_rate(run: RunContext) -> None:
 
 def _require_places(run: RunContext) -> None:
     """Refuse a start that is in degrees, has the wrong number of joints, or has no path to home."""
-    arm, settings = run.cell.whole_arm, run.cfg.controllers
+    arm = run.cell.whole_arm
+    settings = run.cfg.controllers
     if settings.start is None:
         return
     if len(settings.start) != arm.joints:

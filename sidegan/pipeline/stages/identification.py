@@ -47,7 +47,8 @@ def plant(run: RunContext, excitation: ExcitationSet) -> Artifact:
 def _of_set(
     maker: str, run: RunContext, excitation: ExcitationSet, make: Callable[..., None], values: dict[str, Any]
 ) -> Artifact:
-    source, options = excitation.source, {"training": excitation.training, "metrics": _mean_errors}
+    source = excitation.source
+    options = {"training": excitation.training, "metrics": _mean_errors}
     make = partial(make, excitation=excitation)
     return run.artifact(maker, excitation.name, make, values, {source.maker: source}, **options)
 
@@ -60,7 +61,9 @@ def _mean_errors(folder: Path) -> Metrics:
 
 
 def _identify(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
-    settings, body, name = run.cfg.identification, run.cell.body, excitation.name
+    settings = run.cfg.identification
+    body = run.cell.body
+    name = excitation.name
     tests = run.cell.trajectory, test_trajectories(run)
     family = excitation.family, run.load(excitation.source).coefficients
     random = run.random("identification")
@@ -82,8 +85,10 @@ def _under_constant_noise(run: RunContext, family: Trajectory, c: Array) -> pd.D
 
 def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
     settings = run.cfg.plants
-    coefficients, tests = run.load(excitation.source).coefficients, test_trajectories(run)
-    model, rows = TorqueModel(run.cell.body, settings.model), []
+    coefficients = run.load(excitation.source).coefficients
+    tests = test_trajectories(run)
+    model = TorqueModel(run.cell.body, settings.model)
+    rows = []
     for number, seed in enumerate(run.random("plants").spawn(settings.count)):
         machine = VariedPlant(run.cell.arm, settings.plant, seed)
         random = np.random.default_rng(run.number(f"plant {number}"))

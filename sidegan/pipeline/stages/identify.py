@@ -97,7 +97,8 @@ def _error(folder: Path) -> Metrics:
 
 def _show(run: RunContext, tracker: Tracker) -> None:
     """Copy all results to the run's folder, and log a summary."""
-    folder, target = run.store.require(model(run)), run.store.run_folder
+    folder = run.store.require(model(run))
+    target = run.store.run_folder
     for path in sorted(folder.iterdir()):
         if path.name != PARAMS:
             with replacing(target / path.name) as temporary:

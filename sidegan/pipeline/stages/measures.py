@@ -62,16 +62,20 @@ def _noises(run: RunContext, c: Array) -> Iterator[tuple[str, TorqueNoise]]:
 
 
 def _make(run: RunContext, build: Build, pool: Pool) -> None:
-    library, seeds, together = pool.load(run), run.load(seed_set(run)), _together(run)
+    library = pool.load(run)
+    seeds = run.load(seed_set(run))
+    together = _together(run)
     reference, others = (seeds.take(range(k, len(seeds), 2)) for k in (0, 1))
     compared = others if pool.name == SEEDS else library
     report = likeness(compared, reference) if min(len(compared), len(reference)) > 1 else {}
-    frames, random = list[pd.DataFrame](), run.number("draws")
+    frames = list[pd.DataFrame]()
+    random = run.number("draws")
     for name, noise in _noises(run, library.coefficients):
         errors = np.full((1, 1), np.nan)
         if len(library) >= together:
             errors = prediction(run, noise).of_draws(library.coefficients, together, seed=random)
-        mean, geometric = errors.mean(1), np.exp(np.log(errors).mean(1))
+        mean = errors.mean(1)
+        geometric = np.exp(np.log(errors).mean(1))
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
         report |= {name: float(mean.mean()), f"{name}_geometric": float(np.exp(np.log(geometric).mean()))}
     rows = pd.concat(frames).assign(set=pool.name, training=pool.training or 0)

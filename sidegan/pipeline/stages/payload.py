@@ -43,7 +43,8 @@ def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measure
 
 def _payload(run: RunContext, tracker: Tracker) -> None:
     """Identify the load, and write it to the run's folder."""
-    cfg, arm = run.cfg, recorded_arm(run)
+    cfg = run.cfg
+    arm = recorded_arm(run)
     unloaded, loaded = both(cfg, arm, cfg.robot.gains)
     found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
     write_json(run.store.run_folder / PAYLOAD, as_json(found))
@@ -83,7 +84,9 @@ def _table(found: Payload) -> pd.DataFrame:
 
 def _gains(run: RunContext, tracker: Tracker) -> None:
     """Identify the gains, and write them to the run's folder; log them as a setting if all are certain."""
-    cfg, arm, folder = run.cfg, recorded_arm(run), run.store.run_folder
+    cfg = run.cfg
+    arm = recorded_arm(run)
+    folder = run.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
     unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # unit gains: "torques" are currents
     found = drive_gains(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded, cfg.load.parameters)

@@ -53,7 +53,8 @@ class Replication:
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
     """Sums over the measurements of a whole set; readings that measure it the same way share them."""
     measured = Replication.of(run, pool, reading)
-    settings, label = asdict(measured) | {"rate": run.cfg.identification.rate}, pool.name + measured.mark
+    settings = asdict(measured) | {"rate": run.cfg.identification.rate}
+    label = pool.name + measured.mark
     make = partial(_measure, pool=pool, measured=measured)
     return run.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
 
@@ -94,7 +95,8 @@ def _measure(run: RunContext, build: Build, pool: Pool, measured: Replication) -
     settings = replace(run.cfg.identification, noise=measured.noise)
     replicas = [(r, k) for r in range(measured.repeats) for k in range(measured.replicas)]
     # Without noise on states all draws share the regressor, in one job.
-    jobs, found = [[replica] for replica in replicas] if measured.noise.state else [replicas], list[Sums]()
+    jobs = [[replica] for replica in replicas] if measured.noise.state else [replicas]
+    found = list[Sums]()
     for done, job in enumerate(jobs):
         path = build.work / f"{done}.npz"
         if not readable(path):
@@ -121,7 +123,8 @@ def _report_part(report: Report, before: int, total: int, done: int, count: int)
 
 
 def _combine(run: RunContext, build: Build, reading: Reading) -> None:
-    settings, tests = run.cfg.replication, (run.cell.trajectory, test_trajectories(run))
+    settings = run.cfg.replication
+    tests = (run.cell.trajectory, test_trajectories(run))
     study = replace(run.cfg.identification, noise=settings.of_seeds(reading))
     seeds, *libraries = ((pool, draws(run, pool, reading)) for pool in whole_sets(run))
     tables: list[tuple[pd.DataFrame, ...]] = []

@@ -72,7 +72,8 @@ def _check(run: RunContext) -> None:
 
 
 def _make(run: RunContext, build: Build) -> None:
-    settings, batch = run.cfg.seeds, _shipped(run)
+    settings = run.cfg.seeds
+    batch = _shipped(run)
     if batch is None:
         batch = optimised(run.cell, settings, run.cfg.seed, build.work, run.cfg.parallel.workers)
     else:

@@ -43,7 +43,8 @@ def _place(run: RunContext, durations: Mapping[str, float]) -> str:
 
 def next_steps(run: RunContext, durations: Mapping[str, float]) -> Steps:
     """Next steps with the set, a sentence and a command each; the slow run comes first."""
-    speed, folder = run.cfg.controllers.speed, run.store.run_folder.resolve()
+    speed = run.cfg.controllers.speed
+    folder = run.store.run_folder.resolve()
     pace = "at the planned speed" if speed == 1 else f"at {speed:.0%} of the planned speed"
     then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {order_of(run, durations)}."
     if run.cell.arm.locked:

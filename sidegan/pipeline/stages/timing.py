@@ -43,7 +43,8 @@ def _make(run: RunContext, build: Build, seconds: float) -> None:
 def _rate(work: Callable[[], int], seconds: float) -> float:
     """Items per second that ``work`` makes, over some seconds, after one warm-up call."""
     work()
-    began, made = time.perf_counter(), 0
+    began = time.perf_counter()
+    made = 0
     while time.perf_counter() - began < seconds:
         made += work()
     return made / (time.perf_counter() - began)

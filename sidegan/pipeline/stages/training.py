@@ -80,9 +80,11 @@ def surrogates(run: RunContext) -> Artifact:
     inputs = {"seeds": seed_set(run), "negatives": negatives(run)}
     make: Callable[[RunContext, Build], None]
     if isinstance(chosen, PublishedSurrogates):
-        make, label = partial(_pretrain_published, settings=chosen), "published"
+        make = partial(_pretrain_published, settings=chosen)
+        label = "published"
     else:
-        make, label = partial(_pretrain, settings=chosen), "all"
+        make = partial(_pretrain, settings=chosen)
+        label = "all"
     return run.artifact("surrogates", label, make, settings, inputs, title="surrogates", alone=True)
 
 
@@ -137,7 +139,8 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
     samples = read_arrays(run.store.require(negatives(run)) / SAMPLES)["images"]
     published = run.store.require(seed_set(run)) / FEATURES
     diagonal = read_arrays(published)["diagonal"][: len(seeds)] if published.exists() else seeds.diagonal
-    features, weights = {"spectrum": seeds.spectrum, "diagonal": diagonal}, None
+    features = {"spectrum": seeds.spectrum, "diagonal": diagonal}
+    weights = None
     if settings.shipped:  # the authors' predictor, and their converter to the eigenvalues
         shipped = run.cfg.seeds.published.weights
         weights = read_weights(shipped("predictor"))
@@ -160,7 +163,8 @@ def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> Non
     from sidegan.steps.train import pretrain
 
     vanilla = load_generator(run, negatives(run))
-    seeds, workers = training_seeds(run).coefficients, run.cfg.parallel.workers
+    seeds = training_seeds(run).coefficients
+    workers = run.cfg.parallel.workers
     report = pretrain(run.cell, seeds, vanilla, settings, build.folder, seed=run.cfg.seed, workers=workers)
     write_json(build.folder / REPORT, finite(report))
 

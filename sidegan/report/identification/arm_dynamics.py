@@ -42,7 +42,8 @@ class ArmDynamics:
         for joint, link in enumerate(use["inertial_parameters"], start=1):
             self.model.inertias[joint] = pinocchio.Inertia.FromDynamicParameters(np.array(link))
         self.model.armature = self._terms.get("rotor_inertia", np.zeros(len(self.joints)))
-        self._pinocchio, self._data = pinocchio, self.model.createData()
+        self._pinocchio = pinocchio
+        self._data = self.model.createData()
         self._sign_width = float(numbers["sign_width"])
 
     def torque(self, q: Vector, dq: Vector, ddq: Vector) -> Vector:

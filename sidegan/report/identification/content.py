@@ -46,7 +46,9 @@ def advice(identified: IdentifiedArm) -> str:
 
 
 def _use(identified: IdentifiedArm) -> str:
-    use, method, quality = identified.use, identified.chosen.method, identified.quality
+    use = identified.use
+    method = identified.chosen.method
+    quality = identified.quality
     if quality.other_gravity:
         return "Use none of these models: their links compensate for a gravity unlike the description's."
     if not quality.judged.nmse_mean < 1:
@@ -190,7 +192,8 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 def link_table(identified: IdentifiedArm) -> pd.DataFrame:
     """Mass, centre of mass and inertia about it, for every link of the consistent model."""
-    arm, links = identified.model.arm, identified.links
+    arm = identified.model.arm
+    links = identified.links
     centre, inertia = about_the_centre(links)
     columns = {"m": links[:, 0], **dict(zip(("cx", "cy", "cz"), centre.T))}
     columns |= {name: inertia[:, i, j] for name, (i, j) in _INERTIA.items()}

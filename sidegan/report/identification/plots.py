@@ -39,14 +39,17 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
 
 def _predicted(identified: IdentifiedArm, segment: Segment) -> Array:
     """Torque [N·m or N], (S, J), of the recommended model along a segment."""
-    model, theta = identified.model, identified.used.parameters
+    model = identified.model
+    theta = identified.used.parameters
     parts = pieces(Measurements(*segment[1:]))
     return np.concatenate([model.torque(theta, *part.inputs) for part in parts])
 
 
 def friction(identified: IdentifiedArm) -> Figure:
     """Friction against velocity: the identified law, over samples of torque minus the rigid body's."""
-    model, theta, titles = identified.model, identified.used.parameters, _titles(identified)
+    model = identified.model
+    theta = identified.used.parameters
+    titles = _titles(identified)
     columns = min(4, len(titles))
     rows = -(-len(titles) // columns)
     figure = canvas.blank(_WIDE, (230 * rows + 40) * _PIXEL)

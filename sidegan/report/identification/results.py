@@ -88,7 +88,10 @@ def number(value: float, digits: int = 4) -> str:
 
 def verdict(identified: IdentifiedArm) -> dict[str, Any]:
     """The verdict as JSON values, for programs that decide on a model; lists are in the order of joints."""
-    quality, chosen, use, arm = identified.quality, identified.chosen, identified.use, identified.model.arm
+    quality = identified.quality
+    chosen = identified.chosen
+    use = identified.use
+    arm = identified.model.arm
     return {
         "robot": arm.name,
         "joints": list(arm.joint_names),

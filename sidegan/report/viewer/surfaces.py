@@ -16,7 +16,8 @@ _CELLS = 2**20  # most grid cells along an axis
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
     """Visual surfaces of an arm, and those of its capsules; links without a visual show their capsules."""
-    capsules, looks = arm.capsules, visual_parts(arm)
+    capsules = arm.capsules
+    looks = visual_parts(arm)
     each = zip(capsules.link.tolist(), capsules.a, capsules.b, capsules.radius.tolist())
     shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
     seen = {part.link for part in looks}
