@@ -4,8 +4,8 @@ import re
 from functools import cache
 
 from hydra import compose, initialize_config_dir
-from hydra._internal.config_loader_impl import ConfigLoaderImpl
 from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.settings import validate
@@ -54,7 +54,8 @@ def composed(*overrides):
     values = [one for one in parsed if not (CONF / one.key_or_group).is_dir()]
     groups = [one.input_line for one in parsed if one not in values]
     cfg = _groups(*groups).copy()
-    ConfigLoaderImpl._apply_overrides_to_config(values, cfg)
+    for one in values:
+        OmegaConf.update(cfg, one.key_or_group, one.value(), force_add=one.is_add())
     return cfg
 
 

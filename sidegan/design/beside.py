@@ -29,7 +29,8 @@ def compile_beside() -> None:
             _begun.append(subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet))
 
 
-def _compile() -> None:
+def compile_kernels() -> None:
+    """Compile the kernels of the objective, the validity check and Gram matrices for this processor."""
     import numpy as np
 
     from sidegan.design.goal import Goal
@@ -55,4 +56,4 @@ def _compile() -> None:
 
 
 if __name__ == "__main__":
-    _compile()
+    compile_kernels()

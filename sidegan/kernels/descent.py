@@ -68,7 +68,7 @@ def _begin_anew(rules: Rules, state: Search) -> None:
 
 
 @kernel
-def _remember(rules: Rules, state: Search) -> None:
+def remember(rules: Rules, state: Search) -> None:
     """Store the step and its change of the gradient, if the curvature is large enough."""
     head, size = (int(state.numbers[HEAD]) + 1) % len(state.rho), len(state.x)
     s, y = state.s[head], state.y[head]
@@ -83,7 +83,7 @@ def _remember(rules: Rules, state: Search) -> None:
 
 
 @kernel
-def _two_loops(rules: Rules, state: Search) -> None:
+def two_loops(rules: Rules, state: Search) -> None:
     """Write the L-BFGS direction. Source: Nocedal and Wright 2006, algorithm 7.4."""
     d, slots, size = state.direction, len(state.rho), len(state.x)
     head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
@@ -123,10 +123,10 @@ def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: floa
         else:
             numbers[LENGTH] *= rules.shrink
         return
-    _remember(rules, state)
+    remember(rules, state)
     _accept(state, goal, cost)
     if numbers[USED] > 0:
-        _two_loops(rules, state)
+        two_loops(rules, state)
     if not (numbers[USED] > 0 and product(state.direction, state.gradient, size) < 0):
         _begin_anew(rules, state)
 

@@ -17,7 +17,7 @@ from tests.validity.critical import BALL, BOX, HULL, drawn
 
 
 def test_kernels_compiled_for_the_planar_arm_serve_every_arm(arm):
-    beside._compile()
+    beside.compile_kernels()
     family = Trajectory(7)
     for regions in ([], [BOX, BALL, HULL]):
         for size in (0.01, 0.03, 0.1):  # some of which are looked at in finer cells

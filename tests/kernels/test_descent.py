@@ -13,7 +13,7 @@ def test_the_direction_uses_the_newest_steps_of_positive_curvature(memory=3):
     for curvature in (*6 * [CURVATURE], -CURVATURE, CURVATURE, -CURVATURE):
         step = random.normal(size=6)
         state.trial[:], state.slope[:] = state.x + step, state.gradient + curvature * step
-        descent._remember(RULES, state)
+        descent.remember(RULES, state)
         state.x[:], state.gradient[:] = state.trial, state.slope
         if curvature[0] > 0:
             kept.append((step, curvature * step))
@@ -22,7 +22,7 @@ def test_the_direction_uses_the_newest_steps_of_positive_curvature(memory=3):
     for step, change in kept[-memory:]:
         turn = eye - np.outer(step, change) / (step @ change)
         inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
-    descent._two_loops(RULES, state)
+    descent.two_loops(RULES, state)
     expected = -inverse @ state.gradient
     expected *= min(1.0, 4 * RULES.step / np.linalg.norm(expected))
     np.testing.assert_allclose(state.direction, expected, rtol=1e-10)
