@@ -11,6 +11,8 @@ import pandas as pd
 import pytest
 
 import sidegan as sg
+from sidegan.base.arrays import flatten
+from sidegan.design.information import information_of
 
 SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
 SEARCH = {"evaluations": 60, "patience": 60}
@@ -85,6 +87,22 @@ def test_a_set_is_valid_reproducible_and_reloads(cell, excitation, tmp_path):
     np.testing.assert_allclose(anew.conditions, again.conditions, rtol=1e-9)
     slower = excitation.at_speed(0.5)
     assert slower.family.period == 16 and len(excitation.demands()) == len(slower.demands()) == 3
+
+
+def test_a_set_is_selected_from_valid_trajectories(cell, excitation):
+    c = excitation.coefficients
+    pool = sg.TrajectorySet.of(cell, np.concatenate([9 * c[:1], c]))  # the first is far too fast
+    assert pool.valid.tolist() == [False, True, True, True]
+    best = pool.select(2, "d_optimal")
+    together = [np.concatenate([c[:k], c[k + 1 :]]) for k in range(3)]
+    information = [information_of(cell.body, cell.trajectory, pair).sum(0) for pair in together]
+    most = together[np.linalg.slogdet(information)[1].argmax()]
+    assert {*map(tuple, flatten(best.coefficients, 1))} == {*map(tuple, flatten(most, 1))}
+    assert len(pool.select(3)) == 3
+    with pytest.raises(sg.SideganError, match="cannot choose 4 of 3"):
+        pool.select(4)
+    with pytest.raises(sg.SideganError, match="method is 'best'"):
+        pool.select(1, "best")
 
 
 def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):

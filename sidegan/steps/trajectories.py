@@ -13,11 +13,12 @@ from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import plain
-from sidegan.base.typed import settings_of
+from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell
 from sidegan.controllers import ExportSettings, export_set, slower
 from sidegan.design.information import condition_of, information_of
 from sidegan.design.search import ConditionGoal
+from sidegan.design.selection import Selection, choose
 from sidegan.errors import InfeasibleError
 from sidegan.identification.goals import Prediction
 from sidegan.identification.uncertain import Uncertain
@@ -104,6 +105,23 @@ class TrajectorySet:
         """Why the set hardly excites the arm, and what helps; empty for a good set."""
         found = describe_weak_set(self.cell, self.aim, self.coefficients, self.condition)
         return [found] if found else []
+
+    def select(self, count: int, method: str = "greedy") -> "TrajectorySet":
+        """The best of the valid trajectories to execute together, in the order of choice.
+
+        Args:
+            count: number of trajectories to select.
+            method: ``"greedy"``, the paper's score; or ``"d_optimal"`` or ``"a_optimal"``, which leave less
+                error (docs/usage.md).
+
+        Raises:
+            ConfigError: when there is no such method.
+            ShapeError: when fewer are valid.
+        """
+        settings = build(Selection, {"count": count, "method": method})
+        valid = self.library.take(np.flatnonzero(self.valid))
+        chosen = choose(settings, self.cell.body, self.family, valid.coefficients, valid.diagonal)
+        return TrajectorySet(self.cell, valid.take(chosen), self.family)
 
     def motion(self, rate: float = 100.0) -> Motion:
         """Joint motion over one period, both ends included, at a rate [Hz]."""
