@@ -105,6 +105,60 @@ def test_a_set_is_selected_from_valid_trajectories(cell, excitation):
         pool.select(1, "best")
 
 
+def test_a_reloaded_set_is_checked_in_its_new_cell(cell, excitation, tmp_path):
+    excitation.at_speed(0.5).save(tmp_path / "slow")
+    slow = sg.TrajectorySet.load(tmp_path / "slow", cell)
+    assert slow.family.period == 16 and slow.valid.all()
+    path, same = (
+        made.family.derivative(made.coefficients, made.family.times(t), 0)
+        for made, t in ((excitation, 10), (slow, 5))
+    )
+    np.testing.assert_allclose(path, same, atol=1e-9)
+    elsewhere = sg.Cell("planar2", harmonics=4, period=9, home=[0.1, 0], workspace={"desk": None})
+    weak = sg.TrajectorySet.load(tmp_path / "slow", elsewhere)
+    assert np.array_equal(weak.motion().position, slow.motion().position)
+    near = {"sphere": {"centre": [0, 0, 1.3], "radius": 0.2}}  # where the set begins
+    blocked = sg.Cell("planar2", harmonics=3, home=[1.5, 0], workspace={"desk": None, "regions": [near]})
+    assert not sg.TrajectorySet.load(tmp_path / "slow", blocked).valid.any()
+
+
+REFUSED = [
+    ("1 of 2 trajectories are invalid: 2 violates position of shoulder", lambda cell, it: it.save("set")),
+    (
+        "urscript, which moves 6 revolute joints",
+        lambda cell, it: it.select(1).save("set", {"formats": ["urscript"]}),
+    ),
+    ("speed is 0", lambda cell, it: it.at_speed(0)),
+    ("no coefficients", lambda cell, it: sg.TrajectorySet.of(cell, np.zeros((0, 2, 3, 2)))),
+    ("coefficients are not an array", lambda cell, it: sg.TrajectorySet.of(cell, "abc")),
+    ("cell is 'planar2', expected a Cell", lambda cell, it: sg.excite("planar2", 1)),
+    ("cell is 'planar2', expected a Cell", lambda cell, it: sg.identify("planar2", ["a.csv"])),
+    ("count is 0", lambda cell, it: sg.excite(cell, 0)),
+    ("count is '3'", lambda cell, it: sg.seeds(cell, "3")),
+    ("seed is -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
+    ("settings are 'parameters', expected GoalSettings", lambda cell, it: sg.excite(cell, goal="parameters")),
+    ("recordings is empty", lambda cell, it: sg.identify(cell, None)),
+    ("there is no recording .*a.csv", lambda cell, it: sg.identify(cell, Path("a.csv"))),
+    ("recording 1 is a data frame without rows", lambda cell, it: sg.identify(cell, pd.DataFrame())),
+    ("recording 1 is a ndarray, expected a file", lambda cell, it: sg.identify(cell, np.zeros((2, 3)))),
+    ("a data frame that cannot be stored", lambda cell, it: sg.identify(cell, pd.DataFrame({"t": [1, "a"]}))),
+    ("validation is -0.5", lambda cell, it: sg.identify(cell, "a.csv", -0.5)),
+    ("validation is 30", lambda cell, it: sg.identify(cell, "a.csv", 30)),
+    ("gains is 1.0", lambda cell, it: sg.identify(cell, "a.csv", gains=1.0)),
+    ("no such setting", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
+    ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
+]
+
+
+@pytest.mark.parametrize(("words", "wrong"), REFUSED)
+def test_a_wrong_argument_is_refused_by_name(words, wrong, cell, excitation, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    c = excitation.coefficients[:1]
+    with pytest.raises(sg.SideganError, match=words):
+        wrong(cell, sg.TrajectorySet.of(cell, np.concatenate([c, 9 * c])))
+    assert not [*tmp_path.rglob("*.csv"), *tmp_path.rglob("*.script")]
+
+
 def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
     random, tables = np.random.default_rng(0), []
     for number, part in excitation.to_frame(rate=100).groupby("trajectory"):
@@ -120,6 +174,7 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
     np.testing.assert_allclose(arm.torque(q, dq, ddq), tau, atol=1)
     arm.save(tmp_path / "model")
     assert {"report.html", "verdict.json", "planar2.urdf"} <= {x.name for x in (tmp_path / "model").iterdir()}
+    assert "'recordings=[recording 1.parquet,recording 2.parquet]'" in arm.origin.command
     files = sg.identify(cell, [tmp_path / "1.csv", tmp_path / "2.csv"], validation=[tmp_path / "3.csv"])
     np.testing.assert_allclose(files.parameters.value, arm.parameters.value, rtol=1e-6)
     more = sg.excite(cell, 1, known=tmp_path / "model", search=SEARCH, goal={"objective": "parameters"})

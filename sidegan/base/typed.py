@@ -74,6 +74,8 @@ def settings_of(kind: type[T], given: T | Mapping[str, Any] | None) -> T:
     Raises:
         ConfigError: when a setting is unknown or out of range; names it.
     """
+    if not (given is None or isinstance(given, kind | Mapping)):
+        raise ConfigError(f"settings are {given!r}, expected {kind.__name__} or a mapping of its fields")
     return given if isinstance(given, kind) else build(kind, given or {})  # type: ignore[arg-type]
 
 

@@ -1,6 +1,6 @@
 """An arm in its cell: surroundings, effort, home position, and notes on defaults."""
 
-from sidegan.cell.cell import Cell, TrajectoryFamily
+from sidegan.cell.cell import Cell, TrajectoryFamily, require_cell
 from sidegan.cell.workspace import Cylinder, Mesh, Region, Workspace
 
-__all__ = ["Cell", "Cylinder", "Mesh", "Region", "TrajectoryFamily", "Workspace"]
+__all__ = ["Cell", "Cylinder", "Mesh", "Region", "TrajectoryFamily", "Workspace", "require_cell"]

@@ -14,6 +14,7 @@ from sidegan.base.typed import NonNegative, Number, Part, Seconds, Size, build, 
 from sidegan.cell import notes
 from sidegan.cell.workspace import Workspace
 from sidegan.design.problem import Problem
+from sidegan.errors import ConfigError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Setup, load_robot, with_effort
@@ -94,6 +95,9 @@ class Cell:
         self.workspace = settings_of(Workspace, workspace)
         if self.choices.clearance is not None:
             self.workspace = replace(self.workspace, clearance=self.choices.clearance)
+
+    def __repr__(self) -> str:
+        return f"Cell({self.robot!r}, harmonics={self.choices.harmonics}, period={self.choices.period:g})"
 
     @cached_property
     def whole_arm(self) -> Arm:
@@ -203,6 +207,12 @@ class Cell:
         if away >= _SAME:  # since version 2, joints go as far as their limits on either side of home
             family["rooms"] = 2
         return {"workspace": self.workspace.stamped(self.arm), "trajectory": family}
+
+
+def require_cell(given: object) -> None:
+    """Refuse everything but a cell, such as the path of a description, by a ConfigError."""
+    if not isinstance(given, Cell):
+        raise ConfigError(f"cell is {given!r}, expected a Cell, such as sidegan.Cell({given!r})")
 
 
 def described(arm: Arm) -> str:

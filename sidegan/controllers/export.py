@@ -5,15 +5,19 @@ from pathlib import Path
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
-from sidegan.controllers.course import Course, knots, run_of
+from sidegan.controllers.course import POINTS, Course, knots, least_rate, run_of
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.settings import ExportSettings
 from sidegan.controllers.table import csv_text
-from sidegan.controllers.urscript import script_text
+from sidegan.controllers.urscript import SCRIPTED, script_text
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity import Constraints
+from sidegan.robot import Arm
+from sidegan.validity import Constraints, check
+from sidegan.validity.home import refuse_degrees
 
 ALL, APPROACH, RETURN = "all", "approach", "return"
+_PRINTED = 1e-4  # relative rounding of a rate in a message
 _ENDINGS = (".csv", ".yaml", ".script")
 
 
@@ -30,9 +34,13 @@ def export_set(
         Duration [s] of each file, by name, in the order in which to send them.
 
     Raises:
-        InfeasibleError: when the straight path from the arm's position to home is not free, or too long.
+        ConfigError: when the settings do not fit the arm or the trajectories.
+        InfeasibleError: when a trajectory is invalid, or the straight path from the arm's position to home
+            is not free, or too long.
         StorageError: when a file cannot be written.
     """
+    require_exportable(constraints.arm, trajectory, settings)
+    _require_valid(constraints, trajectory, c)
     joints = constraints.arm.joint_names
     notes = constraints.arm.locked
     rate = settings.rate
@@ -64,6 +72,43 @@ def export_set(
                 write_bytes(new / f"{name}.script", script.encode())
     order = [name for name in (APPROACH, *points, RETURN) if name in points | ways]
     return {name: (points | ways)[name].duration for name in order}
+
+
+def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSettings) -> None:
+    """Refuse settings that do not fit an arm, or a family at its final speed, by a ConfigError."""
+    least = least_rate(trajectory.harmonics, trajectory.period)
+    if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
+        raise ConfigError(
+            f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
+            f"period of the highest of trajectory.harmonics={trajectory.harmonics}"
+        )
+    slides = arm.prismatic
+    if "urscript" in settings.formats and (arm.joints != SCRIPTED or slides.any()):
+        sliding = f" (prismatic: {arm.named(slides)})" if slides.any() else ""
+        raise ConfigError(
+            f"controllers.formats has urscript, which moves {SCRIPTED} revolute joints; "
+            f"{arm.name} has {arm.joints}{sliding}"
+        )
+    if settings.start is not None:
+        if len(settings.start) != arm.joints:
+            raise ConfigError(
+                f"controllers.start is {settings.start}, expected the positions of {arm.joints} joints, "
+                f"{', '.join(arm.joint_names)}"
+            )
+        refuse_degrees(arm, settings.start, "controllers.start")
+
+
+def _require_valid(constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
+    """Refuse sets without trajectories, and those with an invalid one, by an InfeasibleError."""
+    if not len(c):
+        raise InfeasibleError("the set has no trajectories")
+    found = check(constraints, trajectory, c)
+    if not found.valid.all():
+        first = int(found.valid.argmin())
+        raise InfeasibleError(
+            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
+            f"{found.failures(first)[0]}; no files are written"
+        )
 
 
 def _of_a_run(path: Path) -> bool:

@@ -14,7 +14,7 @@ from sidegan.robot.consistency import (
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.setup import Limits, Setup, words
+from sidegan.robot.setup import Limits, Setup, changes, words
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
 
@@ -27,6 +27,7 @@ __all__ = [
     "Setup",
     "about_the_centre",
     "built_in_robots",
+    "changes",
     "describe_doubtful_links",
     "describe_placeholder_links",
     "doubtful_links",

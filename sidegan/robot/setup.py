@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, is_dataclass, replace
+from itertools import chain
 from shlex import quote
 from typing import Any
 
@@ -74,9 +75,20 @@ def words(setup: Setup) -> list[str]:
     return [setting(name, x) for name, x in given.items() if x is not None]
 
 
+def changes(group: str, settings: Any) -> list[str]:
+    """Settings of a group that differ from their defaults, as arguments of the command."""
+    plain = type(settings)()
+    given = {name: x for name, x in vars(settings).items() if x != getattr(plain, name)}
+    found = [changes(f"{group}.{name}", x) for name, x in given.items() if is_dataclass(x)]
+    own = [quote(f"{group}.{name}={_plain(x)}") for name, x in given.items() if not is_dataclass(x)]
+    return [*own, *chain(*found)]
+
+
 def _plain(value: object) -> str:
     """A value as written in settings; text is quoted if it could be read as something else."""
     match value:
+        case None:
+            return "null"
         case Mapping():
             return f"{{{', '.join(f'{name}: {_plain(x)}' for name, x in value.items())}}}"
         case list() | tuple():

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.random import number
 from sidegan.base.storage import read_json
-from sidegan.base.typed import settings_of
-from sidegan.cell import Cell
+from sidegan.base.typed import build, settings_of
+from sidegan.cell import Cell, require_cell
 from sidegan.design.beside import compile_beside
 from sidegan.design.problem import SearchSettings
 from sidegan.design.search import ConditionGoal, design_set
@@ -62,9 +62,10 @@ def excite(
         ConfigError: when a setting is out of range or does not fit the arm.
         InfeasibleError: when no trajectory is proven valid; names the violated constraints.
     """
+    require_cell(cell)
     compile_beside()
     settings = settings_of(GoalSettings, goal)
-    settings = settings if count is None else replace(settings, count=count)
+    settings = settings if count is None else build(GoalSettings, {**asdict(settings), "count": count})
     aim = aim_of(cell, settings, settings_of(Terms, model), known)
     effort = settings_of(SearchSettings, search)
     c = design_set(cell.problem, aim, settings.count, effort, number(seed, "excite"))

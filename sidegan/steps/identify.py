@@ -1,7 +1,8 @@
 """Identify an arm from recordings: a model with its errors, a verdict, and result files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from numbers import Real
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple, TypeAlias
@@ -11,8 +12,9 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import writing
 from sidegan.base.typed import build, settings_of
-from sidegan.cell import Cell
+from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import IdentifiedArm
@@ -22,8 +24,8 @@ from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import stationary_positions
 from sidegan.report.identification import Origin, write_results
-from sidegan.report.identification.content import error_table, link_table, parameter_table
-from sidegan.robot import Arm, load_robot, words
+from sidegan.report.identification.content import error_table, headline, link_table, parameter_table
+from sidegan.robot import Arm, changes, load_robot, words
 
 # A recording: a file, a table with the same columns, or a file for each signal.
 Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str]
@@ -51,6 +53,9 @@ class IdentifiedModel:
 
     arm: IdentifiedArm
     origin: Origin
+
+    def __repr__(self) -> str:
+        return f"IdentifiedModel({self.arm.model.arm.name}: {headline(self.arm)})"
 
     @property
     def verdict(self) -> str:
@@ -100,14 +105,15 @@ class IdentifiedModel:
         Raises:
             StorageError: when a file cannot be written.
         """
-        Path(folder).mkdir(parents=True, exist_ok=True)
+        with writing(Path(folder)):
+            Path(folder).mkdir(parents=True, exist_ok=True)
         write_results(self.arm, self.origin, Path(folder))
 
 
 def identify(
     cell: Cell,
-    recordings: Recordings,
-    validation: Recordings | float = (),
+    recordings: Recordings | Given,
+    validation: Recordings | Given | float = (),
     *,
     recording: RecordingSettings | Mapping[str, Any] | None = None,
     model: Terms | Mapping[str, Any] | None = None,
@@ -118,8 +124,8 @@ def identify(
 
     Args:
         cell: the arm in its cell; only its description is used.
-        recordings: to identify from: files (CSV and others), data frames with the same columns, or a mapping
-            with a file per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
+        recordings: one or more to identify from: a file (CSV and others), a data frame with the same columns,
+            or a mapping with a file per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
         validation: recordings to test with, or the share of each recording, at its end, to hold out.
         recording: contents of the files and their preprocessing: the fields of ``RecordingSettings``, such as
             ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite"}``.
@@ -143,8 +149,8 @@ def identify(
 
 def check_recordings(
     cell: Cell,
-    recordings: Recordings,
-    validation: Recordings | float = (),
+    recordings: Recordings | Given,
+    validation: Recordings | Given | float = (),
     *,
     recording: RecordingSettings | Mapping[str, Any] | None = None,
     gains: Sequence[float] | None = None,
@@ -167,13 +173,15 @@ def check_recordings(
         ConfigError: when a setting is unknown or out of range, or there is no recording.
         RecordingError: when a recording cannot be read or used, or two share samples; names it.
     """
+    require_cell(cell)
     settings = settings_of(RecordingSettings, recording)
-    share = validation if isinstance(validation, float) else None
-    tests = () if isinstance(validation, float) else validation
+    share = _share(validation)
+    if gains is not None and np.ndim(gains) != 1:
+        raise ConfigError(f"gains is {gains!r}, expected a drive gain of each joint")
     with TemporaryDirectory() as folder:
         first, held_out = (
-            [_named(given, Path(folder, f"{role} {k}.parquet")) for k, given in enumerate(group, 1)]
-            for role, group in (("recording", recordings), ("validation", tests))
+            [_named(given, Path(folder, f"{role} {k}.parquet")) for k, given in enumerate(_listed(group), 1)]
+            for role, group in (("recording", recordings), ("validation", None if share else validation))
         )
         if not first:
             raise ConfigError("recordings is empty, expected files or tables of the arm")
@@ -185,7 +193,10 @@ def check_recordings(
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
         training, validated = map(list, zip(*(split(checked, share) for checked in training)))
-    commands = _commands(cell, arm, {"recordings": first, "validation": held_out}, share)
+    names = {"recordings": _shown(first, folder), "validation": _shown(held_out, folder)}
+    identification, excitation = _commands(cell, arm, names, share)
+    more = [*changes("recording", settings), *([] if gains is None else [f"robot.gains={list(gains)}"])]
+    commands = " ".join([identification, *more]), excitation
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
     origin = Origin(*commands, {"robot": robot, "recording": asdict(settings)})
     return Checked(arm, found, training, validated, origin)
@@ -207,24 +218,55 @@ def identified(cell: Cell, checked: Checked, terms: Terms, estimation: Estimatio
     """Identify an arm from checked recordings; raises the errors of ``identify``."""
     found = identify_arm(checked.arm, checked.training, checked.validation, terms, estimation)
     settings = {**checked.origin.settings, "model": asdict(terms), "identify": asdict(estimation)}
-    return IdentifiedModel(found, checked.origin._replace(settings=settings))
+    command = " ".join([checked.origin.command, *changes("model", terms), *changes("identify", estimation)])
+    return IdentifiedModel(found, checked.origin._replace(command=command, settings=settings))
+
+
+def _share(validation: Recordings | Given | float) -> float | None:
+    """The share of the recordings to hold out; None if validation is recordings."""
+    if not isinstance(validation, Real):
+        return None
+    if isinstance(validation, bool) or not 0 < validation < 1:
+        raise ConfigError(f"validation is {validation!r}, expected recordings or a share between 0 and 1")
+    return float(validation)
+
+
+def _listed(given: object) -> list[Any]:
+    """Recordings as a list, if one or none is given, too."""
+    if given is None:
+        return []
+    one = isinstance(given, str | Path | pd.DataFrame | Files | Mapping)
+    return [given] if one or not isinstance(given, Iterable) else list(given)
+
+
+def _shown(recordings: Sequence[Recorded], folder: str) -> list[str]:
+    """Recordings as shown to people: data frames by their names without the folder that they were in."""
+    return [str(x).removeprefix(f"{folder}/") for x in recordings]
 
 
 def _named(given: Given, path: Path) -> Recorded:
     """A recording as in the settings; a data frame is written to ``path`` first."""
     if isinstance(given, pd.DataFrame):
-        given.to_parquet(path, index=False)
+        if given.empty:
+            raise ConfigError(f"{path.stem} is a data frame without rows")
+        try:
+            given.to_parquet(path, index=False)
+        except (ValueError, TypeError) as error:  # of pyarrow
+            raise ConfigError(f"{path.stem} is a data frame that cannot be stored: {error}") from error
         return str(path)
     if isinstance(given, Mapping):
         return build(Files, given)
+    if not isinstance(given, str | Path | Files):
+        kind = type(given).__name__
+        raise ConfigError(f"{path.stem} is a {kind}, expected a file, a data frame, or a file per signal")
     return given if isinstance(given, Files) else str(given)
 
 
 def _commands(
-    cell: Cell, arm: Arm, lists: Mapping[str, Sequence[Recorded]], share: float | None
+    cell: Cell, arm: Arm, lists: Mapping[str, Sequence[str]], share: float | None
 ) -> tuple[str, str]:
     """The commands that identify an arm from recordings, and that then excite uncertain parameters."""
-    files = " ".join(f"'{name}=[{','.join(map(str, group))}]'" for name, group in lists.items() if group)
+    files = " ".join(f"'{name}=[{','.join(group)}]'" for name, group in lists.items() if group)
     files += "" if share is None else f" validation={share:g}"
     locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
     robot, recorded = (" ".join([f"robot.name={cell.robot}", *words(x)]) for x in (cell.setup, locked))

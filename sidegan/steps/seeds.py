@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from sidegan.base.random import stream
-from sidegan.base.typed import settings_of
-from sidegan.cell import Cell
+from sidegan.base.typed import build, settings_of
+from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError
 from sidegan.seeding import SeedBatch, Seeds, make_seeds
 from sidegan.steps.trajectories import TrajectorySet
@@ -41,8 +41,9 @@ def seeds(
         ConfigError: when a setting is out of range, or the method is ``published``.
         InfeasibleError: when too few starts become valid; names the violated constraints.
     """
+    require_cell(cell)
     chosen = settings_of(Seeds, settings)
-    chosen = chosen if count is None else replace(chosen, count=count)
+    chosen = chosen if count is None else build(Seeds, {**asdict(chosen), "count": count})
     if chosen.method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
     with ExitStack() as stack:

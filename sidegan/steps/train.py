@@ -1,5 +1,6 @@
 """Train trajectory generators and their surrogates: SIDE-GAN for an arm in its cell."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -13,8 +14,8 @@ from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.random import number
-from sidegan.base.typed import build
-from sidegan.cell import Cell
+from sidegan.base.typed import build, settings_of
+from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
 from sidegan.steps.trajectories import TrajectorySet, coefficients_of
@@ -67,7 +68,7 @@ class Generator:
 
 
 def train(
-    variant: str | Variant,
+    variant: str | Variant | Mapping[str, Any],
     cell: Cell,
     seeds: TrajectorySet | ArrayLike | None = None,
     *,
@@ -80,7 +81,8 @@ def train(
     """Train a variant of SIDE-GAN.
 
     Args:
-        variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or settings.
+        variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or the fields of
+            a ``Variant``, such as ``{"variant": "Vanilla", "weights": {"adversarial": 1}}``.
         cell: the arm in its cell.
         seeds: training data, a set or coefficients (N, J, H, 2) [rad/s]; ``"exact"`` needs none.
         surrogates: folder from ``sidegan.surrogates``, to share between variants; None: trains them first if
@@ -98,7 +100,9 @@ def train(
         ShapeError: when the seeds do not fit the cell.
         SideganError: when the training diverges.
     """
+    require_cell(cell)
     name, settings = _settings(variant, changes)
+    _require_box(box)
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
     c = None if seeds is None or not settings.seeded else coefficients_of(seeds)
@@ -112,11 +116,17 @@ def train(
     return Generator(made.generator, pd.DataFrame(made.history))
 
 
-def _settings(variant: str | Variant, changes: dict[str, Any]) -> tuple[str, Variant]:
+def _require_box(box: float | None) -> None:
+    """Refuse a bound that is not positive by a ConfigError."""
+    if box is not None and not box > 0:
+        raise ConfigError(f"box is {box!r}, expected a positive number [rad/s]")
+
+
+def _settings(variant: str | Variant | Mapping[str, Any], changes: dict[str, Any]) -> tuple[str, Variant]:
     """Name and settings of a variant with changes; a ConfigError if there is none."""
     if isinstance(variant, str) and variant not in RECIPES:
         raise ConfigError(f"there is no variant {variant!r}, expected one of {', '.join(RECIPES)}")
-    recipe = RECIPES[variant] if isinstance(variant, str) else variant
+    recipe = RECIPES[variant] if isinstance(variant, str) else settings_of(Variant, variant)
     name = variant if isinstance(variant, str) else recipe.variant.lower()
     return name, build(Variant, {**asdict(recipe), **changes})
 
@@ -150,6 +160,8 @@ def surrogates(
         ShapeError: when the seeds do not fit the cell.
         SideganError: when the training diverges.
     """
+    require_cell(cell)
+    _require_box(box)
     settings = build(SurrogateSettings, changes)
     return _from_vanilla(cell, coefficients_of(seeds), Path(folder), settings, seed, box, workers)
 

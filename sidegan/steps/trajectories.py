@@ -1,7 +1,7 @@
 """Sets of trajectories of an arm in its cell, with their measures, as arrays, tables and files."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from sidegan.base.arrays import Array
 from sidegan.base.names import plain
 from sidegan.base.typed import build, settings_of
-from sidegan.cell import Cell
+from sidegan.cell import Cell, require_cell
 from sidegan.controllers import ExportSettings, export_set, slower
 from sidegan.design.information import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.design.selection import Selection, choose
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.identification.goals import Prediction
 from sidegan.identification.uncertain import Uncertain
 from sidegan.library import LIBRARY, Library
@@ -62,23 +62,40 @@ class TrajectorySet:
         """Trajectories with these coefficients [rad/s], (N, J, H, 2), of the cell's family.
 
         Raises:
-            ShapeError: when they do not fit the family.
+            ConfigError: when the cell is none.
+            ShapeError: when they do not fit the family, or are empty.
         """
-        c = np.asarray(coefficients, float)
+        require_cell(cell)
+        try:
+            c = np.asarray(coefficients, float)
+        except (TypeError, ValueError) as error:
+            raise ShapeError(f"coefficients are not an array of numbers: {error}") from error
         cell.trajectory.check(c)
+        if not len(c):
+            raise ShapeError("there are no coefficients, expected those of one trajectory or more")
         return cls(cell, measured(cell.constraints, cell.trajectory, c, source), cell.trajectory)
 
     @classmethod
     def load(cls, folder: str | Path, cell: Cell) -> "TrajectorySet":
-        """The set that ``save`` wrote to a folder, of the cell's family.
+        """The set that ``save`` wrote to a folder, with its own period and home, checked again in this cell.
 
         Raises:
             ArtifactError: when there is none, or it is for a different arm.
         """
-        return cls(cell, Library.load(Path(folder) / LIBRARY, cell.arm), cell.trajectory)
+        stored = Library.load(Path(folder) / LIBRARY, cell.arm)
+        joints, harmonics, _ = stored.coefficients.shape[1:]
+        family = Trajectory(joints, harmonics, stored.period, stored.home)
+        library = measured(cell.constraints, family, stored.coefficients, "")
+        return cls(cell, replace(library, source=stored.source), family)
 
     def __len__(self) -> int:
         return len(self.library)
+
+    def __repr__(self) -> str:
+        return (
+            f"TrajectorySet({len(self)} of {self.cell.arm.name}, {self.family.period:g} s each, "
+            f"{int(self.valid.sum())} valid)"
+        )
 
     @property
     def coefficients(self) -> Array:
@@ -144,11 +161,14 @@ class TrajectorySet:
         """The same paths at a share of the speed.
 
         Raises:
+            ConfigError: when the speed is not in (0, 1].
             InfeasibleError: when a slower trajectory is invalid, as when a weak arm needs its accelerations
                 to hold itself.
         """
         if speed == 1:
             return self
+        if not 0 < speed < 1:
+            raise ConfigError(f"speed is {speed!r}, expected a number in (0, 1]")
         family, c = slower(self.family, self.coefficients, speed)
         found = check(self.cell.constraints, family, c)
         if not found.valid.all():
@@ -203,16 +223,16 @@ class TrajectorySet:
             Duration [s] of each file, by name, in the order in which to send them.
 
         Raises:
-            ConfigError: when a setting is unknown or out of range.
-            InfeasibleError: when the set is invalid at this speed, or no path to home is free.
+            ConfigError: when a setting is unknown, out of range, or does not fit the arm.
+            InfeasibleError: when a trajectory is invalid at this speed, or no path to home is free.
             StorageError: when a file cannot be written.
         """
         settings = settings_of(ExportSettings, controllers)
         run = self.at_speed(settings.speed)
-        self.library.save(Path(folder) / LIBRARY)
-        c = run.coefficients
         files = Path(folder) / FOLDER
-        return export_set(self.cell.constraints, run.family, c, settings, files)
+        durations = export_set(self.cell.constraints, run.family, run.coefficients, settings, files)
+        self.library.save(Path(folder) / LIBRARY)
+        return durations
 
     def view(self, path: str | Path, rate: float = 100.0, steps: Sequence[tuple[str, str]] = ()) -> None:
         """Write an HTML page that animates the arm, with a table of the trajectories' demands.

@@ -2,16 +2,17 @@
 
 import logging
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from sidegan.base.names import counted, plain
-from sidegan.controllers import POINTS, SCRIPTED, approach, least_rate
+from sidegan.controllers import approach, require_exportable
 from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.errors import ArtifactError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.context import RunContext
@@ -24,11 +25,9 @@ from sidegan.report.export import publish
 from sidegan.robot import require_consistent
 from sidegan.steps.excite import aim_of, excite
 from sidegan.steps.trajectories import TrajectorySet
-from sidegan.validity.home import refuse_degrees
 
 VIEW, GOAL, SET, REHEARSAL = "view.html", "goal", "set", "rehearsal"
 _TRAJECTORY = "trajectory", "trajectories"
-_PRINTED = 1e-4  # relative rounding of a rate in a message
 _EVERY = 0.02  # time between the configurations of a rehearsal whose distances are computed [s]
 log = logging.getLogger(__name__)
 
@@ -100,7 +99,7 @@ def _view(run: RunContext, slowed: TrajectorySet, steps: Steps, tracker: Tracker
         log.warning("there is no %s: %s", VIEW, error)
         return ""
     tracker.log_artifact(path, "view")
-    return f"to look at: {path.resolve().as_uri()}"
+    return f"view: {path.resolve().as_uri()}"
 
 
 def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
@@ -128,46 +127,16 @@ def _executed(run: RunContext, planned: Motion, executed: Executed) -> dict[str,
     }
 
 
-def _require_rate(run: RunContext) -> None:
-    """Refuse tables with too few points for the highest harmonic."""
-    settings, family = run.cfg.controllers, run.cfg.trajectory
-    least = settings.speed * least_rate(family.harmonics, family.period)
-    if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
-        raise ConfigError(
-            f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
-            f"period of the highest of trajectory.harmonics={family.harmonics}"
-        )
-
-
-def _require_places(run: RunContext) -> None:
-    """Refuse a start that is in degrees, has the wrong number of joints, or has no path to home."""
-    arm = run.cell.whole_arm
-    settings = run.cfg.controllers
-    if settings.start is None:
-        return
-    if len(settings.start) != arm.joints:
-        raise ConfigError(
-            f"controllers.start is {settings.start}, expected the positions of {arm.joints} joints, "
-            f"{', '.join(arm.joint_names)}"
-        )
-    refuse_degrees(arm, settings.start, "controllers.start")
-    approach(run.cell.constraints, settings.start, tuple(run.cell.trajectory.home or ()), settings)
-
-
 def _check(run: RunContext) -> None:
     compile_beside()  # in parallel with the compilation below
-    if run.cfg.controllers.rehearse:  # MuJoCo needs physically consistent links
-        require_consistent(run.cell.arm)
-    _require_rate(run)
-    _require_places(run)
-    aim_of(run.cell, run.cfg.goal, run.cfg.model, run.cfg.known)
-    slides = run.cell.arm.prismatic
-    if "urscript" in run.cfg.controllers.formats and (run.cell.arm.joints != SCRIPTED or slides.any()):
-        sliding = f" (prismatic: {run.cell.arm.named(slides)})" if slides.any() else ""
-        raise ConfigError(
-            f"controllers.formats has urscript, which moves {SCRIPTED} revolute joints; "
-            f"{run.cell.arm.name} has {run.cell.arm.joints}{sliding}"
-        )
+    cell, settings = run.cell, run.cfg.controllers
+    if settings.rehearse:  # MuJoCo needs physically consistent links
+        require_consistent(cell.arm)
+    family = replace(cell.trajectory, period=cell.trajectory.period / settings.speed)
+    require_exportable(cell.whole_arm, family, settings)
+    if settings.start is not None:
+        approach(cell.constraints, settings.start, cell.home, settings)
+    aim_of(cell, run.cfg.goal, run.cfg.model, run.cfg.known)
 
 
 STAGES = {"excite": Stage(show=_show, check=_check)}
