@@ -59,6 +59,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     gravity = agreement.gravity(arm)
     if gravity is None and (against := agreement.reversed(arm, driven=True)):
         causes.insert(0, Finding(USABLE, against))
+    elif driving := _driven_by_friction(found):
+        causes.insert(0, Finding(BAD, driving))
     if not causes and gravity is None:
         faults = _odd_scale(found, agreement)
         if not faults and found.quality.verdict != GOOD:
@@ -100,6 +102,21 @@ def _rotors(found: IdentifiedArm) -> list[str]:
     ]
 
 
+def _driven_by_friction(found: IdentifiedArm) -> str:
+    """Remark on joints whose friction of both kinds is clearly negative; empty if there are none."""
+    chosen = found.chosen
+    clear = chosen.parameters < -_SURE * chosen.deviation
+    negative = {name for name, x in zip(chosen.names, clear.tolist()) if x}
+    joints = found.model.arm.joint_names
+    found_on = [name for j, name in enumerate(joints, 1) if {f"fv{j}", f"fc{j}"} <= negative]
+    if not found_on:
+        return ""
+    return (
+        f"the friction of {', '.join(found_on)} would drive the motion: is the sign of the torque reversed? "
+        f"(recording.reverse=[{','.join(found_on)}])"
+    )
+
+
 def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     """Remark on the joint whose torque is scaled differently from the others', by parameters they share.
 
@@ -112,7 +129,9 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     squares = np.square(chosen.weights)
     moments = squares[:, None] * sums.moment
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
-    free = squares * sums.energy - (turned * moments).sum(1)  # information on each joint's scale, (J,)
+    noise = squares * sums.squares(chosen.parameters)  # without it, scales would be biased towards zero
+    free = squares * sums.energy - (turned * moments).sum(1) - noise
+    free = np.maximum(free, np.finfo(float).tiny)  # information on each joint's scale, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
     scale = free / shared
     deviation = np.sqrt(chosen.inflation / free) * np.square(scale)

@@ -35,6 +35,8 @@ class Gains:
         """Reasons why some gains may not be used, with the joints' names."""
         doubts = []
         negative = self.gains < -_SURE * self.deviation
+        if negative.all():
+            return ["the gains of all joints are negative: are recordings and loaded exchanged?"]
         if unseen := arm.named(~self.certain & ~negative):
             doubts.append(
                 f"the current of {unseen} hardly shows the load: σ of the gain is more than "

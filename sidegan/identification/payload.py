@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.errors import RecordingError
 from sidegan.identification.consistent import Pull, most_likely
 from sidegan.identification.fit import TorqueErrors, covariance_of, inflation_of, reweighted
 from sidegan.identification.gather import Gathered, gather, residual_of
@@ -64,6 +65,9 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
 
     Source: Khalil, Gautier, Lemoine 2007, Identification of the payload inertial parameters of industrial
     manipulators, method 2.
+
+    Raises:
+        RecordingError: when the load is clearly negative.
     """
     parts = gathered(model, unloaded, loaded)
     sums = parts[0].sums.plus(parts[1].sums)
@@ -72,9 +76,14 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     errors = TorqueErrors(sums.squares(fit.parameters) / sums.weight, inflation_of(residuals))
     covariance = covariance_of(sums, fit, errors)[-LOAD:, -LOAD:]
     load = fit.parameters[-LOAD:]
-    empty = np.concatenate([fit.parameters[:-LOAD], np.zeros(LOAD)])
-    without, explained = (parts[1].sums.nmse(x) for x in (empty, fit.parameters))
+    sigma = float(np.sqrt(covariance[0, 0]))
+    if load[0] < -_CLEAR * sigma:
+        raise RecordingError(
+            f"the load would be {load[0]:.4g} ± {sigma:.1g} kg: are recordings and loaded exchanged?"
+        )
     body = _possible(load, covariance)
+    whole = [np.concatenate([fit.parameters[:-LOAD], x]) for x in (np.zeros(LOAD), body)]
+    without, explained = map(parts[1].sums.nmse, whole)
     return Payload(model.arm.link_names[-1], load, covariance, body, without, explained)
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
@@ -12,6 +13,7 @@ from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
 RATES = {"velocity": "position", "acceleration": "velocity"}  # a rate, and what it is the derivative of
+_LAG = 0.01  # [s] between a rate and the derivative, beyond which the rate is not used
 _MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] above which a rate is compared
 _WRONG = 1.1  # largest ratio of a rate and the derivative, either way
 _ALIKE = 0.5  # least correlation of a rate with the derivative
@@ -99,7 +101,7 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
             )
     wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
     if not wrong.any():
-        return None
+        return _late(rate, signals, segments)
     ratios = []
     for j in np.flatnonzero(wrong).tolist():
         k = int(correlation[:, j].argmax())
@@ -108,4 +110,26 @@ def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> st
     return (
         f"the {rate} is {', '.join(ratios)} times the derivative of the {RATES[rate]}, so it is derived "
         f"instead: were columns swapped, scaled or reversed? (recording.{rate}=null silences this)"
+    )
+
+
+def _late(rate: str, signals: list[Array], segments: list[Segment]) -> str | None:
+    """Warning about a rate that is later or earlier than the derivative of its signal; None if it is not.
+
+    To first order, r(t) = ṡ(t − L) is ṡ − L s̈.
+    """
+    moved = changed = 0.0
+    for x, segment in zip(signals, segments):
+        step = segment.time[1] - segment.time[0]
+        derived = np.gradient(x, step, axis=0)
+        further = np.gradient(derived, step, axis=0)
+        moved += float(((derived - getattr(segment, rate)) * further).sum())
+        changed += float(np.square(further).sum())
+    lag = moved / max(changed, _NOTHING)
+    if abs(lag) < _LAG:
+        return None
+    when = "later" if lag > 0 else "earlier"
+    return (
+        f"the {rate} is {1e3 * abs(lag):.2g} ms {when} than the derivative of the {RATES[rate]}, so it is "
+        f"derived instead (recording.{rate}=null silences this)"
     )

@@ -47,7 +47,8 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     reach = position.largest
     limit = _limit(arm)
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
-    if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= limit[turning]).all():
+    most = np.maximum(limit, _TURN)[turning]
+    if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= most).all():
         return f"{_reaches(position, arm, far)}: are these degrees? (recording.units.angle=deg)"
     span = (position.upper - position.lower)[turning]
     if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:

@@ -23,7 +23,7 @@ _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
 _LEAST_HEAD = 16  # samples of that part
 _MOVED = 0.005  # [rad or m] from its initial position beyond which the arm moves
 _ENERGY = 0.98  # share of the motion's energy below its bandwidth
-_CLIPPED = 5  # consecutive samples at an extreme that mean saturation
+_CLIPPED = 5  # mean runs of equal samples at an extreme that mean saturation
 _STUCK = 0.3  # share of its range through which a joint moves while its frozen torque is constant
 _LEAST_STUCK = 20  # samples of a frozen torque; fewer are coarse quantisation
 
@@ -173,7 +173,9 @@ def _of_joint(x: Array) -> tuple[float, float, float, float]:
     steps = np.abs(np.diff(x))
     quantum = steps.min(where=steps > 0, initial=np.inf)
     clipped = max(_longest_run(x == lower), _longest_run(x == upper)) if upper > lower else 0
-    return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped if clipped >= _CLIPPED else 0.0
+    held = len(x) / (1 + np.count_nonzero(steps))  # mean run of equal samples: held or quantised signals
+    clipped = clipped if clipped >= _CLIPPED * held else 0.0
+    return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped
 
 
 def _longest_run(marked: Array) -> float:

@@ -5,7 +5,7 @@ import io
 import re
 import warnings
 from collections.abc import Sequence
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _LOOKED_AT = 100  # lines from which separator and decimal mark are inferred
 _SAMPLE = 1 << 16  # bytes from which the encoding is inferred
+_MARKS = "#% "  # before comments and the headers that numpy writes
 _FIELDS = ("position", "velocity", "effort")  # of a joint state, in its order
 
 
@@ -34,11 +35,14 @@ def text_table(path: Path) -> Table:
         lines = list(islice(file, _LOOKED_AT))
     if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty")
+    skipped = _comments(lines)
+    lines = lines[skipped:]
+    lines[0] = lines[0].lstrip(_MARKS)
     separator, decimal = _format_of(lines)
     names = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
     form = {"sep": separator, "decimal": decimal, "encoding": encoding}
     if echoed := _echoed(path, names):
-        return _text_rows(path, echoed, first=1, **form)
+        return _text_rows(path, echoed, first=skipped + 1, **form)
     if all(_is_number(name.replace(decimal, ".")) for name in names):
         raise RecordingError(
             f"{path} begins with numbers, expected a header line of column names: add one, such as "
@@ -46,7 +50,18 @@ def text_table(path: Path) -> Table:
         )
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
-    return _text_rows(path, [name or f"column {i + 1}" for i, name in enumerate(names)], first=2, **form)
+    return _text_rows(
+        path, [name or f"column {i + 1}" for i, name in enumerate(names)], first=skipped + 2, **form
+    )
+
+
+def _comments(lines: Sequence[str]) -> int:
+    """Number of lines before the header: comments, of which the last is the header if numbers follow."""
+    marked = sum(1 for _ in takewhile(lambda line: line.startswith(tuple(_MARKS.strip())), lines))
+    if marked in (0, len(lines)):
+        return 0
+    fields = [field for field in re.split(r"[;,\s]+", lines[marked]) if field]
+    return marked - 1 if 2 * sum(map(_is_number, fields)) > len(fields) else marked
 
 
 def _encoding_of(path: Path) -> str:

@@ -78,6 +78,11 @@ CASES = [
         BAD,
         r"^the torque of joint_2 runs against .*recording.reverse=\[joint_2\]",
     ),
+    (
+        scaled(1, 1, 1, 1, 1, 1, -1),
+        BAD,
+        r"^the friction of joint_7 would drive the motion: .* \(recording.reverse=\[joint_7\]\)",
+    ),
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
     (offset, GOOD, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),

@@ -61,3 +61,9 @@ def test_a_current_of_opposite_sign_is_reported(arm, load, both):
     assert found.certain.tolist() == [True, True, True, False, True, True, True]
     (doubt,) = found.doubts(arm)
     assert "gain of joint_4 is negative" in doubt and "recording.reverse=[joint_4]" in doubt
+
+
+def test_exchanged_runs_are_reported(arm, load, both):
+    free, laden = both
+    (doubt,) = drive_gains(model_of(arm), [laden], [free], load).doubts(arm)
+    assert "all joints are negative: are recordings and loaded exchanged?" in doubt

@@ -4,6 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from sidegan.errors import RecordingError
 from sidegan.identification import Measurements
 from sidegan.identification.payload import VALUES, Payload, identify_payload, values_of
 from sidegan.robot import pseudo_inertia
@@ -62,6 +63,12 @@ def test_the_identified_load_is_physical_despite_noise(arm, load):
     found = identify_payload(model_of(arm), [free], [laden])
     assert np.linalg.eigvalsh(pseudo_inertia(found.estimate))[0] < 0
     assert np.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0
+
+
+def test_exchanged_runs_are_refused(arm, load):
+    free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
+    with pytest.raises(RecordingError, match=r"the load would be -1\.\d+ ± .* kg: .* exchanged\?"):
+        identify_payload(model_of(arm), [laden], [free])
 
 
 def test_no_load_is_identified_as_none(arm, load):

@@ -59,6 +59,18 @@ def test_an_inconsistent_velocity_signal_is_discarded(planar, recording, kind):
     assert [*check_recording(half, planar, of_file()).remarks] == ["acceleration"]
 
 
+@pytest.mark.parametrize("lag", [0.04, -0.02])
+def test_a_velocity_at_another_time_is_discarded(planar, recording, lag):
+    late = np.stack([np.interp(recording.time - lag, recording.time, x) for x in recording.velocity.T], 1)
+    remark = check_recording(replace(recording, velocity=late), planar, of_file()).remarks["velocity"]
+    when = f"{abs(1e3 * lag):.0f} ms {'later' if lag > 0 else 'earlier'} than the derivative of the position"
+    assert when in remark
+    slightly = np.stack(
+        [np.interp(recording.time - 0.004, recording.time, x) for x in recording.velocity.T], 1
+    )
+    assert check_recording(replace(recording, velocity=slightly), planar, of_file()).remarks == {}
+
+
 def test_a_noisy_velocity_signal_is_kept(planar, recording):
     noise = np.random.default_rng(0).standard_normal((2, *recording.position.shape))
     noisy = replace(recording, position=recording.position + 0.02 * noise[0])

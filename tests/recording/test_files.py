@@ -274,6 +274,18 @@ def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
     np.testing.assert_allclose(read.time, made.time[kept])
 
 
+@pytest.mark.parametrize("separator", [" ", ",", "\t"])
+@pytest.mark.parametrize("before", ["# ", "# logger v2\n# 7 joints\n", "% made, by hand\n# "])
+def test_comments_before_the_header_are_skipped(made, tmp_path, before, separator):
+    """And the header may be the last of them, as NumPy writes it."""
+    text = files.frame(made).to_csv(index=False, sep=separator)
+    (tmp_path / "a.txt").write_text(f"{before}{text}")
+    found = load_recording(tmp_path / "a.txt", of_file(), NUMBERS)
+    for name in ("time", *made.signals()):
+        np.testing.assert_allclose(getattr(found, name), getattr(made, name))
+    assert not found.corrupt
+
+
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read(made, tmp_path, separator):
     """A line of text among the numbers costs that line only."""

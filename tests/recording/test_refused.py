@@ -199,6 +199,19 @@ WARNED = [
 ]
 
 
+def test_held_and_quantised_torques_are_not_taken_for_saturated(recording):
+    k = np.arange(len(recording.time))
+    held = replace(recording, torque=recording.torque[k - k % 8])
+    coarse = replace(recording, torque=(recording.torque / 2).round() * 2)
+    assert not [text for made in (held, coarse) for text in check(made).warnings if "saturated" in text]
+
+
+def test_degrees_up_to_a_whole_turn_are_recognised(recording):
+    turned = replace(recording, position=np.rad2deg(np.mod(recording.position, 2 * np.pi)), velocity=None)
+    with pytest.raises(RecordingError, match=r"are these degrees\? \(recording\.units\.angle=deg\)"):
+        check(turned)
+
+
 @pytest.mark.parametrize(("words", "change"), WARNED, ids=[words for words, _ in WARNED])
 def test_suspicious_recordings_are_warned_about(recording, words, change):
     before, after = (check(x).warnings for x in (recording, change(recording)))
