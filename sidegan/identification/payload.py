@@ -61,7 +61,8 @@ def values_of(parameters: Array) -> Array:
 def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> Payload:
     """Identify a load from runs without and with it.
 
-    The arm's parameters are also unknown, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ.
+    The arm's parameters are also unknown, and the same in all runs: [Y 0; Y Y_last] [θ; load] = τ. Offsets of
+    torques may differ between them, as after taring.
 
     Source: Khalil, Gautier, Lemoine 2007, Identification of the payload inertial parameters of industrial
     manipulators, method 2.
@@ -69,7 +70,7 @@ def identify_payload(model: TorqueModel, unloaded: list[Measurements], loaded: l
     Raises:
         RecordingError: when the load is clearly negative.
     """
-    parts = gathered(model, unloaded, loaded)
+    parts = gathered(model, unloaded, loaded, tared=True)
     sums = parts[0].sums.plus(parts[1].sums)
     fit = reweighted(sums)
     residuals = [residual_of(part.model, x, fit.parameters) for part in parts for x in part.pieces]
@@ -100,23 +101,31 @@ def _possible(estimate: Array, covariance: Array) -> Array:
 
 
 class Loaded:
-    """An arm's model with additional columns for a load on its last link, zero when it is not carried."""
+    """An arm's model with additional columns for a load on its last link, zero when it is not carried.
+
+    ``tared`` sensors have further offsets, (J,), in the runs with the load; their columns precede the load's.
+    """
 
     kinds = ("load",)  # not empty, so that ``gather`` uses the regressor
 
-    def __init__(self, model: TorqueModel, carried: bool) -> None:
+    def __init__(self, model: TorqueModel, carried: bool, tared: bool = False) -> None:
         self._model = model
         self._carried = carried
         self.joints = model.joints
-        self.count = model.count + LOAD
+        self._further = np.eye(self.joints) if tared and model.terms.offset else np.empty((self.joints, 0))
+        self.count = model.count + self._further.shape[1] + LOAD
 
     def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
-        """Regressor, (S, J, P + 10), of states (S, J)."""
-        load = self._model.body.regressor(q, dq, ddq)[..., -LOAD:] * self._carried
-        return np.concatenate([self._model.regressor(q, dq, ddq, sign), load], 2)
+        """Regressor, (S, J, P + O + 10), of states (S, J), with O further offsets."""
+        load = self._model.body.regressor(q, dq, ddq)[..., -LOAD:]
+        further = np.broadcast_to(self._further, (len(q), *self._further.shape))
+        added = self._carried * np.concatenate([further, load], 2)
+        return np.concatenate([self._model.regressor(q, dq, ddq, sign), added], 2)
 
 
-def gathered(model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements]) -> list[Gathered]:
+def gathered(
+    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], tared: bool = False
+) -> list[Gathered]:
     """Sums over the runs without the load, then over those with it, for the same parameters."""
     runs = ((unloaded, False), (loaded, True))
-    return [gather(Loaded(model, carried), samples) for samples, carried in runs]  # type: ignore[arg-type]
+    return [gather(Loaded(model, x, tared), samples) for samples, x in runs]  # type: ignore[arg-type]

@@ -176,6 +176,7 @@ def check_recording(
     statistics = statistics_of(recording, settings)
     refused.refuse_wrong_units(statistics, arm, settings.units)
     refused.refuse_idle(statistics, arm)
+    refused.refuse_jumps(recording, arm, statistics.gap)
     parts = [recording]
     repeated = None
     if settings.sent is not None:

@@ -7,6 +7,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 from sidegan.recording.agreement import Agreement
+from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import SLOWEST, Signal, Statistics
 from sidegan.recording.units import Units
 from sidegan.robot import Arm
@@ -22,6 +23,10 @@ _TINY = 2 * math.pi / DEGREES  # [rad] a turn, if radians are taken for degrees
 _USUAL = 0.15  # [s] longest usual time between samples
 _STRONG = 3.0  # times a torque limit: more than drives stand for a hundredth of the time
 _HEAVY = 30.0  # times the described torque: more than badly guessed masses explain
+_JUMP = 5.0  # times the usual largest steps, and times the joint's speed: a jump
+_LARGE = 0.99  # quantile of steps that is usual
+_LEAST_JUMP = 0.02  # [rad or m] below which a jump is a glitch
+_NEAR_JUMP = 4  # samples on either side whose median shows that a jump stays
 _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 
@@ -129,6 +134,28 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
                 f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
                 f"recording.{rate}=null derives it instead"
             )
+
+
+def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:
+    """Refuse positions that jump and stay, without a gap [s] in the time stamps.
+
+    A jump exceeds many times both the usual large steps and the joint's speed. Wrong samples jump back.
+    """
+    time = recording.time
+    steps = np.diff(time)
+    for j, name in enumerate(arm.joint_names):
+        moved = np.abs(np.diff(recording.position[:, j]))
+        usual = _JUMP * float(np.quantile(moved, _LARGE))
+        far = moved > np.maximum(max(usual, _LEAST_JUMP), _JUMP * arm.velocity_limit[j] * steps)
+        for k in np.flatnonzero(far & (steps <= gap)).tolist():
+            near = slice(max(k - _NEAR_JUMP, 0), k + 1), slice(k + 1, k + 2 + _NEAR_JUMP)
+            before, after = (float(np.median(recording.position[part, j])) for part in near)
+            if abs(after - before) > moved[k] / 2:
+                unit = "m" if arm.prismatic[j] else "rad"
+                raise RecordingError(
+                    f"{recording.name}: {name} jumps by {moved[k]:.2g} {unit} after sample {k + 1}, at "
+                    f"{time[k]:.4g} s: are rows missing, or was its encoder reset? split the file there"
+                )
 
 
 def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, units: Units) -> None:

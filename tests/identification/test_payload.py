@@ -65,6 +65,14 @@ def test_the_identified_load_is_physical_despite_noise(arm, load):
     assert np.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0
 
 
+def test_sensors_may_be_tared_between_the_runs(arm, load):
+    free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
+    tared = Measurements(*laden.states, laden.torque + np.linspace(-3, 3, arm.joints))
+    plain, again = (identify_payload(model_of(arm), [free], [x]) for x in (laden, tared))
+    np.testing.assert_allclose(again.estimate, plain.estimate, atol=1e-3)
+    assert abs(again.values[0] - MASS) < 4 * again.deviation[0] < 0.3
+
+
 def test_exchanged_runs_are_refused(arm, load):
     free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
     with pytest.raises(RecordingError, match=r"the load would be -1\.\d+ ± .* kg: .* exchanged\?"):

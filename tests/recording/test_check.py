@@ -83,7 +83,10 @@ def test_a_frozen_torque_sensor_is_reported(planar, recording):
     stuck = recording.torque.copy()
     stuck[600:1900, 1] = stuck[600, 1]
     frozen = replace(recording, torque=stuck)
-    still = replace(recording, position=np.where(stuck == stuck[600, 1], 0.3, recording.position))
+    held = recording.position.copy()
+    held[1900:] -= held[1900] - held[600]
+    held[600:1900] = held[600]
+    still = replace(recording, torque=stuck, position=held, velocity=None)
     rows = [k for k in range(2000) if not 600 <= k < 1900]
     warnings, *others = (
         [w for w in check_recording(changed, planar, of_file()).warnings if "is frozen" in w]

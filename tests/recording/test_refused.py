@@ -145,6 +145,13 @@ def check(recording, arm=PLANAR, gains=None, **changes):
     return check_recording(recording, arm, of_file(**changes), gains)
 
 
+def missing(recording):
+    """Rows were lost, and a clock was counted afterwards."""
+    lost = part_of(recording, [k for k in range(len(recording.time)) if not 700 < k < 760])
+    return replace(lost, time=recording.time[: len(lost.time)])
+
+
+JUMPS = r"(shoulder|elbow) jumps by .* rad after sample 701, at .*: are rows missing"
 DEGREES, GAINS, TWO = 180 / math.pi, r"are the drive gains \(robot\.gains\)", (2.0, 2.0)
 UNITS = [("ms", "s", 1e3), ("ns", "s", 1e9), ("us", "ms", 1e3)]
 DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
@@ -172,6 +179,8 @@ CHECKED = [
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
     ("reverse names wrist", lambda same: same, {"reverse": ["wrist"]}),
     ("no joint stays faster than 100 rad/s", lambda same: same, {"still": 100.0}),
+    (JUMPS, change_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}),
+    (JUMPS, missing, {}),
     (LOW, lambda same: same, {"cutoff": 1e-11}),
 ]
 
