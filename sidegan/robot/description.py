@@ -81,6 +81,8 @@ def read_description(
     if any(mount):
         hang(root, tree.root, mount)
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
+    if source.gravity is not None and not any(source.gravity):
+        notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed (robot.mount)")
     postures = _group_states(path, robot) if source.postures is None else source.postures
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
@@ -97,7 +99,7 @@ def read_description(
         planes=turned(source.planes, mount),
         home=_home_among(postures, [*moved]),
         drives=described_drives(moving, where) if setup.friction else None,
-        gravity=GRAVITY if source.gravity is None else math.hypot(*source.gravity),
+        gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
 
 

@@ -16,13 +16,19 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
     free = {joint.name for joint in moving}
     locked: dict[str, float] = {}
     wrong: dict[str, str] = {}  # joints with an invalid mimic, and why
+    remedies: dict[
+        str, float
+    ] = {}  # joints to lock: leaders that move, since followers alone would still move
+
+    def middle(joint: Joint) -> float:
+        return sum(_range(tree, joint) or (0.0, 0.0)) / 2
 
     def stand(joint: Joint, followers: tuple[str, ...] = ()) -> float:
         if joint.name not in locked:
             if joint.name in given:
                 locked[joint.name] = given[joint.name]
             elif joint.mimic is None:
-                locked[joint.name] = sum(_range(tree, joint) or (0.0, 0.0)) / 2
+                locked[joint.name] = middle(joint)
             else:
                 locked[joint.name] = follow(joint, joint.mimic, (*followers, joint.name))
         return locked[joint.name]
@@ -33,6 +39,8 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
         name = mimic.get("joint", "")
         if name not in tree.joints or name in free or name in followers:
             wrong[joint.name] = f"{at} mimics {name!r}" if name else f"{at} mimics no joint"
+            leads = name in free and len(free) > 1
+            remedies[name if leads else joint.name] = middle(tree.joints[name]) if leads else 0.0
             return 0.0
         followed = tree.joints[name]
         here = 0.0 if followed.kind == "fixed" else stand(followed, followers)
@@ -42,7 +50,7 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
         if joint.kind != "fixed" and joint.name not in free:
             stand(joint)
     if wrong:
-        remedy = override("locked", dict.fromkeys(wrong, 0.0), given)
+        remedy = override("locked", remedies, given)
         first, *rest = wrong.values()
         reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
         raise RobotError(f"{reasons}: expected another joint that does not move; lock it by {remedy}")
@@ -79,6 +87,13 @@ def describe_fixed(
     if not locked:
         return []
     notes = [LOCKED + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
+    free = {joint.name for joint in moving}
+    for joint in (tree.joints[name] for name in locked):
+        if joint.mimic is not None and joint.mimic.get("joint") in free:
+            leader = joint.mimic.get("joint")
+            notes.append(
+                f"{joint.name} is locked but follows {leader}, which moves: is this so on the machine?"
+            )
     lumped: dict[str, list[str]] = {}
     for link in tree.links:
         path = tree.path(link)

@@ -149,6 +149,10 @@ class _Writer:
             notes.append(f"unsupported shapes left out: {listed(self.dropped)}")
         if model.dof_armature.any():
             notes.append("rotor inertias (armature) are not part of the rigid model")
+        dropped = [i for i in np.flatnonzero(model.eq_active0).tolist() if not self._written(i)]
+        if dropped:
+            names = listed([self.name("equality", i) for i in dropped])
+            notes.append(f"constraints left out, so that trajectories may break them: {names}")
         if floats := np.flatnonzero(model.body_gravcomp).tolist():
             names = listed([self.name("body", body) for body in floats])
             notes.append(f"gravity of {names} is compensated (gravcomp): actuator torques exclude it")
@@ -240,15 +244,25 @@ class _Writer:
         elif element.get("type") == "revolute":
             element.set("type", "continuous")
 
+    def _written(self, equality: int) -> bool:
+        """Whether an equality constraint couples two joints, and is written as a mimic joint."""
+        couples = int(self.model.eq_type[equality]) == int(mujoco.mjtEq.mjEQ_JOINT)
+        return couples and _coupling(self.model, equality)
+
     def _mimics(self) -> None:
         """Write joints that an equality constraint couples to another as mimic joints."""
         model = self.model
         joints = {j.get("name"): j for j in self.root.findall("joint")}
         for i in range(model.neq):
-            if int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0:
+            if self._written(i):
                 follower, leader = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
                 offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
                 ET.SubElement(joints[follower], "mimic", joint=leader, multiplier=factor, offset=offset)
+
+
+def _coupling(model: mujoco.MjModel, equality: int) -> bool:
+    """Whether an equality constraint is active and has a second object."""
+    return bool(model.eq_active0[equality]) and model.eq_obj2id[equality] >= 0
 
 
 def _forces(model: mujoco.MjModel, actuator: int) -> Vector:
@@ -281,5 +295,6 @@ def _efforts(model: mujoco.MjModel) -> dict[int, float]:
         lower, upper = model.jnt_actfrcrange[joint]
         least, most = ranges.get(joint, (-np.inf, np.inf))
         ranges[joint] = np.array([max(lower, least), min(upper, most)])
-    largest = {joint: float(np.abs(force).min()) for joint, force in ranges.items()}
+    sides = {joint: np.abs(force) for joint, force in ranges.items()}
+    largest = {joint: float(x.min() or x.max()) for joint, x in sides.items()}  # some push one way only
     return {joint: force for joint, force in largest.items() if np.isfinite(force)}

@@ -11,6 +11,7 @@ from sidegan.errors import RobotError
 from sidegan.robot import xml
 
 TURNING = ("revolute", "continuous")
+WORLD = "world"  # a link of this name is no part of the arm
 MOVABLE = (*TURNING, "prismatic")
 REFUSED = {  # joint types that an arm cannot have, and why
     "floating": "the arm's base must be fixed",
@@ -66,11 +67,21 @@ class Tree:
         return found[::-1]
 
     def parents(self, shaped: Container[str]) -> frozenset[tuple[str, str]]:
-        """Links with a shape, each with its nearest ancestor that has a shape."""
+        """Links with a shape, each with its nearest ancestor that has a shape.
+
+        Not the world, nor a fixed link behind one without a shape: they may be a pillar or a wall.
+        """
         found = set()
         for link in filter(shaped.__contains__, self.links):
-            before = [joint.parent for joint in self.path(link) if joint.parent in shaped]
-            found |= {(link, before[-1])} if before else set()
+            path = self.path(link)
+            before = [joint.parent for joint in path if joint.parent in shaped]
+            if not before:
+                continue
+            still = all(joint.kind == "fixed" for joint in self.path(before[-1]))
+            moves = any(joint.kind != "fixed" for joint in path)
+            apart = before[-1] == WORLD or before[-1] != path[-1].parent
+            if not (still and moves and apart):
+                found.add((link, before[-1]))
         return frozenset(found)
 
     def at(self, joint: Joint) -> str:

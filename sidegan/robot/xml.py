@@ -12,6 +12,7 @@ from sidegan.errors import RobotError
 _TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
 _PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
 _DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _LARGEST = 1e18  # of any number in SI units, so that products of a few are finite
 
 
@@ -48,7 +49,11 @@ def bound(text: bytes) -> bytes:
     declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
     loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
     names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
-    return _ROOT.sub(rb"\g<0>" + names, text, count=1) if loose else text
+    comments = [match.span() for match in _COMMENT.finditer(text)]
+    for match in _ROOT.finditer(text):
+        if not any(begin < match.start() < end for begin, end in comments):
+            return text[: match.end()] + names + text[match.end() :]
+    return text
 
 
 def attribute(element: ET.Element, key: str, where: str) -> str:

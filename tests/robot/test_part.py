@@ -2,6 +2,7 @@
 
 import math
 import re
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Limits, Setup, load_robot, with_effort, words, write_urdf
+from sidegan.robot.tree import read_tree
 from sidegan.robot.visuals import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, more, one_joint, robot, two_joints
@@ -209,3 +211,14 @@ def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
     np.testing.assert_allclose(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))
     write_urdf(mounted, mounted.inertial_parameters, tmp_path / "written.urdf")
     assert words(mounted.setup) == ["'robot.mount=[0.4, -0.5, 0.6]'"]
+
+
+@pytest.mark.parametrize("pillar", ["world", "pillar"])
+def test_a_pillar_behind_a_base_without_a_shape_is_no_neighbour_of_the_first_link(pillar):
+    parts = (
+        *(link(pillar), joint("stand", pillar, "base", "fixed", limit=""), link("base", "")),
+        *(joint("first", "base", "one"), link("one"), joint("second", "one", "two"), link("two")),
+    )
+    tree = read_tree(ET.fromstring(robot(*parts)), "arm")
+    assert tree.parents({pillar, "one", "two"}) == {("two", "one")}
+    assert tree.parents({pillar, "base", "one", "two"}) >= {("two", "one"), ("one", "base")}

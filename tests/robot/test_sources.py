@@ -83,7 +83,18 @@ def assert_same_extent(arm, q, points, link, model, data, geom):
 
 
 class TestMjcf:
-    @pytest.mark.parametrize("gravity", ["0 0 -9.81", "9.81 0 0", "1 -3 2", "0 0 0"])
+    def test_gravity_that_is_switched_off_is_assumed(self, mjcf):
+        mjcf.write_text(MJCF.replace("<default>", '<option gravity="0 0 0"/><default>'))
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03}))
+        assert np.linalg.norm(arm.gravity) == pytest.approx(9.81)
+        assert "the file switches gravity off" in " ".join(arm.notes)
+
+    def test_an_inactive_coupling_is_none(self, mjcf):
+        mjcf.write_text(MJCF.replace('polycoef="0.01 -1 0 0 0"', 'polycoef="0.01 -1 0 0 0" active="false"'))
+        arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03, "right_finger": 0.01}))
+        assert "right_finger at 0.01 m" in " ".join(arm.notes)
+
+    @pytest.mark.parametrize("gravity", ["0 0 -9.81", "9.81 0 0", "1 -3 2"])
     def test_torque_equals_mujocos(self, mjcf, gravity):
         mjcf.write_text(MJCF.replace("<default>", f'<option gravity="{gravity}"/><default>'))
         arm = load_robot(mjcf, Setup(limits=SPEEDS, locked={"left_finger": 0.03}))
