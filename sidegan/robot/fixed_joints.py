@@ -16,9 +16,7 @@ def fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, flo
     free = {joint.name for joint in moving}
     locked: dict[str, float] = {}
     wrong: dict[str, str] = {}  # joints with an invalid mimic, and why
-    remedies: dict[
-        str, float
-    ] = {}  # joints to lock: leaders that move, since followers alone would still move
+    remedies: dict[str, float] = {}  # joints to lock, and where; their leaders, if these move
 
     def middle(joint: Joint) -> float:
         return sum(_range(tree, joint) or (0.0, 0.0)) / 2
@@ -88,11 +86,12 @@ def describe_fixed(
         return []
     notes = [LOCKED + listed([_stands(tree.joints[name], value) for name, value in locked.items()], 12)]
     free = {joint.name for joint in moving}
-    for joint in (tree.joints[name] for name in locked):
-        if joint.mimic is not None and joint.mimic.get("joint") in free:
-            leader = joint.mimic.get("joint")
+    for name in locked:
+        mimic = tree.joints[name].mimic
+        leader = None if mimic is None else mimic.get("joint")
+        if leader in free:
             notes.append(
-                f"{joint.name} is locked but follows {leader}, which moves: is this so on the machine?"
+                f"{name} is locked, but mimics {leader}, which moves: does it stand on your machine?"
             )
     lumped: dict[str, list[str]] = {}
     for link in tree.links:

@@ -245,9 +245,10 @@ class _Writer:
             element.set("type", "continuous")
 
     def _written(self, equality: int) -> bool:
-        """Whether an equality constraint couples two joints, and is written as a mimic joint."""
-        couples = int(self.model.eq_type[equality]) == int(mujoco.mjtEq.mjEQ_JOINT)
-        return couples and _coupling(self.model, equality)
+        """Whether an equality constraint is written as a mimic joint: an active one between two joints."""
+        model = self.model
+        of_joints = int(model.eq_type[equality]) == int(mujoco.mjtEq.mjEQ_JOINT)
+        return of_joints and bool(model.eq_active0[equality]) and model.eq_obj2id[equality] >= 0
 
     def _mimics(self) -> None:
         """Write joints that an equality constraint couples to another as mimic joints."""
@@ -258,11 +259,6 @@ class _Writer:
                 follower, leader = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
                 offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
                 ET.SubElement(joints[follower], "mimic", joint=leader, multiplier=factor, offset=offset)
-
-
-def _coupling(model: mujoco.MjModel, equality: int) -> bool:
-    """Whether an equality constraint is active and has a second object."""
-    return bool(model.eq_active0[equality]) and model.eq_obj2id[equality] >= 0
 
 
 def _forces(model: mujoco.MjModel, actuator: int) -> Vector:

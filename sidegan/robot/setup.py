@@ -70,9 +70,7 @@ def allowed(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | Non
 
 def words(setup: Setup) -> list[str]:
     """A whole setup as arguments of the command."""
-    given = {name: x for name, x in vars(setup).items() if name != "limits" and x != getattr(PLAIN, name)}
-    given |= {f"limits.{name}": x for name, x in vars(setup.limits).items()}
-    return [setting(name, x) for name, x in given.items() if x is not None]
+    return changes("robot", setup)
 
 
 def changes(group: str, settings: Any) -> list[str]:
