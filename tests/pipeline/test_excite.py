@@ -198,7 +198,8 @@ def test_a_run_replaces_files_of_an_earlier_run_only(ran):
     assert not (slow / "rehearsal.csv").exists() and len(pd.read_csv(slow / "set.csv")) == 3
     assert not [path for path in slow.iterdir() if path.name.startswith(".")]
     (then, send), _ = sections(slow)
-    assert "send 1\n" in send and "01" not in send and "1 … 3 (32 s each)" in then
+    assert re.findall(r"^send (\w+)", send, re.MULTILINE) == ["1", "2", "3"]  # the path may have any digits
+    assert "1 … 3 (32 s each)" in then
 
 
 def test_the_approach_of_a_slow_run_is_slow(ran):
