@@ -20,7 +20,7 @@ _AT_LIMIT = 0.01  # rad
 def seed_sets(artifacts: Mapping[str, Artifacts]) -> pd.DataFrame:
     """Table of the seed sets by condition."""
     table = pd.DataFrame({name: seed_facts(results) for name, results in artifacts.items()}).T
-    return tables.formatted(table, COLUMNS["seeds"]).rename_axis("seeds of")
+    return tables.formatted(table, COLUMNS["seeds"]).rename_axis("condition")
 
 
 def seed_facts(artifacts: Artifacts) -> dict[str, float]:

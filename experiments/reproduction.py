@@ -35,7 +35,7 @@ _JOINED: dict[str, tuple[str, ...]] = {
     "generators": (),
     "likeness": (),
     "draws": (),
-    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.GEOMETRIC, *exp1.ON_PLANTS),
+    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.GEOMETRIC, *exp1.ON_PLANTS[:2]),  # unweighted
     "factors": (exp1.SIMULATOR, exp1.EXPECTED, *exp1.ON_PLANTS),
     "table2": (),
     "readings": (),
@@ -147,7 +147,7 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
     return {
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
-        "seeds": comparisons.seed_sets(conditions),
+        "seeds": _once(comparisons.seed_sets(conditions), len(conditions)),
         **{key: _joined(key, tables_of) for key in _JOINED},
         "density": _joined("density", {name: tables_of[name] for name in of_seeds.values()}),
         **{f"{name}-{key}": table for name, shown in tables_of.items() for key, table in shown.items()},
@@ -159,11 +159,21 @@ def _joined(key: str, tables_of: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd
     parts = {name: shown[key] for name, shown in tables_of.items()}
     kept = _JOINED.get(key)
     wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
-    joined = pd.concat(wanted, names=["condition"])
+    joined = _once(pd.concat(wanted, names=["condition"]), len(parts))
     first = next(iter(parts.values()))
     paper = first[first.index.astype(str).str.startswith("Paper")]
     index = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)
     return pd.concat([joined, paper.set_axis(index)]).fillna("—")
+
+
+def _once(joined: pd.DataFrame, conditions: int) -> pd.DataFrame:
+    """The table with a single row, of the condition ``all``, where all conditions have the same."""
+    names = joined.index.names
+    rows = joined.reset_index()
+    same = [key for key in rows.columns if key != "condition"]
+    shared = rows.groupby(same, dropna=False).condition.transform("size") == conditions
+    rows["condition"] = rows.condition.mask(shared & (conditions > 1), "all")
+    return rows.drop_duplicates().set_index(names)
 
 
 def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:

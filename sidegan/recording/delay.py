@@ -50,7 +50,7 @@ class Delay(NamedTuple):
         """Whether it is beyond the range of the search."""
         return not self.given and abs(self.seconds) >= LONGEST
 
-    def statement(self, taken_off: bool) -> str:
+    def statement(self, corrected: bool) -> str:
         """A sentence on the delay, and on whether it was removed."""
         size = abs(self.seconds) * 1e3
         when = "earlier" if self.seconds < 0 else "later"
@@ -62,12 +62,12 @@ class Delay(NamedTuple):
                 "left as they are; same motion, same clock? If the delay is real, set recording.delay=… [s]"
             )
         worth = self.believed and abs(self.seconds) > _WORTH
-        left = "not corrected" + "; recording.delay=null takes it off" * worth
+        left = "not corrected" + "; recording.delay=null corrects it" * worth
         if math.isinf(self.deviation):
             return "the delay of the torques cannot be determined: not corrected"
         rounded = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
         delay = f"torques are {rounded} ± {self.deviation * 1e3:.2g} ms {when} than the motion"
-        return f"{delay}: {'taken off' if taken_off else left}"
+        return f"{delay}: {'corrected' if corrected else left}"
 
 
 def pooled(delays: Sequence[Delay]) -> Delay | None:

@@ -54,7 +54,7 @@ LIKENESS = {
     "coverage": "coverage of c",
     "density_diagonal": "density of log diag(YᵀY)",
     "coverage_diagonal": "coverage of log diag(YᵀY)",
-    "told_apart": "told apart from seeds",
+    "told_apart": "accuracy of a classifier against the seeds",
     "distance_diagonal": NAMES["distance_diagonal"],
 }
 

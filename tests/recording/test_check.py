@@ -169,8 +169,8 @@ def test_a_measured_delay_is_corrected(planar):
     given, wrong = (check_recording(recording, planar, of_file(delay=delay)) for delay in (0.018, -0.071))
     assert given.delay == Delay(0.018, given=True) and better.delay.believed
     assert better.corrected and not left.corrected
-    assert "recording.delay=null takes it off" in left.statements[-1]
-    assert "taken off" in better.statements[-1] and "18 ms later" in given.statements[-1]
+    assert "recording.delay=null corrects it" in left.statements[-1]
+    assert "motion: corrected" in better.statements[-1] and "18 ms later" in given.statements[-1]
     assert wrong.statements[-1] == "torques are assumed to be 71 ms earlier than the motion, as set"
     more = float(re.match(r"torques are (\d+) ± 0\.2\d* ms later", wrong.warnings[-1])[1])
     assert more == pytest.approx(89, abs=1) and not given.warnings

@@ -87,7 +87,7 @@ def test_generators_show_known_values():
     assert table.loc["eigen"].tolist()[:4] == ["0.9 ± 0", "200 ± 140", "90 ± 0", "12.3 ± 0"]
     assert table.loc["eigen"].tolist()[-1] == "—"
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "1", "3", "5"]
-    assert tables.likeness(frame)["told apart from seeds"].tolist() == ["0.5", "0.5", "—"]
+    assert tables.likeness(frame)[tables.LIKENESS["told_apart"]].tolist() == ["0.5", "0.5", "—"]
 
 
 DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h"}

@@ -108,7 +108,7 @@ class Outcome:
         use = f"{self.verdicts.velocity.min():.0%} to {self.verdicts.velocity.max():.0%}"
         valid = f"{self.verdicts.valid.sum()} of {len(self.verdicts)}"
         said = " ".join(f"`'{word}'`" if "[" in word or "{" in word else f"`{word}`" for word in self.said)
-        said = {"joints": self.joints, "had to be said": said or "nothing"}
+        said = {"joints": self.joints, "settings needed": said or "nothing"}
         return {**said, **shares, "valid at 1 kHz": valid, "use of the limits": use}
 
 

@@ -78,7 +78,7 @@ def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Track
     shown = {name: [plain(x) for x in column.tolist()] for name, column in columns.items()}
     of = "the description" if run.cfg.known is None else run.cfg.known
     caption = f"Expected standard deviations; those before are from {of}"
-    rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="wanted"))
+    rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="quantity"))
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
     planned = ", at full speed" if _slow(run) else ""

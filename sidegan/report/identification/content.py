@@ -153,8 +153,8 @@ def check_table(recordings: Sequence[CheckedRecording]) -> pd.DataFrame:
                     "between repetitions": "—" if noise is None else f"{noise[j]:.2g}",
                     "quantum": f"{effort.quantum[j]:.2g}",
                     "saturated": int(effort.clipped[j]),
-                    "agrees with the description": f"{recording.agreement.sign[j]:.2f}",
-                    "multiple of it": f"{recording.agreement.load.scale[j]:.2g}",
+                    "agreement with the description": f"{recording.agreement.sign[j]:.2f}",
+                    "ratio to the description": f"{recording.agreement.load.scale[j]:.2g}",
                 }
             )
     return pd.DataFrame(rows).set_index(["recording", "joint"])
