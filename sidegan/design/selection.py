@@ -89,7 +89,7 @@ def greedy(diagonals: Array, count: int) -> Array:
         raise ShapeError(f"diagonals are {diagonals.shape}, expected (N, p)")
     bad = ~(np.isfinite(diagonals) & (diagonals >= 0)).all(1)
     if bad.any():
-        raise ShapeError(f"the diagonal of trajectory {bad.argmax()} is not finite and non-negative")
+        raise ShapeError(f"diagonal[{bad.argmax()}] is not finite and non-negative")
     _check_count(count, len(diagonals))
     excitation = diagonals.sum(1)
     chosen = np.zeros(len(diagonals), dtype=bool)

@@ -70,7 +70,7 @@ class Trajectory:
             raise ShapeError(f"coefficients are {c.shape}, expected (B, {', '.join(map(str, self.shape))})")
         finite = flatten(np.isfinite(c), 1).all(1)
         if not finite.all():
-            raise ShapeError(f"coefficients of trajectory {int(finite.argmin())} are not finite")
+            raise ShapeError(f"coefficients[{int(finite.argmin())}] are not finite")
 
     def times(self, rate: float) -> Array:
         """Uniform time grid [s] over one period with both ends, (T,), at ``rate`` [Hz].
