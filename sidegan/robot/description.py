@@ -67,7 +67,10 @@ def read_description(
     for name, value in locked.items():
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
-    middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
+    postures = _group_states(path, robot) if source.postures is None else source.postures
+    own_home = _home_among(postures, [*moved])
+    around = own_home if home is None else home
+    middle = dict(zip(moved, around)) if around is not None and len(around) == len(moved) else {}
     limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
@@ -83,7 +86,6 @@ def read_description(
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
         notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed (robot.mount)")
-    postures = _group_states(path, robot) if source.postures is None else source.postures
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
         name=robot,
@@ -97,7 +99,7 @@ def read_description(
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
-        home=_home_among(postures, [*moved]),
+        home=own_home,
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
