@@ -127,6 +127,8 @@ OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has pos
         ("+experiment=exp99", "Could not find 'experiment/exp99'"),
         ("seed=0,1", "To sweep over it, add --multirun"),
         ("seed==", "Error parsing override 'seed=='"),
+        ("robot.name=/myärm/arm.urdf", "around the value: 'robot.name=\"/myärm/arm.urdf\"'\n"),
+        ("recordings=[{position:/ä.csv}]", "around the value: 'recordings=[{position:\"/ä.csv\"}]'\n"),
     ],
 )
 def test_a_wrong_command_exits_with_code_2_and_one_line(command, capsys, tmp_path, arguments, words):
