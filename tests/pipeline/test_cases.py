@@ -149,7 +149,7 @@ def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeyp
         len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
         == 1
     )
-    assert "1 of 2 trajectories hardly move the arm and are left out" in caplog.text
+    assert "1 of 2 trajectories hardly move the arm and are left out, limited by position of " in caplog.text
 
 
 def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path):
