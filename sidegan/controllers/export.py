@@ -82,6 +82,9 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
             f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
             f"period of the highest of trajectory.harmonics={trajectory.harmonics}"
         )
+    planned = f"trajectory.period={trajectory.period * settings.speed:g}, controllers.speed"
+    settings.refuse_long(f"a trajectory of {planned}={settings.speed:g}", trajectory.period)
+    settings.refuse_long("controllers.pause", settings.pause or 0.0)
     slides = arm.prismatic
     if "urscript" in settings.formats and (arm.joints != SCRIPTED or slides.any()):
         sliding = f" (prismatic: {arm.named(slides)})" if slides.any() else ""

@@ -7,6 +7,9 @@ from sidegan.base.typed import Hertz, Number, Part, Positive, Seconds
 from sidegan.errors import ConfigError
 from sidegan.robot import Arm
 
+_MOST = 500_000  # samples of a motion: ten such trajectories of seven joints take 9 GB of memory
+_LEAST = 25.0  # [Hz] rate at which motions are checked, however low that of the tables
+
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
@@ -37,3 +40,12 @@ class ExportSettings:
     def __post_init__(self) -> None:
         if not self.formats or len(set(self.formats)) < len(self.formats):
             raise ConfigError("formats must name one or more, each once")
+
+    def refuse_long(self, motion: str, duration: float) -> None:
+        """Refuse a motion of this duration [s] that has too many samples for the memory, by a ConfigError."""
+        samples = duration * max(self.rate, _LEAST)
+        if samples > _MOST:
+            raise ConfigError(
+                f"{motion} takes {duration:.4g} s, {samples:.4g} samples with "
+                f"controllers.rate={self.rate:g}, expected at most {_MOST:,}"
+            )

@@ -3,11 +3,12 @@
 import math
 import re
 from collections.abc import Sequence
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
-from hydra.errors import HydraException
+from hydra.errors import HydraException, OverrideParseException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
@@ -28,6 +29,7 @@ def times(*factors: Any) -> float | None:
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
 OmegaConf.register_new_resolver("times", times, replace=True)
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
+_FOREIGN = re.compile(r"(?<=[=:,\[{])[^=:,\[\]{}]*[^\x00-\x7f][^,\[\]{}]*")  # a value that is not ASCII
 _STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
 OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
@@ -56,6 +58,9 @@ def explain(error: Exception) -> str:
         from sidegan.pipeline.settings import dangling
 
         return dangling(error)
+    if isinstance(error, OverrideParseException) and not ('"' in error.override or error.override.isascii()):
+        quoted = quote(_FOREIGN.sub(r'"\g<0>"', error.override))
+        return f"{error.override}: characters beyond ASCII need double quotes around the value: {quoted}"
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
         return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])

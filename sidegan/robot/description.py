@@ -7,8 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from sidegan.base.names import listed
 from sidegan.robot import xml
-from sidegan.robot.arm import FilePlane
+from sidegan.robot.arm import NO_INERTIA, FilePlane
 from sidegan.robot.chain import choose
 from sidegan.robot.drives import Drives, described_drives
 from sidegan.robot.fixed_joints import describe_fixed
@@ -18,7 +19,7 @@ from sidegan.robot.locking import lock, unit_axis
 from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import read_tree
+from sidegan.robot.tree import Tree, read_tree
 
 Posture = Mapping[str, float]  # positions of joints by name [rad or m]
 _HOMES = "home", "ready"  # names of home postures, in order of preference
@@ -63,11 +64,16 @@ def read_description(
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
     read = {link: read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
-    notes = describe_fixed(tree, moving, locked, {link: mass for link, (mass, _) in read.items()})
+    masses = {link: mass for link, (mass, _) in read.items()}
+    notes = describe_fixed(tree, moving, locked, masses)
     for name, value in locked.items():
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
-    middle = dict(zip(moved, home)) if home is not None and len(home) == len(moved) else {}
+    wrong = [why for _, why in read.values() if why] or _massless(tree, links, moved, masses)
+    postures = _group_states(path, robot) if source.postures is None else source.postures
+    own_home = _home_among(postures, [*moved])
+    around = own_home if home is None else home
+    middle = dict(zip(moved, around)) if around is not None and len(around) == len(moved) else {}
     limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
@@ -83,7 +89,6 @@ def read_description(
         notes.append(f"mounted with roll {mount[0]:.4g}, pitch {mount[1]:.4g} and yaw {mount[2]:.4g} rad")
     if source.gravity is not None and not any(source.gravity):
         notes.append(f"the file switches gravity off: {GRAVITY} m/s² is assumed (robot.mount)")
-    postures = _group_states(path, robot) if source.postures is None else source.postures
     shaped = {link for link, element in links.items() if element.find("collision") is not None}
     return Description(
         name=robot,
@@ -92,15 +97,28 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        notes=[*source.notes, *notes, *assumed, *(f"no inertia: {why}" for _, why in read.values() if why)],
+        notes=[*source.notes, *notes, *assumed, *(NO_INERTIA + why for why in wrong)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
-        home=_home_among(postures, [*moved]),
+        home=own_home,
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
+
+
+def _massless(
+    tree: Tree, links: Mapping[str, ET.Element], moved: Mapping[str, str], masses: Mapping[str, float]
+) -> list[str]:
+    """Why no link that these joints move has a mass [kg]; empty if one has."""
+    heavy = [link for link, mass in masses.items() if mass > 0]
+    if any(joint.name in moved for link in heavy for joint in tree.path(link)):
+        return []
+    if heavy:
+        return [f"only links that do not move have a mass: {listed(heavy)}"]
+    stated = any(link.find("inertial") is not None for link in links.values())
+    return ["every <inertial> has a mass of 0 kg" if stated else "the description has no <inertial>"]
 
 
 def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:

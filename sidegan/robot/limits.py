@@ -86,7 +86,7 @@ def limits_of(
             tree.where,
             ": …, ".join(found),
         )
-    if wider:
+    if wider and planning:
         _log.warning("%s: limits are wider than the description's: %s", tree.where, "; ".join(wider))
     return found, [*notes, *_assumed(found, moving, stated["position"])]
 

@@ -55,7 +55,8 @@ def load_robot(
         name_or_path: a built-in name ("kuka_lwr4", "planar2"), a name from robot_descriptions if that is
             installed, or the path of a URDF, xacro or MJCF file.
         setup: which part of the description is the arm, and limits that override the description's.
-        home: home position [rad or m], (J,); continuous joints may go half a turn to each side.
+        home: home position [rad or m], (J,), around which continuous joints may turn by half a turn; None:
+            that of the description, or zeros.
         planning: whether motions are to be planned. Otherwise meshes are left out, and missing limits on
             position and velocity get defaults.
 

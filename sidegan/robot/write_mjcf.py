@@ -25,8 +25,8 @@ _STIFFEST = 2.0  # steps; shortest time constant with which MuJoCo can solve fri
 def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     """Write an arm with these inertial parameters, friction and rotors as MJCF, for MuJoCo and Pinocchio.
 
-    Shapes are the links' convex pieces, with exclusions of pairs that may touch; contacts are disabled as a
-    whole. Links that the description fixes to another become bodies in it.
+    Shapes are the links' convex pieces, with exclusions of neighbours and of pairs that may touch; contacts
+    are disabled as a whole. Links that the description fixes to another become bodies in it.
 
     Args:
         arm: the arm: its chain, limits and gravity.
@@ -123,7 +123,11 @@ def _draw(arm: Arm, root: ET.Element) -> None:
     if len(assets):
         root.insert(1, assets)
     contact = ET.Element("contact")
-    for a, b, _ in arm.may_touch:
+    links = dict(zip(arm.capsules.owners, arm.capsules.link.tolist()))
+    # Shapes around an offset anchor have a body of their own, which hides whose neighbours they are.
+    beside = [pair for pair in arm.parents or () if abs(links.get(pair[0], -1) - links.get(pair[1], -1)) == 1]
+    pairs = {tuple(sorted(pair)) for pair in (*beside, *(pair for *pair, _ in arm.may_touch))}
+    for a, b in sorted(pairs):
         if {a, b} <= {*bodies}:
             ET.SubElement(contact, "exclude", body1=a, body2=b)
     if len(contact):

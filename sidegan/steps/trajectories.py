@@ -15,7 +15,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import plain
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
-from sidegan.controllers import ExportSettings, export_set, slower
+from sidegan.controllers import ExportSettings, export_set, require_exportable, slower
 from sidegan.design.information import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.design.selection import Selection, choose
@@ -228,6 +228,8 @@ class TrajectorySet:
             StorageError: when a file cannot be written.
         """
         settings = settings_of(ExportSettings, controllers)
+        family, _ = slower(self.family, self.coefficients, settings.speed)
+        require_exportable(self.cell.arm, family, settings)  # before a slow motion is sampled
         run = self.at_speed(settings.speed)
         files = Path(folder) / FOLDER
         durations = export_set(self.cell.constraints, run.family, run.coefficients, settings, files)

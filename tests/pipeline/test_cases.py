@@ -149,7 +149,7 @@ def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeyp
         len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
         == 1
     )
-    assert "1 of 2 trajectories hardly move the arm and are left out" in caplog.text
+    assert "1 of 2 trajectories hardly move the arm and are left out, limited by position of " in caplog.text
 
 
 def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path):
@@ -176,21 +176,24 @@ def postures(*names, value=0.3):
 
 
 @pytest.mark.parametrize(
-    ("names", "value", "home"),
+    ("kind", "names", "value", "home"),
     [
-        (["folded"], 0.3, HOME),
-        (["folded", "Home"], 0.3, HOME),
-        (["folded", "up"], 0.3, None),
-        (["home"], 2.8, None),  # at the end of the joint's range
+        ("revolute", ["folded"], 0.3, HOME),
+        ("revolute", ["folded", "Home"], 0.3, HOME),
+        ("revolute", ["folded", "up"], 0.3, None),
+        ("revolute", ["home"], 2.8, None),  # at the end of the joint's range
+        ("continuous", ["home"], 4.0, (4.0, *HOME[1:])),
     ],
 )
-def test_home_is_read_from_an_srdf(excited, caplog, names, value, home):
-    context = excited(arm_of(), arm_srdf=postures(*names, value=value))
+def test_home_is_read_from_an_srdf(excited, caplog, kind, names, value, home):
+    text = arm_of().replace("revolute", kind)
+    context = excited(text, arm_srdf=postures(*names, value=value))
     assert context.cell.home == (home or (0,) * len(HOME))
     with caplog.at_level(logging.INFO):
         context.log_decisions()
-    assert ("home is the rest position of the description: 0.3, 0.6" in caplog.text) == (home is not None)
-    assert excited(arm_of(), arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
+    decided = f"home is the rest position of the description: {value:g}, 0.6"
+    assert (decided in caplog.text) == (home is not None)
+    assert excited(text, arm_srdf=postures("home").replace("rods", "other")).cell.home == (0,) * len(HOME)
 
 
 def test_home_is_read_from_an_mjcf_keyframe(tmp_path):

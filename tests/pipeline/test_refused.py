@@ -44,6 +44,8 @@ SETTINGS = [
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition uses no model"),
     ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 revolute joints; planar2 has 2"),
     ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),
+    ("excite", "controllers.speed=1e-12", "speed=1e-12 takes 8e+12 s, 2e+14 samples with controllers.rate"),
+    ("excite", "controllers.pause=1e5 controllers.rate=1e3", "pause takes 1e+05 s, 1e+08 samples with contr"),
     ("excite", "controllers.start=[0,0,0]", "[0.0, 0.0, 0.0], expected the positions of 2 joints"),
     ("excite", "controllers.start=[0,90]", "controllers.start has 90 for elbow, whose range is"),
     ("excite", "trajectory.home=[0,90] robot.effort=0.5", "trajectory.home has 90 for elbow, whose range"),
@@ -125,6 +127,8 @@ OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has pos
         ("+experiment=exp99", "Could not find 'experiment/exp99'"),
         ("seed=0,1", "To sweep over it, add --multirun"),
         ("seed==", "Error parsing override 'seed=='"),
+        ("robot.name=/myärm/arm.urdf", "around the value: 'robot.name=\"/myärm/arm.urdf\"'\n"),
+        ("recordings=[{position:/ä.csv}]", "around the value: 'recordings=[{position:\"/ä.csv\"}]'\n"),
     ],
 )
 def test_a_wrong_command_exits_with_code_2_and_one_line(command, capsys, tmp_path, arguments, words):

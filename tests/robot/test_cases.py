@@ -7,7 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from sidegan.errors import RobotError
+from sidegan.errors import ConfigError, RobotError
+from sidegan.identification.goals import usual_torque
+from sidegan.motion.dynamics import RigidBody
 from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import (
     describe_doubtful_links,
@@ -91,6 +93,21 @@ def test_identification_needs_neither_limits_nor_meshes(load, caplog, tmp_path):
     arm = load_robot(tmp_path / "robot.urdf", planning=False)
     assert not caplog.records and arm.velocity_limit.tolist() == [1.0] * 4
     assert "missing from the description are assumed to be 'robot.limits.position={joint0: " in arm.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "base", "why"),
+    [
+        ("", "", "the description has no <inertial>"),
+        ("", inertial(), "only links that do not move have a mass: base"),
+        (inertial(mass=0, moments=(0, 0, 0)), "", "every <inertial> has a mass of 0 kg"),
+        (inertial(mass="nan"), "", "link 'link0': <mass value='nan'>"),
+    ],
+)
+def test_usual_torques_without_masses_are_refused_with_the_reason(load, content, base, why):
+    arm = load(arm_of(dict.fromkeys(range(4), content), base=base))
+    with pytest.raises(ConfigError, match=rf"^no moving link of rods has a mass \(.*{why}.*\), so its usual"):
+        usual_torque(RigidBody(arm))
 
 
 @pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])

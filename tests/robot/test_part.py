@@ -164,12 +164,13 @@ class TestLimits:
         assert load(text, Setup(limits=limits)).velocity_limit.tolist() == [1, 1]
 
     def test_the_user_overrides_the_description(self, load, caplog):
-        """And is warned where the description's limits are narrower."""
+        """And is warned, once, where the description's limits are narrower."""
         own = Limits({"first": (-1.6, 3.0)}, velocity={"second": 0.7}, effort={"first": 41.0})
         arm = load(two_joints(), Setup(limits=own))
         assert arm.velocity_limit.tolist() == [2.5, 0.7] and arm.torque_limit.tolist() == [41, 40]
         assert "lower of first -1.6 instead of -1.5 rad; upper of first 3 instead of 2 rad" in caplog.text
         assert "effort of first 41 instead of 40 N·m" in caplog.text and "velocity of" not in caplog.text
+        assert visual_parts(arm) == [] and caplog.text.count("limits are wider") == 1
 
     def test_acceleration_and_jerk_limits_are_part_of_the_digest(self, load):
         three, four = {"first": 3.0}, {"first": 3.5}

@@ -1,5 +1,6 @@
 """Descriptions that are no URDF: MJCF against MuJoCo, xacro files, arms by name; and where meshes are."""
 
+import re
 import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
@@ -189,6 +190,15 @@ class TestMjcf:
         write_mjcf(whole, possible_links(whole), path.with_suffix(".xml"), Drives.none(3))
         again = load_robot(path.with_suffix(".xml"), Setup(limits=SPEEDS))
         assert {*again.capsules.owners} == {*whole.capsules.owners} > {"world"}
+
+    def test_an_exported_mjcf_has_the_same_neighbours_around_offset_anchors(self, mjcf):
+        mjcf.write_text(re.sub('<joint name="slide".*', "", MJCF))
+        setup = Setup(limits=Limits(velocity=1.0))
+        arm = load_robot(mjcf, setup)
+        assert arm.link_names[0] == "a/one" and arm.parents == {("b", "a")}
+        write_mjcf(arm, possible_links(arm), mjcf, Drives.none(2))
+        (pair,) = load_robot(mjcf, setup).may_touch
+        assert {*pair} == {"a", "b", "contact exclude"}
 
 
 XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">

@@ -135,7 +135,8 @@ def _check(run: RunContext) -> None:
     family = replace(cell.trajectory, period=cell.trajectory.period / settings.speed)
     require_exportable(cell.whole_arm, family, settings)
     if settings.start is not None:
-        approach(cell.constraints, settings.start, cell.home, settings)
+        way = approach(cell.constraints, settings.start, cell.home, settings)
+        settings.refuse_long("the path from controllers.start to home", way.duration)
     aim_of(cell, run.cfg.goal, run.cfg.model, run.cfg.known)
 
 
