@@ -256,10 +256,19 @@ def garbled(lines):
     lines[9] = "garbage" + lines[9][lines[9].index(",") :]
     lines[12] = lines[12].rsplit(",", 2)[0]
     lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    lines[30] = lines[30].rsplit(",", 1)[0] + ",-9999"  # a logger's "no value"
     lines[-1] = lines[-1][:-30]
 
 
-GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
+GARBLED = {
+    6: "9 fields, expected 7",
+    9: "in tau2",
+    10: "in t",
+    13: "in tau1, tau2",
+    21: "",
+    31: "in tau2",
+    201: "",
+}
 
 
 def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
@@ -270,6 +279,7 @@ def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
     read = load_recording(path, of_file(), NUMBERS)
     found = dict(read.corrupt)
     assert sorted(found) == sorted(GARBLED) and all(GARBLED[row] in found[row] for row in found)
+    assert "-9999 looks like a logger's mark for no value, in tau2 (1 row)" in read.remarks[0]
     kept = [k for k in range(200) if k + 2 not in GARBLED]
     np.testing.assert_allclose(read.time, made.time[kept])
 
