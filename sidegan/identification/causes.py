@@ -131,8 +131,10 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
     noise = squares * sums.squares(chosen.parameters)  # without it, scales would be biased towards zero
     free = squares * sums.energy - (turned * moments).sum(1) - noise
-    free = np.maximum(free, np.finfo(float).tiny)  # information on each joint's scale, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
+    # information on each joint's scale, (J,): none if noise drowns it or no other joint shares its links
+    known = (free > 0) & (shared > 0)
+    free, shared = (np.where(known, x, 1.0) for x in (free, shared))
     scale = free / shared
     deviation = np.sqrt(chosen.inflation / free) * np.square(scale)
     off = np.abs(scale - 1)

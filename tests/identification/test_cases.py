@@ -90,6 +90,7 @@ CASES = [
 ]
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("change", "verdict", "words"), CASES, ids=[words for *_, words in CASES])
 def test_a_fault_of_the_recordings_comes_first_and_suppresses_advice(change, verdict, words):
     quality = judged(*recordings(change=change)).quality
