@@ -159,6 +159,7 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
         "",
     ),
     "time of day": (lambda m, p: text(table(m, t=at(m).strftime("%H:%M:%S.%f")), p), EPOCH % 86_400, ""),
+    "minutes": (lambda m, p: text(table(m, t=at(m).strftime("%M:%S.%f")), p), EPOCH % 3600, ""),
     "datetime": (lambda m, p: parquet(table(m, t=at(m)), p), EPOCH, ""),
     "datetime with a zone": (
         lambda m, p: parquet(table(m, t=at(m).tz_localize("UTC").tz_convert("Asia/Tokyo")), p),
@@ -309,12 +310,13 @@ def test_decimal_commas_are_read(made, tmp_path, separator):
         np.testing.assert_allclose(getattr(found, name), getattr(kept, name))
 
 
-def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path):
-    """A dropped row still takes its time."""
-    table = files.frame(made).drop(columns="t")
+@pytest.mark.parametrize("time", ["auto", "none"])
+def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path, time):
+    """A dropped row still takes its time; stamps may be ignored."""
+    table = files.frame(made).assign(t=0.0).drop(columns=["t"] if time == "auto" else [])
     table.loc[3, "tau1"] = np.nan
     table.to_csv(tmp_path / "a.csv", index=False)
-    found = load_recording(tmp_path / "a.csv", of_file(rate=250.0), NUMBERS)
+    found = load_recording(tmp_path / "a.csv", of_file(rate=250.0, time=time), NUMBERS)
     np.testing.assert_allclose(found.time - found.time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
     assert [reason for _, reason in found.corrupt] == ["no number in tau1"]
 

@@ -161,6 +161,7 @@ CHECKED = [
     ("are these radians", scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}),
     ("one is in degrees", scaled("velocity", DEGREES), {}),
     *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
+    (r"resolution of 1 s, 1980 of 2000 .*time=none recording\.rate=100$", but("time", np.floor), {}),
     (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
     (GAINS, currents(1e3), {"gains": TWO, "units": {"current": "mA"}}),
     (GAINS, currents(), {"gains": (2e5, 2e5)}),
