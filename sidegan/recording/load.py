@@ -171,6 +171,8 @@ def _in_si(
     if name == "position" and settings.units.position is not None:
         return settings.units.position.in_si(x, joints.slides), marked
     headings = where if where[1:] else [*where] * len(joints.own)
+    for joint in zip(joints.slides, headings):
+        settings.units.refuse_rated(file, name, *joint)
     factors = [settings.units.factor(name, *joint) for joint in zip(joints.slides, headings)]
     return np.multiply(x, factors, out=x if where[1:] else None), marked
 

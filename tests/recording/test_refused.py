@@ -74,6 +74,11 @@ FILES = [
     ),
     ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
     ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
+    (
+        r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m",
+        files.written(lambda table: table.rename(columns={"tau1": "tau1 (%)", "tau2": "tau2 (%)"})),
+        {},
+    ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
     ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
