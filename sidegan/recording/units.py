@@ -83,8 +83,8 @@ class Units:
             return
         unit = next(iter(_TO_SI[kind]))
         raise RecordingError(
-            f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to {unit}, "
-            f"and rename it; if it is in {unit} already: recording.units.{kind}={unit}"
+            f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to "
+            f"{unit} and rename it; if it is in {unit} already: recording.units.{kind}={unit}"
         )
 
     @staticmethod

@@ -71,6 +71,7 @@ WRITTEN = [
     (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
     (written(lambda t: t.rename(columns=lambda c: c.translate(OTHER))), {"joints": ["a", "b"]}),
     (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
+    (files.write_structures, {}),
     *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
     (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
     (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),

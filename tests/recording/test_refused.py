@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sidegan.errors import ConfigError, RecordingError
@@ -41,6 +42,18 @@ bag = partial(files.write_bag, names=["1", "2"])
 
 def without(*columns):
     return files.written(lambda table: table.drop(columns=[*columns]))
+
+
+def ragged(made, folder):
+    """Lists of all joints, of which one lacks a joint."""
+    lists = [*made.position[1:].tolist(), [0.0]]
+    pd.DataFrame({"t": made.time, "q": lists, "tau": [*made.torque]}).to_parquet(folder / "a.parquet")
+    return folder / "a.parquet"
+
+
+def by_joint(table):
+    """A row for each joint, in place of a column."""
+    return pd.wide_to_long(table, ["q", "qd", "tau"], i="t", j="joint").reset_index()
 
 
 def twice(**names):
@@ -80,6 +93,8 @@ FILES = [
         {},
     ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
+    ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
+    ("column q must have one list of numbers per row, all equally long", ragged, {}),
     ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
     ("one number per row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
