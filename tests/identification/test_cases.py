@@ -126,16 +126,22 @@ def test_reversed_torques_are_not_mistaken_for_reversed_gravity():
     assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
 
 
-def test_swapped_motion_columns_are_reported():
-    order = [0, 3, 2, 1, 4, 5, 6]
+EXCHANGED = [  # order of positions and velocities in the file, signs of all, and what is reported
+    ([0, 3, 2, 1, 4, 5, 6], [1] * 7, "the motions of joint_2 and joint_4 look swapped"),
+    ([*range(7)], [1, 1, 1, -1, 1, 1, 1], "the axis of joint_4 looks reversed"),
+]
 
+
+@pytest.mark.parametrize(("order", "signs", "words"), EXCHANGED)
+def test_swapped_and_reversed_motion_columns_are_reported(order, signs, words):
     def exchanged(made):
-        return replace(made, position=made.position[:, order], velocity=made.velocity[:, order])
+        motion = {name: signs * getattr(made, name)[:, order] for name in ("position", "velocity")}
+        return replace(made, torque=signs * made.torque, **motion)
 
     recording = recorded(0, exchanged)
-    assert "the motions of joint_2 and joint_4 look swapped" in recording.warnings[0]
+    assert words in recording.warnings[0]
     quality = judged(recording).quality
-    assert quality.verdict == BAD and "look swapped" in quality.reasons[0]
+    assert quality.verdict == BAD and words in quality.reasons[0]
 
 
 def test_a_recording_with_another_load_is_reported():
