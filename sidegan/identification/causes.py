@@ -6,6 +6,7 @@ from functools import reduce
 
 import numpy as np
 
+from sidegan.identification.disturbed import disturbances
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
@@ -49,6 +50,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         remarks |= recording.remarks
     level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
     repairs = [Finding(level, text) for text in remarks.values()]
+    if found.quality.verdict != GOOD and (disturbed := disturbances(found)):
+        return [*(Finding(USABLE, text) for text in disturbed), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     segments = [segment for recording in found.training for segment in recording.segments]

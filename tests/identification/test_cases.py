@@ -60,6 +60,16 @@ def of_motors(made):
     return made.torque + rotors * np.gradient(made.velocity, 0.01, axis=0)
 
 
+def touching(made):
+    """A push for a second, in the middle."""
+    pushed = np.abs(made.time - 6.5) < 0.5
+    return made.torque + 10.0 * pushed[:, None] * [0, 1, 1, 1, 1, 0, 0]
+
+
+def drifting(made):
+    return made.torque + np.outer(made.time, [0, 0, 0, 1.0, 0, 0, 0])
+
+
 # What is made of the torques, the verdict, and its first reason.
 CASES = [
     (None, GOOD, "the description is right"),
@@ -86,6 +96,16 @@ CASES = [
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
     (offset, GOOD, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
+    (
+        touching,
+        BAD,
+        r"^from 6\.\S+ s to 7\S* s of made the residual of .*joint_3.* did the arm touch something",
+    ),
+    (
+        drifting,
+        USABLE,
+        r"^through made the torque drifts, of joint_4 by 1[45] N·m or N: does a sensor warm up",
+    ),
     (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
 ]
 
