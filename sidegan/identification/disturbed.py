@@ -15,6 +15,7 @@ _WINDOWS = 12  # equal parts of a recording
 _LEAST = 10  # samples of a part
 _BEYOND = 4.0  # times the median part's residual: a contact
 _LINEAR = 0.7  # share of a residual's variance that a straight line explains if the sensor drifts
+_ALIKE = 0.5  # share of time that positions explain, from which drifts and errors of the model look alike
 _TINY = 1e-12
 
 
@@ -42,6 +43,10 @@ def _of(found: IdentifiedArm, recording: CheckedRecording) -> Iterator[str]:
             f"{sizes[worst].max():.2g} times that of the rest: did the arm touch something? cut these rows"
         )
     away = time - time.mean()
+    motion = np.concatenate([part.position for part in parts])
+    motion = motion - motion.mean(0)
+    if np.square(motion @ np.linalg.lstsq(motion, away)[0]).sum() > _ALIKE * (away @ away):
+        return
     slope = away @ residual / (away @ away)
     line = np.square(slope) * (away @ away) / np.maximum(len(time) * residual.var(0), _TINY)
     if (line > _LINEAR).any():
