@@ -6,6 +6,7 @@ from functools import reduce
 
 import numpy as np
 
+from sidegan.identification.disturbed import disturbances
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
@@ -49,6 +50,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         remarks |= recording.remarks
     level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
     repairs = [Finding(level, text) for text in remarks.values()]
+    if found.quality.verdict != GOOD and (disturbed := disturbances(found)):
+        return [*(Finding(USABLE, text) for text in disturbed), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     segments = [segment for recording in found.training for segment in recording.segments]
@@ -131,8 +134,10 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
     noise = squares * sums.squares(chosen.parameters)  # without it, scales would be biased towards zero
     free = squares * sums.energy - (turned * moments).sum(1) - noise
-    free = np.maximum(free, np.finfo(float).tiny)  # information on each joint's scale, (J,)
     shared = (turned * (moments.sum(0) - moments)).sum(1)
+    # information on each joint's scale, (J,): none if noise drowns it or no other joint shares its links
+    known = (free > 0) & (shared > 0)
+    free, shared = (np.where(known, x, 1.0) for x in (free, shared))
     scale = free / shared
     deviation = np.sqrt(chosen.inflation / free) * np.square(scale)
     off = np.abs(scale - 1)

@@ -1,7 +1,7 @@
 """Comparison of recorded torques with the arm's description: gravity, scale and sign."""
 
 import math
-from itertools import combinations
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +36,7 @@ class Agreement(NamedTuple):
     load: Load  # gravity and scales that explain the torques best
     order: Array  # joint whose described torque fits each measured one, (J,): itself, unless swapped
     turned: bool  # whether the gravity differs from the description's
-    swapped: tuple[int, int] | None  # two joints whose motions are swapped
+    swapped: tuple[int, int] | None  # two joints whose motions are swapped; one joint twice: it is reversed
     moved: Array  # range of each joint [rad or m], (J,)
     # share of the power that friction dissipates, (J,); negative where friction would have to drive the arm
     friction: Array
@@ -112,10 +112,16 @@ class Agreement(NamedTuple):
         )
 
     def exchanged(self, arm: Arm) -> str | None:
-        """Warning about joints whose torques or motions look swapped; None if there are none."""
+        """Warning about joints whose torques or motions look swapped or reversed; None if there are none."""
         moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
-        if not moved and self.swapped and not self.turned:
-            first, second = (arm.joint_names[j] for j in self.swapped)
+        names = [arm.joint_names[j] for j in self.swapped or ()]
+        if len({*names}) == 1:
+            return (
+                f"the axis of {names[0]} looks reversed: turned the other way, it explains the torques far "
+                "better; negate its columns of position, velocity and torque, or its axis in the description"
+            )
+        if not moved and names and not self.turned:
+            first, second = names
             return (
                 f"the motions of {first} and {second} look swapped: each one's torque fits the other's "
                 "positions; is the order of columns right? (recording.position)"
@@ -179,17 +185,22 @@ def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
 
 
 def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
-    """Two joints whose motions, once swapped, explain the torques far better; ``states`` are (S, J)."""
+    """Two joints whose motions, once swapped, explain the torques far better; ``states`` are (S, J).
+
+    One joint twice if its own motion does so, once reversed.
+    """
     *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
 
     def misfit(*pair: int) -> float:
         """Sum over joints of the logarithm of the unexplained share, with this pair's motions swapped."""
         order = np.arange(body.joints)
         order[[*pair]] = pair[::-1]
-        q, v, a = (x[:, order] for x in motion)
+        sign = np.ones(body.joints)
+        sign[[*pair]] = 1.0 if len({*pair}) > 1 else -1.0
+        q, v, a = (sign * x[:, order] for x in motion)
         return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
 
-    found = {pair: misfit(*pair) for pair in combinations(range(body.joints), 2)}
+    found = {pair: misfit(*pair) for pair in combinations_with_replacement(range(body.joints), 2)}
     best = min(found, key=found.__getitem__, default=None)
     return best if best and found[best] < misfit() + 2 * math.log(_BETTER) else None
 

@@ -1,5 +1,6 @@
 """Which columns of a file hold which signal, by configured patterns or by their names."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NoReturn
@@ -13,6 +14,7 @@ from sidegan.recording.tables import Table, Where
 
 _MOST_LEFT = 2  # columns after the arm's last joint that may be a gripper's; more belong to another arm
 _SHOWN = 3  # patterns that a message suggests
+_JOINT = re.compile(r"\s*((joint|axis|motor)([ _]?(name|id|index|number))?|name|id)\s*", re.IGNORECASE)
 
 # numbers of the arm's joints in a file, as places in the chain, and the number of the chain's first joint
 Numbering = tuple[tuple[int, ...], int]
@@ -238,6 +240,11 @@ class Finder:
         optional = AUTO in patterns and not self.only and signal != "position"
         if patterns == [""] or (optional and len(nearest) * 2 < len(self.joints.places)):
             return
+        if not nearest and (by := next(filter(_JOINT.fullmatch, self.available), None)):
+            raise RecordingError(
+                f"{self.file} seems to have a row for each joint, by {by!r}, expected one a time stamp, "
+                f"with all joints: table.pivot(columns={by!r}, …) of pandas makes that"
+            )
         like = [pattern for pattern in patterns if pattern != AUTO] if not optional else []
         wanted = _filled(pattern or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.numbering[0])
         own = self.joints.own

@@ -13,7 +13,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
 from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
-from sidegan.recording.mended import driven, unwrapped
+from sidegan.recording.mended import driven, unmarked, unwrapped
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
@@ -88,7 +88,8 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
             signals["time"], odd = stamps_in_si(table, where["time"], settings.units)
             remarks = [*odd, *remarks]
         for name in [name for name in where if name != "time"]:
-            signals[name] = _in_si(path.name, table, name, where[name], settings, joints)
+            signals[name], marked = _in_si(path.name, table, name, where[name], settings, joints)
+            remarks += marked
             table.forget(
                 {*where[name]} - {c for other in where.keys() - signals.keys() for c in where[other]}
             )
@@ -156,8 +157,8 @@ def _open(
 
 def _in_si(
     file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
-) -> Array:
-    """A signal (S, J) in SI units, from columns (S,) or from an array (S, J)."""
+) -> tuple[Array, list[str]]:
+    """A signal (S, J) in SI units, from columns (S,) or from an array (S, J); remarks on markers in it."""
     columns = [table.numbers(column) for column in where]
     if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
         shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, columns))
@@ -166,11 +167,14 @@ def _in_si(
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
         raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
+    x, marked = unmarked(x, where)
     if name == "position" and settings.units.position is not None:
-        return settings.units.position.in_si(x, joints.slides)
+        return settings.units.position.in_si(x, joints.slides), marked
     headings = where if where[1:] else [*where] * len(joints.own)
+    for joint in zip(joints.slides, headings):
+        settings.units.refuse_rated(file, name, *joint)
     factors = [settings.units.factor(name, *joint) for joint in zip(joints.slides, headings)]
-    return np.multiply(x, factors, out=x if where[1:] else None)
+    return np.multiply(x, factors, out=x if where[1:] else None), marked
 
 
 def _whole_rows(

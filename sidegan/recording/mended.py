@@ -1,4 +1,4 @@
-"""Repairs of a raw recording, with a remark on each: unwrapped positions, rows with the drives off."""
+"""Repairs of a raw recording, with a remark on each: markers, unwrapped positions, rows with drives off."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import SLOWEST
@@ -15,6 +16,28 @@ _AROUND = np.pi / 2  # [rad] largest rotation between two samples
 _GLITCHES = 1e-3  # share of samples that may jump otherwise
 _AT_REST = 0.02  # [rad or m] range of encoder readings at rest
 _WITHOUT_DRIVES = 0.5  # [s] of constant torques from which drives are off
+# absolute values by which loggers mark that there is none: 999, 9999, …, and the ends of integers
+_MARKERS = [
+    *(10.0**k - 1 for k in range(3, 10)),
+    *(2.0**k - less for k in (15, 16, 31, 32) for less in (0, 1)),
+]
+_USUAL, _BEYOND = 0.99, 3.0  # quantile of the other values, and how many times it a marker exceeds
+
+
+def unmarked(x: Array, names: Sequence[str]) -> tuple[Array, list[str]]:
+    """A signal (S, J) as in its columns, with NaN in place of markers of missing values; remarks on them."""
+    found: dict[float, list[str]] = {}
+    for k, column in enumerate(np.abs(x).T):
+        like = np.isin(column, _MARKERS)
+        usual = np.quantile(np.append(column[~like & np.isfinite(column)], 0.0), _USUAL)
+        marks = like & (column > _BEYOND * usual)
+        name = names[k] if len(names) == x.shape[1] else f"{names[0]}[{k}]"
+        for value, count in zip(*(each.tolist() for each in np.unique(x[marks, k], return_counts=True))):
+            found.setdefault(value, []).append(f"{name} ({counted(count, 'row')})")
+        if marks.any():
+            x = np.where(marks[:, None] & (np.arange(x.shape[1]) == k), np.nan, x)
+    said = "looks like a logger's mark for no value"
+    return x, [f"{value:.0f} {said}, in {listed(where)}: left out" for value, where in found.items()]
 
 
 def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:

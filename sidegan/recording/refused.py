@@ -34,6 +34,13 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
     """Refuse positions and time stamps that make sense only in another unit."""
     name = statistics.name
     position = statistics.signals["position"]
+    if statistics.step > SLOWEST and 2 * statistics.duplicates > statistics.samples:
+        rate = statistics.samples / (statistics.duration + statistics.step)
+        raise RecordingError(
+            f"{name}: time stamps have a resolution of {statistics.step:.3g} s, {statistics.duplicates} of "
+            f"{statistics.samples} repeat the one before: log finer stamps, or, if samples are regular, "
+            f"give their exact rate instead: recording.time=none recording.rate={rate:.3g}"
+        )
     if statistics.step > SLOWEST:
         raw = statistics.step / units.factor("time")
         likely = next((unit for unit in ("ms", "us") if raw * Units.of_time(unit) <= _USUAL), "ns")

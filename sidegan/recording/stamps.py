@@ -17,6 +17,7 @@ _SINCE_1970 = 9.4e8, 4.1e9  # [s] plausible range of such clocks: 2000 to 2100
 _OF_TEXT: tuple[Callable[[Any], Any], ...] = (
     lambda texts: pd.to_datetime(texts, utc=True, errors="coerce", format="ISO8601") - _EPOCH,
     lambda texts: pd.to_timedelta(texts, errors="coerce"),  # since midnight
+    lambda texts: pd.to_timedelta("00:" + texts, errors="coerce"),  # minutes and seconds
     lambda texts: pd.to_datetime(texts, utc=True, errors="coerce") - _EPOCH,
 )
 _LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}

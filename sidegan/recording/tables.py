@@ -43,22 +43,40 @@ class Table:
     def numbers(self, name: str) -> Array:
         """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
-        if len(values) and isinstance(values[0], list | np.ndarray):
-            values = np.stack([*values])
         if np.iscomplexobj(values):
             raise RecordingError(f"array {name} holds {values.dtype}, expected real numbers")
+        if len(values) and isinstance(values[0], list | np.ndarray):
+            try:
+                values = np.stack([*values]).astype(np.float64)
+            except (TypeError, ValueError) as error:  # ragged, or lists of structures
+                raise RecordingError(
+                    f"column {name} must have one list of numbers per row, all equally long: {error}"
+                ) from error
         if values.ndim == 1:
             values = pd.to_numeric(pd.Series(values), errors="coerce").to_numpy(np.float64)
         return np.asarray(values, dtype=np.float64)
 
 
 def parquet_table(path: Path) -> Table:
-    """Table of a Parquet file with a row per sample; columns may hold lists of all joints."""
-    import pyarrow as pa
+    """Table of a Parquet file with a row per sample; columns may hold lists of all joints.
+
+    Names in structures are joined by dots.
+    """
     import pyarrow.parquet as pq
 
-    plain = [field.name for field in pq.read_schema(path) if not pa.types.is_struct(field.type)]
+    plain = [*_plain(pq.read_schema(path))]
     return Table(_Parquet(path, plain), np.arange(pq.read_metadata(path).num_rows) + 1)
+
+
+def _plain(fields: Iterable[Any], before: str = "") -> Iterator[str]:
+    """Names of columns and of structures' fields, without binary data, such as images."""
+    import pyarrow as pa
+
+    for field in fields:
+        if pa.types.is_struct(field.type):
+            yield from _plain(field.type, f"{before}{field.name}.")
+        elif not pa.types.is_binary(field.type):
+            yield f"{before}{field.name}"
 
 
 class _Parquet(Mapping[str, Any]):
@@ -72,7 +90,7 @@ class _Parquet(Mapping[str, Any]):
         import pyarrow.parquet as pq
 
         # pandas metadata may declare the column an index, which would hide it
-        column = pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True)[name]
+        column = pq.read_table(self.path, columns=[name]).to_pandas(ignore_metadata=True).iloc[:, 0]
         pa.default_memory_pool().release_unused()  # otherwise it keeps the memory that decoding used
         return column
 

@@ -31,6 +31,7 @@ _SPELT = {  # lower-case spellings of units other than SI
     "torque": {"mnm": "mNm", "nmm": "mNm", "mm": "mNm"},  # N·mm
     "current": {"ma": "mA"},
 }
+_RATED = re.compile(r".[%‰]|percent|pct|per_?mille")
 _ENDS = {"rad", "m", "nm", "n", "a", *(word for words in _SPELT.values() for word in words)}
 SPELT_TIMES = frozenset(_SPELT["time"]) | {"s", "sec", "secs", "second", "seconds"}
 
@@ -74,6 +75,17 @@ class Units:
         """Factor from a joint's signal, or ``"time"``, to SI units."""
         kind = _kind(signal, slides)
         return _TO_SI[kind].get(getattr(self, kind) or _headed(kind, heading), 1.0)
+
+    def refuse_rated(self, file: str, signal: str, slides: bool, heading: str) -> None:
+        """Refuse a column in per cent or per mille of a rated value, unless a unit is configured."""
+        kind = _kind(signal, slides)
+        if getattr(self, kind) or not _RATED.search(heading.lower()):
+            return
+        unit = next(iter(_TO_SI[kind]))
+        raise RecordingError(
+            f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to "
+            f"{unit} and rename it; if it is in {unit} already: recording.units.{kind}={unit}"
+        )
 
     @staticmethod
     def of_time(unit: str) -> float:

@@ -60,6 +60,16 @@ def of_motors(made):
     return made.torque + rotors * np.gradient(made.velocity, 0.01, axis=0)
 
 
+def touching(made):
+    """A push for a second, in the middle."""
+    pushed = np.abs(made.time - 6.5) < 0.5
+    return made.torque + 10.0 * pushed[:, None] * [0, 1, 1, 1, 1, 0, 0]
+
+
+def drifting(made):
+    return made.torque + np.outer(made.time, [0, 0, 0, 1.0, 0, 0, 0])
+
+
 # What is made of the torques, the verdict, and its first reason.
 CASES = [
     (None, GOOD, "the description is right"),
@@ -86,10 +96,21 @@ CASES = [
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
     (offset, GOOD, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
+    (
+        touching,
+        BAD,
+        r"^from 6\.\S+ s to 7\S* s of made the residual of .*joint_3.* did the arm touch something",
+    ),
+    (
+        drifting,
+        USABLE,
+        r"^through made the torque drifts, of joint_4 by 1[45] N·m or N: does a sensor warm up",
+    ),
     (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
 ]
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(("change", "verdict", "words"), CASES, ids=[words for *_, words in CASES])
 def test_a_fault_of_the_recordings_comes_first_and_suppresses_advice(change, verdict, words):
     quality = judged(*recordings(change=change)).quality
@@ -125,16 +146,22 @@ def test_reversed_torques_are_not_mistaken_for_reversed_gravity():
     assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
 
 
-def test_swapped_motion_columns_are_reported():
-    order = [0, 3, 2, 1, 4, 5, 6]
+EXCHANGED = [  # order of positions and velocities in the file, signs of all, and what is reported
+    ([0, 3, 2, 1, 4, 5, 6], [1] * 7, "the motions of joint_2 and joint_4 look swapped"),
+    ([*range(7)], [1, 1, 1, -1, 1, 1, 1], "the axis of joint_4 looks reversed"),
+]
 
+
+@pytest.mark.parametrize(("order", "signs", "words"), EXCHANGED)
+def test_swapped_and_reversed_motion_columns_are_reported(order, signs, words):
     def exchanged(made):
-        return replace(made, position=made.position[:, order], velocity=made.velocity[:, order])
+        motion = {name: signs * getattr(made, name)[:, order] for name in ("position", "velocity")}
+        return replace(made, torque=signs * made.torque, **motion)
 
     recording = recorded(0, exchanged)
-    assert "the motions of joint_2 and joint_4 look swapped" in recording.warnings[0]
+    assert words in recording.warnings[0]
     quality = judged(recording).quality
-    assert quality.verdict == BAD and "look swapped" in quality.reasons[0]
+    assert quality.verdict == BAD and words in quality.reasons[0]
 
 
 def test_a_recording_with_another_load_is_reported():

@@ -71,6 +71,7 @@ WRITTEN = [
     (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
     (written(lambda t: t.rename(columns=lambda c: c.translate(OTHER))), {"joints": ["a", "b"]}),
     (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
+    (files.write_structures, {}),
     *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
     (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
     (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
@@ -159,6 +160,7 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
         "",
     ),
     "time of day": (lambda m, p: text(table(m, t=at(m).strftime("%H:%M:%S.%f")), p), EPOCH % 86_400, ""),
+    "minutes": (lambda m, p: text(table(m, t=at(m).strftime("%M:%S.%f")), p), EPOCH % 3600, ""),
     "datetime": (lambda m, p: parquet(table(m, t=at(m)), p), EPOCH, ""),
     "datetime with a zone": (
         lambda m, p: parquet(table(m, t=at(m).tz_localize("UTC").tz_convert("Asia/Tokyo")), p),
@@ -256,10 +258,19 @@ def garbled(lines):
     lines[9] = "garbage" + lines[9][lines[9].index(",") :]
     lines[12] = lines[12].rsplit(",", 2)[0]
     lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
+    lines[30] = lines[30].rsplit(",", 1)[0] + ",-9999"  # a logger's "no value"
     lines[-1] = lines[-1][:-30]
 
 
-GARBLED = {6: "9 fields, expected 7", 9: "in tau2", 10: "in t", 13: "in tau1, tau2", 21: "", 201: ""}
+GARBLED = {
+    6: "9 fields, expected 7",
+    9: "in tau2",
+    10: "in t",
+    13: "in tau1, tau2",
+    21: "",
+    31: "in tau2",
+    201: "",
+}
 
 
 def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
@@ -270,6 +281,7 @@ def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
     read = load_recording(path, of_file(), NUMBERS)
     found = dict(read.corrupt)
     assert sorted(found) == sorted(GARBLED) and all(GARBLED[row] in found[row] for row in found)
+    assert "-9999 looks like a logger's mark for no value, in tau2 (1 row)" in read.remarks[0]
     kept = [k for k in range(200) if k + 2 not in GARBLED]
     np.testing.assert_allclose(read.time, made.time[kept])
 
@@ -299,12 +311,13 @@ def test_decimal_commas_are_read(made, tmp_path, separator):
         np.testing.assert_allclose(getattr(found, name), getattr(kept, name))
 
 
-def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path):
-    """A dropped row still takes its time."""
-    table = files.frame(made).drop(columns="t")
+@pytest.mark.parametrize("time", ["auto", "none"])
+def test_a_file_without_timestamps_is_read_at_a_given_rate(made, tmp_path, time):
+    """A dropped row still takes its time; stamps may be ignored."""
+    table = files.frame(made).assign(t=0.0).drop(columns=["t"] if time == "auto" else [])
     table.loc[3, "tau1"] = np.nan
     table.to_csv(tmp_path / "a.csv", index=False)
-    found = load_recording(tmp_path / "a.csv", of_file(rate=250.0), NUMBERS)
+    found = load_recording(tmp_path / "a.csv", of_file(rate=250.0, time=time), NUMBERS)
     np.testing.assert_allclose(found.time - found.time[0], np.delete(np.arange(200), 3) / 250, atol=1e-12)
     assert [reason for _, reason in found.corrupt] == ["no number in tau1"]
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from sidegan.errors import ConfigError, RecordingError
@@ -43,6 +44,18 @@ def without(*columns):
     return files.written(lambda table: table.drop(columns=[*columns]))
 
 
+def ragged(made, folder):
+    """Lists of all joints, of which one lacks a joint."""
+    lists = [*made.position[1:].tolist(), [0.0]]
+    pd.DataFrame({"t": made.time, "q": lists, "tau": [*made.torque]}).to_parquet(folder / "a.parquet")
+    return folder / "a.parquet"
+
+
+def by_joint(table):
+    """A row for each joint, in place of a column."""
+    return pd.wide_to_long(table, ["q", "qd", "tau"], i="t", j="joint").reset_index()
+
+
 def twice(**names):
     """Columns under other names too."""
     return files.written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
@@ -74,7 +87,14 @@ FILES = [
     ),
     ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
     ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
+    (
+        r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m",
+        files.written(lambda table: table.rename(columns={"tau1": "tau1 (%)", "tau2": "tau2 (%)"})),
+        {},
+    ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
+    ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
+    ("column q must have one list of numbers per row, all equally long", ragged, {}),
     ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
     ("one number per row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
@@ -161,6 +181,7 @@ CHECKED = [
     ("are these radians", scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}),
     ("one is in degrees", scaled("velocity", DEGREES), {}),
     *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
+    (r"resolution of 1 s, 1980 of 2000 .*time=none recording\.rate=100$", but("time", np.floor), {}),
     (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
     (GAINS, currents(1e3), {"gains": TWO, "units": {"current": "mA"}}),
     (GAINS, currents(), {"gains": (2e5, 2e5)}),
