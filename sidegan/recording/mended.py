@@ -27,15 +27,17 @@ _USUAL, _BEYOND = 0.99, 3.0  # quantile of the other values, and how many times 
 def unmarked(x: Array, names: Sequence[str]) -> tuple[Array, list[str]]:
     """A signal (S, J) as in its columns, with NaN in place of markers of missing values; remarks on them."""
     found: dict[float, list[str]] = {}
-    for k, column in enumerate(np.abs(x).T):
-        like = np.isin(column, _MARKERS)
-        usual = np.quantile(np.append(column[~like & np.isfinite(column)], 0.0), _USUAL)
-        marks = like & (column > _BEYOND * usual)
+    for k, column in enumerate(x.T):
+        like = np.isin(np.abs(column), _MARKERS)
+        if not like.any():
+            continue
+        others = np.abs(column[~like & np.isfinite(column)])
+        marks = like & (np.abs(column) > _BEYOND * np.quantile(np.append(others, 0.0), _USUAL))
         name = names[k] if len(names) == x.shape[1] else f"{names[0]}[{k}]"
-        for value, count in zip(*(each.tolist() for each in np.unique(x[marks, k], return_counts=True))):
+        for value, count in zip(*(each.tolist() for each in np.unique(column[marks], return_counts=True))):
             found.setdefault(value, []).append(f"{name} ({counted(count, 'row')})")
-        if marks.any():
-            x = np.where(marks[:, None] & (np.arange(x.shape[1]) == k), np.nan, x)
+        x = x.copy()
+        x[marks, k] = np.nan
     said = "looks like a logger's mark for no value"
     return x, [f"{value:.0f} {said}, in {listed(where)}: left out" for value, where in found.items()]
 

@@ -1,6 +1,7 @@
 """Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files."""
 
 import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
 
 Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
+_NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +41,20 @@ class Table:
         if np.ndim(values) == 2:
             return int(np.shape(values)[1])
         return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
+
+    def joint_names(self) -> list[str]:
+        """Joints in the order of the rows' lists, as in a JointState; empty if no column lists them.
+
+        Raises:
+            RecordingError: when the order changes between rows.
+        """
+        for column in filter(_NAMES.fullmatch, self.columns):
+            rows = [tuple(np.atleast_1d(row).tolist()) for row in self.columns[column]]
+            if len({*rows}) > 1 and len(rows[0]) > 1:
+                raise RecordingError(f"the joints in column {column} change from row to row")
+            if rows and len(rows[0]) > 1:
+                return [str(name) for name in rows[0]]
+        return []
 
     def numbers(self, name: str) -> Array:
         """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""

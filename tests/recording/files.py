@@ -44,10 +44,13 @@ def arrays(**changes):
     return write
 
 
-def write_lists(recording, folder):
-    """A Parquet file with a list of all joints a signal."""
-    signals = {LETTERS[name]: [*x] for name, x in recording.signals().items()}
-    pd.DataFrame({"t": recording.time, **signals}).to_parquet(folder / "a.parquet")
+def write_lists(recording, folder, names=None):
+    """A Parquet file with a list of all joints a signal; with names of joints, from the last to the first."""
+    order = slice(None, None, -1 if names else 1)
+    columns = {LETTERS[name]: [*x[:, order]] for name, x in recording.signals().items()}
+    if names:
+        columns["name"] = [names[order]] * len(recording.time)
+    pd.DataFrame({"t": recording.time, **columns}).to_parquet(folder / "a.parquet")
     return folder / "a.parquet"
 
 

@@ -73,6 +73,7 @@ WRITTEN = [
     (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
     (files.write_structures, {}),
     *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
+    (partial(files.write_lists, names=["a", "b"]), {**ARRAYS, "joints": ["a", "b"]}),
     (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
     (written(lambda t: t.assign(time=2 * t.t, q_1=1.0, q_2=2.0)), {"time": "t", "position": "q{index}"}),
     (written(sep=" "), {}),
