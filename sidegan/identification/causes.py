@@ -6,7 +6,7 @@ from functools import reduce
 
 import numpy as np
 
-from sidegan.identification.disturbed import disturbances
+from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import Gathered

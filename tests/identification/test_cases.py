@@ -82,7 +82,7 @@ CASES = [
     ),
     (scaled(3.0, *[1.0] * 6), USABLE, r"3 \(joint_1\) times those"),
     (scaled(*[0.7] * 7), GOOD, ""),
-    (late, BAD, "^torques are 200 ± .* later than the motion: not corrected; recording.delay=null takes"),
+    (late, BAD, "^torques are 200 ± .* later than the motion: not corrected; recording.delay=null corrects"),
     (
         scaled(1, -1, 1, 1, 1, 1, 1),
         BAD,
