@@ -43,7 +43,7 @@ NOISES = {
     "error_weighted": "the same, weighted per joint",
     "error_constant": "constant noise, weighted per joint",
 }
-DRAWS = "Expected nMSE of sets drawn at random, mean over joints, with the range that covers 90 % of them"
+_DRAWS = "Expected nMSE of sets of {} drawn at random, mean over joints, with the range of 90 % of them"
 FACTORS = "Error of the seeds divided by that of each other set, draw by draw and plant by plant"
 _NINE_IN_TEN = 0.05, 0.95
 
@@ -57,16 +57,17 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
     over += f" and {trainings} trainings" if trainings > 1 else ""
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
+    why = finding(artifacts.draws)
     shown = {
         "table1": (table1(raw, artifacts.plant, artifacts.expected, artifacts.constant), caption),
-        "draws": (draws(artifacts.draws), f"{DRAWS}{finding(artifacts.draws)}"),
+        "draws": (draws(artifacts.draws), f"{_DRAWS.format(config.selection.count)}{why}"),
         "factors": (
             factors(raw, artifacts.expected, artifacts.plant, config.gan),
             f"{FACTORS} ({CONFIDENCE:.0%} intervals). On plants, {on_plants(artifacts.plant, config.gan)}",
         ),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
-        "generators": (tables.generators(artifacts.generators), training.GENERATORS),
+        "generators": (tables.generators(artifacts.generators), training.caption(artifacts)),
         "likeness": (tables.likeness(artifacts.generators), training.BESIDE),
     }
     progress = training.figure(artifacts.histories, artifacts.few_seeds)
@@ -114,7 +115,7 @@ def draws(frame: pd.DataFrame) -> pd.DataFrame:
         rows[str(name)] = {
             label: words(Interval(low[key], mean[key], high[key])) for key, label in NOISES.items()
         }
-    return pd.DataFrame.from_dict(rows, orient="index").loc[tables.ordered(rows)].rename_axis("nMSE of 35 of")
+    return pd.DataFrame.from_dict(rows, orient="index").loc[tables.ordered(rows)].rename_axis("drawn from")
 
 
 def finding(frame: pd.DataFrame) -> str:

@@ -14,6 +14,7 @@ from experiments.pages import leave
 from experiments.verdicts import TRAINING
 from sidegan.base.arrays import flatten
 from sidegan.base.names import counted
+from sidegan.pipeline.stages.measures import together
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
@@ -24,9 +25,10 @@ if TYPE_CHECKING:  # slow to import
 
 RELIABLE = 0.8  # our reading of "reliably generate successful trajectories": least valid share
 EARLY, LATE = 10, 40  # epoch of that statement; first epoch of the paper's comparisons
-GENERATORS = (
-    "Seeds, baselines and generators after the last epoch, by the true physics. Gain: expected error of 35 "
-    "random seeds over that of 35 random members of the set; natural: random draws in natural coordinates"
+_GENERATORS = (
+    "Seeds, baselines and generators after the last epoch, by the true physics: valid share and median "
+    "cond(YᵀY) of all samples, the rest of the valid. Gain: expected error of {count} random seeds over that "
+    "of {count} random members of the set; natural: random draws in natural coordinates"
 )
 BESIDE = "The same sets, compared in equal numbers with one half of the seeds (row seeds: the other half)"
 _MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)
@@ -42,13 +44,18 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     shown = {
         "generators": (
             tables.generators(artifacts.generators),
-            f"{GENERATORS} ({over})",
+            f"{caption(artifacts)} ({over})",
         ),
         "likeness": (tables.likeness(artifacts.generators), BESIDE),
         "epochs": (speed(histories), f"Epochs to a valid share of {RELIABLE:.0%}"),
     }
     drawn = {"training": figure(histories, artifacts.few_seeds), **pictures(artifacts)}
     leave(folder, tracker, shown, summary(artifacts.generators), drawn)
+
+
+def caption(artifacts: Artifacts) -> str:
+    """Caption of the table of generators."""
+    return _GENERATORS.format(count=together(artifacts.run))
 
 
 def summary(generators: pd.DataFrame) -> pd.DataFrame:
@@ -58,7 +65,7 @@ def summary(generators: pd.DataFrame) -> pd.DataFrame:
 
 def means(generators: pd.DataFrame) -> pd.DataFrame:
     """Validity, worth and likeness, mean over trainings; a row a generator, baseline, and the seeds."""
-    frame = generators.assign(valid=generators.success.fillna(generators.valid))
+    frame = generators.assign(valid=tables.valid_share(generators))
     numbers = frame[[key for key in _MEANS if key in frame]].astype(float)
     return numbers.groupby(frame["name"], sort=False).mean()
 

@@ -17,7 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sidegan.pipeline.compose import explain
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
-from sidegan.pipeline.sweep import end_sweep
+from sidegan.pipeline.sweep import end_sweep, swept
 
 _UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs
 
@@ -75,7 +75,8 @@ def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
     """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
     words = [override.lstrip("+") for override in overrides]
     named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
-    return " ".join([experiment, *named, f"seed={seed}"])[:200]
+    named.sort(key=lambda word: word.partition("=")[0] not in swept())  # a long name is cut at its end
+    return f"{' '.join([experiment, *named])[:180]} seed={seed}"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

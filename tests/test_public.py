@@ -146,6 +146,8 @@ REFUSED = [
     ("validation is 30", lambda cell, it: sg.identify(cell, "a.csv", 30)),
     ("gains is 1.0", lambda cell, it: sg.identify(cell, "a.csv", gains=1.0)),
     ("no such setting", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
+    ("workers is -3", lambda cell, it: sg.seeds(cell, 3, workers=-3)),
+    ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
 ]
 
@@ -196,6 +198,10 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     generator.save(tmp_path / "eigen.pt")
     again = sg.Generator.load(tmp_path / "eigen.pt", cell)
     assert np.array_equal(again.sample(20), made) and not np.array_equal(again.sample(20, seed=1), made)
+    with pytest.raises(sg.SideganError, match=r"makes Trajectory\(.*period=8.*, the cell has .*period=4"):
+        sg.Generator.load(
+            tmp_path / "eigen.pt", sg.Cell("planar2", harmonics=3, period=4, workspace={"desk": None})
+        )
     for words, wrong in [("no variant 'eigne'", ["eigne", cell]), ("learns from seeds", ["eigen", cell])]:
         with pytest.raises(sg.SideganError, match=words):
             sg.train(*wrong)

@@ -1,6 +1,7 @@
 """The generator of trajectories: network, scaling and limits, saved in one file."""
 
 from collections.abc import Callable
+from numbers import Integral
 from pathlib import Path
 
 import torch
@@ -74,8 +75,8 @@ class TrajectoryGenerator(nn.Module):
     @torch.no_grad()
     def sample(self, count: int, seed: int | torch.Generator = 0) -> Array:
         """New coefficients [rad/s], (count, J, H, 2) float64, from a seed or the next numbers of a stream."""
-        if count < 1:
-            raise ShapeError(f"cannot sample {count} trajectories, expected a positive number")
+        if not isinstance(count, Integral) or count < 1:
+            raise ShapeError(f"cannot sample {count!r} trajectories, expected a positive whole number")
         stream = seed if isinstance(seed, torch.Generator) else torch.Generator().manual_seed(seed)
         return array(self.coefficients(self.images(count, stream)))
 
@@ -113,7 +114,8 @@ class TrajectoryGenerator(nn.Module):
         if content["digest"] != arm.digest:
             raise ArtifactError(
                 f"{path} was trained for {content['robot']} (digest {content['digest'][:12]}), "
-                f"not for {arm.name} (digest {arm.digest[:12]})"
+                f"not for {arm.name} (digest {arm.digest[:12]}), whose description, limits or share of them "
+                "(effort) differ"
             )
         family = Trajectory(**content["trajectory"])
         joints = family.joints

@@ -80,7 +80,8 @@ def _unknown(key: str, inner: str) -> str:
     siblings = names_in(Config, group)
     near = suggest(Config, place)
     if name in siblings:
-        return f"{inner}: this is a setting of other experiments, choose one by +experiment=…"
+        others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
+        return f"{inner}: this is a setting of other experiments, {others}"
     if inner != key and siblings:
         known = ", ".join(siblings)
         return f"{'.'.join(group)}: {name} is not a setting of this group, which has {known}{near}"

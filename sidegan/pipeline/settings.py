@@ -109,7 +109,7 @@ class Absent:
 
     def _refuse(self, *arguments: Any) -> Any:
         raise ConfigError(
-            f"there are no settings {self.group}: choose an experiment that has them, +experiment=…"
+            f"there are no settings {self.group}: choose some, {self.group}=…, or an experiment that has them"
         )
 
     def __getattr__(self, name: str) -> Any:
@@ -211,8 +211,10 @@ class Config:
             yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each stage once"
-        if self.has("trainings") and (not self.trainings or len(set(self.trainings)) < len(self.trainings)):
-            yield f"trainings is {self.trainings}, expected one number or more, each once"
+        for name in ("trainings", "arms"):
+            values = getattr(self, name)
+            if self.has(name) and (not values or len(set(values)) < len(values)):
+                yield f"{name} is {values}, expected one or more, each once"
 
     def _files(self) -> Iterator[str]:
         """Files that are named twice, or used for both training and validation."""
@@ -236,9 +238,17 @@ class Config:
         sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
         if any(size > seeds for size in sizes):
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
-        if self.has("library", "selection") and self.selection.count > seeds + self.library.count:
-            most = f"seeds.count + library.count = {seeds + self.library.count}"
-            yield f"selection.count is {self.selection.count}, expected at most {most}"
+        if seeds < 2 and self.has("gan"):
+            yield f"seeds.count is {seeds}, expected two or more for training"
+        noise = self.identification.noise if self.has("identification", "gan") else None
+        if noise and not (noise.level and noise.torque):
+            yield "identification.noise has no torque noise, under which the errors of sets are compared"
+        if self.has("library", "selection"):
+            # sets are picked from the seeds, from as many random trajectories as in a library, and from both
+            for name, count in (("seeds", seeds), ("library", self.library.count)):
+                if self.selection.count > count:
+                    most = f"{name}.count = {count}"
+                    yield f"selection.count is {self.selection.count}, expected at most {most}"
 
     def _rates(self) -> Iterator[str]:
         """Sampling rates below twice the highest harmonic."""

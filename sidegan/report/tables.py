@@ -140,10 +140,15 @@ def excitation_sets(raw: pd.DataFrame) -> pd.DataFrame:
 def generators(frame: pd.DataFrame) -> pd.DataFrame:
     """Worth of the seeds, baselines and generators, over trainings."""
     rows = frame.assign(
-        valid_share=frame.valid_share.fillna(frame.valid),
+        valid_share=valid_share(frame),
         condition_valid=frame.condition_valid.fillna(frame.condition),
     )
     return _spreads(rows, {"valid_share": NAMES["valid_share"], **WORTH})
+
+
+def valid_share(frame: pd.DataFrame) -> pd.Series:
+    """Valid share of all that was drawn for a generator's library, and of the other sets."""
+    return frame.valid_share.fillna(frame.valid)
 
 
 def likeness(frame: pd.DataFrame) -> pd.DataFrame:

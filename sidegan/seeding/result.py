@@ -57,7 +57,9 @@ class SeedBatch:
         try:
             return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
         except (KeyError, TypeError, ValueError) as error:
-            raise ArtifactError(f"the file holds no seeds: {error}") from error
+            raise ArtifactError(
+                f"a file of {', '.join(arrays)} holds no seeds made here: {error} is missing or wrong"
+            ) from error
 
     def arrays(self) -> dict[str, Array]:
         """Arrays for a file, of numbers and text."""

@@ -16,7 +16,7 @@ from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.random import number
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
-from sidegan.errors import ConfigError
+from sidegan.errors import ArtifactError, ConfigError
 from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
 from sidegan.steps.trajectories import TrajectorySet, coefficients_of
 
@@ -62,9 +62,12 @@ class Generator:
         """A generator from a file that ``save`` wrote; no code in the file is executed.
 
         Raises:
-            ArtifactError: for a truncated or foreign file, or a different arm.
+            ArtifactError: for a truncated or foreign file, a different arm or family of trajectories.
         """
-        return cls(TrajectoryGenerator.load(Path(path), cell.arm))
+        network = TrajectoryGenerator.load(Path(path), cell.arm)
+        if network.trajectory != cell.trajectory:
+            raise ArtifactError(f"{path} makes {network.trajectory}, the cell has {cell.trajectory}")
+        return cls(network)
 
 
 def train(
@@ -103,6 +106,8 @@ def train(
     require_cell(cell)
     name, settings = _settings(variant, changes)
     _require_box(box)
+    if not isinstance(surrogates, str | Path | None):
+        raise ConfigError(f"surrogates is {surrogates!r}, expected the folder that sidegan.surrogates filled")
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
     c = None if seeds is None or not settings.seeded else coefficients_of(seeds)

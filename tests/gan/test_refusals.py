@@ -53,6 +53,8 @@ def test_files_of_another_arm_are_refused(arm, planar, family, seeds, tmp_path):
         TrajectoryGenerator.load(tmp_path / "g.pt", arm)
     with pytest.raises(ShapeError, match="cannot sample 0 trajectories"):
         generator.sample(0)
+    with pytest.raises(ShapeError, match=r"cannot sample 1\.5 trajectories"):
+        generator.sample(1.5)
 
 
 @pytest.mark.parametrize(

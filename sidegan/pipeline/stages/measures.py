@@ -35,13 +35,13 @@ def measures(run: RunContext, pool: Pool) -> Artifact:
     """Expected errors of random draws from a pool, and its similarity to the seeds."""
     study = run.cfg.identification
     settings = {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
-    settings |= {"level": _level(run), "together": _together(run)}
+    settings |= {"level": _level(run), "together": together(run)}
     inputs = {"seeds": seed_set(run), **({} if pool.name == SEEDS else pool.inputs)}
     make = partial(_make, pool=pool)
     return run.artifact("measures", pool.name, make, settings, inputs, training=pool.training)
 
 
-def _together(run: RunContext) -> int:
+def together(run: RunContext) -> int:
     """Number of trajectories in a draw."""
     return run.cfg.selection.count if run.cfg.has("selection") else TOGETHER
 
@@ -64,7 +64,7 @@ def _noises(run: RunContext, c: Array) -> Iterator[tuple[str, TorqueNoise]]:
 def _make(run: RunContext, build: Build, pool: Pool) -> None:
     library = pool.load(run)
     seeds = run.load(seed_set(run))
-    together = _together(run)
+    count = together(run)
     reference, others = (seeds.take(range(k, len(seeds), 2)) for k in (0, 1))
     compared = others if pool.name == SEEDS else library
     report = likeness(compared, reference) if min(len(compared), len(reference)) > 1 else {}
@@ -72,8 +72,8 @@ def _make(run: RunContext, build: Build, pool: Pool) -> None:
     random = run.number("draws")
     for name, noise in _noises(run, library.coefficients):
         errors = np.full((1, 1), np.nan)
-        if len(library) >= together:
-            errors = prediction(run, noise).of_draws(library.coefficients, together, seed=random)
+        if len(library) >= count:
+            errors = prediction(run, noise).of_draws(library.coefficients, count, seed=random)
         mean = errors.mean(1)
         geometric = np.exp(np.log(errors).mean(1))
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
