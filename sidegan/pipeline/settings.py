@@ -243,7 +243,7 @@ class Config:
         noise = self.identification.noise if self.has("identification", "gan") else None
         if noise and not (noise.level and noise.torque):
             yield "identification.noise has no torque noise, under which the errors of sets are compared"
-        if self.has("library", "selection"):
+        if self.has("library", "selection") and "selection" in self.stages:
             # sets are picked from the seeds, from as many random trajectories as in a library, and from both
             for name, count in (("seeds", seeds), ("library", self.library.count)):
                 if self.selection.count > count:
