@@ -67,9 +67,15 @@ class Store:
             return None
 
     def require(self, artifact: Artifact) -> Path:
-        """Folder of an existing artifact; otherwise an ArtifactError says how the nearest one differs."""
+        """Folder of an existing artifact; otherwise an ArtifactError says how the nearest one differs.
+
+        If an input is missing too, the error is about that.
+        """
         if (folder := self.find(artifact)) is not None:
             return folder
+        for source in artifact.inputs.values():
+            if isinstance(source, Artifact):
+                self.require(source)
         if (folder := self.folder(artifact)).exists():
             read_params(folder)  # raises if it is damaged
         name = f"{artifact.maker}/{artifact.label}"

@@ -136,8 +136,10 @@ def test_a_missing_artifact_is_compared_with_the_nearest_one(store):
         store.require(numbers(4200))
     store.produce(numbers(400))
     store.produce(numbers(500, seed=7))
-    with pytest.raises(ArtifactError, match=r"in the nearest one, settings\.count is 400, not 4200$"):
-        store.require(numbers(4200))
+    of_missing = replace(numbers(), inputs={"numbers": numbers(4200)})
+    for made in (numbers(4200), of_missing):
+        with pytest.raises(ArtifactError, match=r"in the nearest one, settings\.count is 400, not 4200$"):
+            store.require(made)
 
 
 def full(*_):
