@@ -71,7 +71,7 @@ OTHERS = [
     (InfeasibleError, "exp1", "trajectory.home=[0,3.1] stages=[seeds]", "home position"),
     (ArtifactError, "exp1", "stages=[gan]", "there is no seeds/planar2-gradient-seed0"),
     (ArtifactError, "exp1", "stages=[selection]", "there is no random/planar2-random-seed0"),
-    (ArtifactError, "exp1", "stages=[table]", "identification/planar2-long-3-seed0"),
+    (ArtifactError, "exp1", "stages=[table]", "long/planar2-5-32s-3h-seed0"),
     (RecordingError, "identify", "robot=kuka_lwr4 recordings=[FOLDER/a.csv]", "no column 'q3'"),
     (RecordingError, "identify", f"{RECORDED} validation=[FOLDER/x/../a.csv]", "holds samples of a.csv"),
     (RecordingError, "identify", f"{RECORDED} validation=[FOLDER/part.csv]", "holds samples of a.csv"),
