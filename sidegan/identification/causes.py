@@ -50,17 +50,19 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         remarks |= recording.remarks
     level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
     repairs = [Finding(level, text) for text in remarks.values()]
-    if found.quality.verdict != GOOD and (disturbed := disturbances(found)):
+    segments = [segment for recording in found.training for segment in recording.segments]
+    agreement = agreement_of(model.body, segments)
+    exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
+    against = None if gravity else agreement.reversed(arm, driven=True)
+    unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
+    if unexplained and (disturbed := disturbances(found)):
         return [*(Finding(USABLE, text) for text in disturbed), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
-    segments = [segment for recording in found.training for segment in recording.segments]
-    agreement = agreement_of(model.body, segments)
-    if exchanged := agreement.exchanged(arm):
+    if exchanged:
         return [Finding(BAD, exchanged), *repairs], False
     causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
-    gravity = agreement.gravity(arm)
-    if gravity is None and (against := agreement.reversed(arm, driven=True)):
+    if against:
         causes.insert(0, Finding(USABLE, against))
     elif driving := _driven_by_friction(found):
         causes.insert(0, Finding(BAD, driving))

@@ -1,6 +1,6 @@
 """Disturbances of a recording, from a model's residuals: contacts, and torque sensors that drift."""
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,40 +21,68 @@ _TINY = 1e-12
 
 def disturbances(found: IdentifiedArm) -> list[str]:
     """Remarks on contacts and drifts in an identified arm's recordings."""
-    return [text for recording in found.recordings for text in _of(found, recording)]
+    residuals = [_Residual.of(found, recording) for recording in found.recordings]
+    long = [residual for residual in residuals if len(residual.time) >= _WINDOWS * _LEAST]
+    return [text for residual in long for text in (residual.contact(), residual.drift()) if text]
 
 
-def _of(found: IdentifiedArm, recording: CheckedRecording) -> Iterator[str]:
-    arm = found.model.arm
-    time = np.concatenate([segment.time for segment in recording.segments])
-    if len(time) < _WINDOWS * _LEAST:
-        return
-    parts = [*pieces(measurements_of([recording]))]
-    residual = np.concatenate([residual_of(found.model, part, found.chosen.parameters) for part in parts])
-    velocity = np.concatenate([part.velocity for part in parts])
-    sizes, speeds = (_relative(x) for x in (residual, velocity))
-    # a model's own errors grow with the motion: parts with more of it may have larger residuals
-    excess = sizes / np.maximum(speeds, 1.0)
-    worst = int(excess.max(1).argmax())
-    if (far := excess[worst] > _BEYOND).any():
-        begin, end = np.array_split(time, _WINDOWS)[worst][[0, -1]]
-        yield (
-            f"from {begin:.3g} s to {end:.3g} s of {recording.name} the residual of {arm.named(far)} is "
+@dataclass(frozen=True)
+class _Residual:
+    """A recording, and what the model leaves of its torques, (S, J)."""
+
+    name: str
+    joints: tuple[str, ...]
+    time: Array  # [s], (S,)
+    position: Array  # (S, J)
+    velocity: Array  # (S, J)
+    torque: Array  # measured less modelled [N·m or N], (S, J)
+
+    @classmethod
+    def of(cls, found: IdentifiedArm, recording: CheckedRecording) -> "_Residual":
+        """That of an identified arm's recommended model."""
+        parts = [*pieces(measurements_of([recording]))]
+        model, parameters = found.model, found.chosen.parameters
+        return cls(
+            recording.name,
+            model.arm.joint_names,
+            np.concatenate([segment.time for segment in recording.segments]),
+            np.concatenate([part.position for part in parts]),
+            np.concatenate([part.velocity for part in parts]),
+            np.concatenate([residual_of(model, part, parameters) for part in parts]),
+        )
+
+    def contact(self) -> str | None:
+        """A remark on a part with far larger residuals than the others, which no faster motion explains."""
+        sizes, speeds = (_relative(x) for x in (self.torque, self.velocity))
+        # a model's own errors grow with the motion: parts with more of it may have larger residuals
+        excess = sizes / np.maximum(speeds, 1.0)
+        worst = int(excess.max(1).argmax())
+        far = excess[worst] > _BEYOND
+        if not far.any():
+            return None
+        begin, end = np.array_split(self.time, _WINDOWS)[worst][[0, -1]]
+        names = [name for name, beyond in zip(self.joints, far.tolist()) if beyond]
+        return (
+            f"from {begin:.3g} s to {end:.3g} s of {self.name} the residual of {', '.join(names)} is "
             f"{sizes[worst].max():.2g} times that of the rest: did the arm touch something? cut these rows"
         )
-    away = time - time.mean()
-    motion = np.concatenate([part.position for part in parts])
-    motion = motion - motion.mean(0)
-    if np.square(motion @ np.linalg.lstsq(motion, away)[0]).sum() > _ALIKE * (away @ away):
-        return
-    slope = away @ residual / (away @ away)
-    line = np.square(slope) * (away @ away) / np.maximum(len(time) * residual.var(0), _TINY)
-    if (line > _LINEAR).any():
-        drifts = zip(arm.joint_names, (slope * (time[-1] - time[0])).tolist(), line > _LINEAR)
-        shares = [f"{name} by {drift:.2g}" for name, drift, drifting in drifts if drifting]
-        yield (
-            f"through {recording.name} the torque drifts, of {listed(shares)} N·m or N: does a sensor warm "
-            "up? record when it is warm, or tare it between shorter recordings"
+
+    def drift(self) -> str | None:
+        """A remark on residuals along a straight line in time, unless the motion looks like one."""
+        away = self.time - self.time.mean()
+        motion = self.position - self.position.mean(0)
+        if np.square(motion @ np.linalg.lstsq(motion, away)[0]).sum() > _ALIKE * (away @ away):
+            return None
+        slope = away @ self.torque / (away @ away)
+        variance = np.maximum(len(self.time) * self.torque.var(0), _TINY)
+        drifting = np.square(slope) * (away @ away) / variance > _LINEAR
+        if not drifting.any():
+            return None
+        changes = slope * (self.time[-1] - self.time[0])
+        drifts = [f"{self.joints[j]} by {changes[j]:.2g}" for j in np.flatnonzero(drifting)]
+        return (
+            f"through {self.name} the torque drifts, of {listed(drifts)} N·m or N: does a sensor warm up? "
+            "record when it is warm, or tare it between shorter recordings"
         )
 
 

@@ -109,7 +109,7 @@ REFUSED = {
         (margins(*[(1, 7)] * 3, arm=limited(ARM, ["jerk"])), r"expected 4 times \(N, 7\)"),
         (checked(Trajectory(2), (1, 2, 6, 2)), "trajectories have 2 joints, the arm has 7"),
         (checked(Trajectory(7), (1, 7, 5, 2)), r"expected \(B, 7, 6, 2\)"),
-        (checked(Trajectory(7), (2, 7, 6, 2), math.inf), "trajectory 1 are not finite"),
+        (checked(Trajectory(7), (2, 7, 6, 2), math.inf), r"coefficients\[1\] are not finite"),
     ],
 }
 CASES = [(error, case, words) for error, cases in REFUSED.items() for case, words in cases]
