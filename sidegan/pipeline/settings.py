@@ -238,7 +238,7 @@ class Config:
         sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
         if any(size > seeds for size in sizes):
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
-        if seeds < 2 and self.has("gan"):
+        if seeds < 2 and "gan" in self.stages:
             yield f"seeds.count is {seeds}, expected two or more for training"
         noise = self.identification.noise if self.has("identification", "gan") else None
         if noise and not (noise.level and noise.torque):
