@@ -57,10 +57,10 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
     over += f" and {trainings} trainings" if trainings > 1 else ""
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
-    why = finding(artifacts.draws)
+    of_draws = _DRAWS.format(config.selection.count) + finding(artifacts.draws)
     shown = {
         "table1": (table1(raw, artifacts.plant, artifacts.expected, artifacts.constant), caption),
-        "draws": (draws(artifacts.draws), f"{_DRAWS.format(config.selection.count)}{why}"),
+        "draws": (draws(artifacts.draws), of_draws),
         "factors": (
             factors(raw, artifacts.expected, artifacts.plant, config.gan),
             f"{FACTORS} ({CONFIDENCE:.0%} intervals). On plants, {on_plants(artifacts.plant, config.gan)}",

@@ -16,7 +16,6 @@ from sidegan.base.storage import write_json
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.baselines import long_family
-from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
@@ -40,6 +39,7 @@ _JOINED: dict[str, tuple[str, ...]] = {
     "table2": (),
     "readings": (),
     "table3": (),
+    "density": (),
 }
 
 _SEEDS = {
@@ -141,15 +141,11 @@ def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
 def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, pd.DataFrame]:
     """The page's tables, shown or linked, by name."""
     tables_of = {name: _tables(made) for name, made in conditions.items()}
-    of_seeds: dict[str, str] = {}  # the first condition of each seed set
-    for name, made in conditions.items():
-        of_seeds.setdefault(seed_set(made.run).digest, name)
     return {
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
-        "seeds": _once(comparisons.seed_sets(conditions), len(conditions)),
+        "seeds": _once(comparisons.seed_sets(conditions)),
         **{key: _joined(key, tables_of) for key in _JOINED},
-        "density": _joined("density", {name: tables_of[name] for name in of_seeds.values()}),
         **{f"{name}-{key}": table for name, shown in tables_of.items() for key, table in shown.items()},
     }
 
@@ -157,22 +153,23 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
 def _joined(key: str, tables_of: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
     """A table over all conditions, with the rows of ``_JOINED``, and the paper's rows once at the end."""
     parts = {name: shown[key] for name, shown in tables_of.items()}
-    kept = _JOINED.get(key)
+    kept = _JOINED[key]
     wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
-    joined = _once(pd.concat(wanted, names=["condition"]), len(parts))
+    joined = _once(pd.concat(wanted, names=["condition"]))
     first = next(iter(parts.values()))
     paper = first[first.index.astype(str).str.startswith("Paper")]
     index = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)
     return pd.concat([joined, paper.set_axis(index)]).fillna("—")
 
 
-def _once(joined: pd.DataFrame, conditions: int) -> pd.DataFrame:
+def _once(joined: pd.DataFrame) -> pd.DataFrame:
     """The table with a single row, of the condition ``all``, where all conditions have the same."""
     names = joined.index.names
     rows = joined.reset_index()
     same = [key for key in rows.columns if key != "condition"]
-    shared = rows.groupby(same, dropna=False).condition.transform("size") == conditions
-    rows["condition"] = rows.condition.mask(shared & (conditions > 1), "all")
+    shared = rows.groupby(same, dropna=False).condition.transform("size") == rows.condition.nunique()
+    if rows.condition.nunique() > 1:
+        rows["condition"] = rows.condition.mask(shared, "all")
     return rows.drop_duplicates().set_index(names)
 
 

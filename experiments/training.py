@@ -27,8 +27,8 @@ RELIABLE = 0.8  # our reading of "reliably generate successful trajectories": le
 EARLY, LATE = 10, 40  # epoch of that statement; first epoch of the paper's comparisons
 _GENERATORS = (
     "Seeds, baselines and generators after the last epoch, by the true physics: valid share and median "
-    "cond(YᵀY) of all samples, the rest of the valid. Gain: expected error of {count} random seeds over that "
-    "of {count} random members of the set; natural: random draws in natural coordinates"
+    "cond(YᵀY) of all samples, other columns of the valid ones. Gain: expected error of {count} random "
+    "seeds over that of {count} random members of the set; natural: random draws in natural coordinates"
 )
 BESIDE = "The same sets, compared in equal numbers with one half of the seeds (row seeds: the other half)"
 _MEANS = ("valid", *tables.WORTH, *tables.LIKENESS)

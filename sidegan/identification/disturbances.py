@@ -10,6 +10,7 @@ from sidegan.identification.gather import residual_of
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.measurements import pieces
 from sidegan.recording.check import CheckedRecording
+from sidegan.robot import Arm
 
 _WINDOWS = 12  # equal parts of a recording
 _LEAST = 10  # samples of a part
@@ -31,7 +32,7 @@ class _Residual:
     """A recording, and what the model leaves of its torques, (S, J)."""
 
     name: str
-    joints: tuple[str, ...]
+    arm: Arm
     time: Array  # [s], (S,)
     position: Array  # (S, J)
     velocity: Array  # (S, J)
@@ -44,7 +45,7 @@ class _Residual:
         model, parameters = found.model, found.chosen.parameters
         return cls(
             recording.name,
-            model.arm.joint_names,
+            model.arm,
             np.concatenate([segment.time for segment in recording.segments]),
             np.concatenate([part.position for part in parts]),
             np.concatenate([part.velocity for part in parts]),
@@ -61,9 +62,8 @@ class _Residual:
         if not far.any():
             return None
         begin, end = np.array_split(self.time, _WINDOWS)[worst][[0, -1]]
-        names = [name for name, beyond in zip(self.joints, far.tolist()) if beyond]
         return (
-            f"from {begin:.3g} s to {end:.3g} s of {self.name} the residual of {', '.join(names)} is "
+            f"from {begin:.3g} s to {end:.3g} s of {self.name} the residual of {self.arm.named(far)} is "
             f"{sizes[worst].max():.2g} times that of the rest: did the arm touch something? cut these rows"
         )
 
@@ -79,7 +79,7 @@ class _Residual:
         if not drifting.any():
             return None
         changes = slope * (self.time[-1] - self.time[0])
-        drifts = [f"{self.joints[j]} by {changes[j]:.2g}" for j in np.flatnonzero(drifting)]
+        drifts = [f"{self.arm.joint_names[j]} by {changes[j]:.2g}" for j in np.flatnonzero(drifting)]
         return (
             f"through {self.name} the torque drifts, of {listed(drifts)} N·m or N: does a sensor warm up? "
             "record when it is warm, or tare it between shorter recordings"

@@ -187,7 +187,7 @@ class Config:
         return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
-        checks = self._names(), self._files(), self._counts(), self._rates()
+        checks = self._names(), self._files(), self._counts(), self._noise(), self._rates()
         if problem := next(chain(*checks), None):
             raise ConfigError(problem)
 
@@ -229,7 +229,7 @@ class Config:
                 yield f"validation has {file}, which is in recordings: it would not be held out"
 
     def _counts(self) -> Iterator[str]:
-        """Counts that exceed the available seeds or trajectories."""
+        """Counts that exceed the available seeds or trajectories, or are too small."""
         if not self.has("seeds"):
             return
         seeds = self.seeds.count
@@ -240,15 +240,18 @@ class Config:
             yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
         if seeds < 2 and "gan" in self.stages:
             yield f"seeds.count is {seeds}, expected two or more for training"
-        noise = self.identification.noise if self.has("identification", "gan") else None
-        if noise and not (noise.level and noise.torque):
-            yield "identification.noise has no torque noise, under which the errors of sets are compared"
         if self.has("library", "selection") and "selection" in self.stages:
             # sets are picked from the seeds, from as many random trajectories as in a library, and from both
             for name, count in (("seeds", seeds), ("library", self.library.count)):
                 if self.selection.count > count:
                     most = f"{name}.count = {count}"
                     yield f"selection.count is {self.selection.count}, expected at most {most}"
+
+    def _noise(self) -> Iterator[str]:
+        """Generators to be compared by errors that noise causes, without such noise."""
+        noise = self.identification.noise if self.has("identification", "gan") else None
+        if noise and not (noise.level and noise.torque):
+            yield "identification.noise has no torque noise, but sets are compared by errors from it"
 
     def _rates(self) -> Iterator[str]:
         """Sampling rates below twice the highest harmonic."""

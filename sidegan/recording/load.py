@@ -167,7 +167,7 @@ def _in_si(
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
         raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
-    if not where[1:] and {*joints.names} <= {*(order := table.joint_names())}:
+    if not where[1:] and {*joints.names} <= {*(order := table.joint_names)}:
         x = x[:, [order.index(joint) for joint in joints.names]]
     x, marked = unmarked(x, where)
     if name == "position" and settings.units.position is not None:

@@ -27,19 +27,20 @@ _USUAL, _BEYOND = 0.99, 3.0  # quantile of the other values, and how many times 
 def unmarked(x: Array, names: Sequence[str]) -> tuple[Array, list[str]]:
     """A signal (S, J) as in its columns, with NaN in place of markers of missing values; remarks on them."""
     found: dict[float, list[str]] = {}
+    missing = np.zeros(x.shape, dtype=bool)
     for k, column in enumerate(x.T):
         like = np.isin(np.abs(column), _MARKERS)
         if not like.any():
             continue
         others = np.abs(column[~like & np.isfinite(column)])
-        marks = like & (np.abs(column) > _BEYOND * np.quantile(np.append(others, 0.0), _USUAL))
+        missing[:, k] = like & (np.abs(column) > _BEYOND * np.quantile(np.append(others, 0.0), _USUAL))
         name = names[k] if len(names) == x.shape[1] else f"{names[0]}[{k}]"
-        for value, count in zip(*(each.tolist() for each in np.unique(column[marks], return_counts=True))):
+        values, counts = np.unique(column[missing[:, k]], return_counts=True)
+        for value, count in zip(values.tolist(), counts.tolist()):
             found.setdefault(value, []).append(f"{name} ({counted(count, 'row')})")
-        x = x.copy()
-        x[marks, k] = np.nan
     said = "looks like a logger's mark for no value"
-    return x, [f"{value:.0f} {said}, in {listed(where)}: left out" for value, where in found.items()]
+    remarks = [f"{value:.0f} {said}, in {listed(where)}: left out" for value, where in found.items()]
+    return np.where(missing, np.nan, x) if remarks else x, remarks
 
 
 def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -42,19 +43,20 @@ class Table:
             return int(np.shape(values)[1])
         return len(np.atleast_1d(next(iter(values), 0))) if np.ndim(values) == 1 else 0
 
+    @cached_property
     def joint_names(self) -> list[str]:
         """Joints in the order of the rows' lists, as in a JointState; empty if no column lists them.
 
         Raises:
             RecordingError: when the order changes between rows.
         """
-        for column in filter(_NAMES.fullmatch, self.columns):
-            rows = [tuple(np.atleast_1d(row).tolist()) for row in self.columns[column]]
-            if len({*rows}) > 1 and len(rows[0]) > 1:
-                raise RecordingError(f"the joints in column {column} change from row to row")
-            if rows and len(rows[0]) > 1:
-                return [str(name) for name in rows[0]]
-        return []
+        columns = [name for name in filter(_NAMES.fullmatch, self.columns) if self.width(name) > 1]
+        if not columns:
+            return []
+        orders = {tuple(map(str, row)) for row in self.columns[columns[0]]}
+        if len(orders) > 1:
+            raise RecordingError(f"the joints in column {columns[0]} change from row to row")
+        return [*orders.pop()]
 
     def numbers(self, name: str) -> Array:
         """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""

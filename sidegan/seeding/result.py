@@ -57,8 +57,9 @@ class SeedBatch:
         try:
             return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
         except (KeyError, TypeError, ValueError) as error:
+            held = ", ".join(arrays)
             raise ArtifactError(
-                f"a file of {', '.join(arrays)} holds no seeds made here: {error} is missing or wrong"
+                f"the file holds {held}, expected coefficients, fitness and origin"
             ) from error
 
     def arrays(self) -> dict[str, Array]:
