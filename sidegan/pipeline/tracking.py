@@ -84,11 +84,11 @@ class Tracker:
         logging.getLogger("alembic").setLevel(logging.ERROR)
         for noisy in ("mlflow", "urllib3"):  # they also raise what they log
             logging.getLogger(noisy).setLevel(logging.CRITICAL)
-        self._client = client = MlflowClient(f"sqlite:///{root / 'mlflow.db'}" if where == "local" else where)
         # A server knows where its files go; with a database they would go into the current folder.
         remote = where.startswith(("http", "databricks"))
         files = None if remote else (root / "mlartifacts" / experiment).as_uri()
-        with FileLock(root / ".mlflow.lock"):  # parallel runs must not create the experiment twice
+        with FileLock(root / ".mlflow.lock"):  # parallel runs must not create database or experiment twice
+            self._client = client = MlflowClient(_database(root) if where == "local" else where)
             found = client.get_experiment_by_name(experiment)
             self._experiment = found.experiment_id if found else client.create_experiment(experiment, files)
         self.run_id = client.create_run(self._experiment, run_name=name, tags=tags).info.run_id
@@ -167,6 +167,19 @@ class Tracker:
     def __exit__(self, kind: type[BaseException] | None, *rest: object) -> None:
         failed: Status = "FAILED" if kind and issubclass(kind, Exception) else "KILLED"
         self.finish("FINISHED" if kind is None else failed)
+
+
+def _database(root: Path) -> str:
+    """URI of the database in a folder, made if it is missing; an interrupt leaves no half of its tables."""
+    from mlflow import MlflowClient
+
+    final = root / "mlflow.db"
+    if not final.exists():
+        part = root / ".mlflow.db"
+        part.unlink(missing_ok=True)
+        MlflowClient(f"sqlite:///{part}")  # makes the tables
+        part.replace(final)
+    return f"sqlite:///{final}"
 
 
 def _reason(error: BaseException) -> str:

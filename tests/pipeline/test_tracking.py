@@ -106,6 +106,18 @@ def test_the_recorded_status_is_that_of_the_run(root, error, status):
     assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
+def test_an_interrupt_while_the_database_is_made_leaves_no_half_of_it(tmp_path, monkeypatch):
+    def interrupted(uri):
+        Path(uri.removeprefix("sqlite:///")).write_text("half")
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("mlflow.MlflowClient", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            Tracker(tmp_path, "exp1", "first")
+    assert Tracker(tmp_path, "exp1", "second").run_id
+
+
 def test_a_sweep_is_recorded_as_parent_with_children_and_table(command, root, monkeypatch):
     def fail_on_odd_seeds(context, tracker):
         tracker.log_history({"fitness": [3.0, 2.0]})
