@@ -17,10 +17,14 @@ KILLS, SEED = 3, 0
 UNEQUAL = {".locks", "costs", "runs"}  # folders that tell of times and processes
 
 
+def files(outputs):
+    """The files in the artifacts of a folder of outputs, finished or not, while folders may come and go."""
+    paths = [Path(folder, name) for folder, _, names in os.walk(outputs) for name in names]
+    return {path for path in paths if path.relative_to(outputs).parts[0] not in UNEQUAL}
+
+
 def contents(outputs):
-    """What lies in the artifacts of a folder of outputs, and in what is unfinished."""
-    names = {path.relative_to(outputs): path for path in outputs.rglob("*") if path.is_file()}
-    return {str(name): path.read_bytes() for name, path in names.items() if name.parts[0] not in UNEQUAL}
+    return {str(path.relative_to(outputs)): path.read_bytes() for path in files(outputs)}
 
 
 def start(outputs):
@@ -41,7 +45,7 @@ def test_a_run_killed_three_times_ends_like_an_undisturbed_one(tmp_path):
     for point in sorted(random.Random(SEED).sample(range(1, len(expected) - 1), KILLS)):
         process = start(torn)
         while len(seen) < point and process.poll() is None:  # as many files, of whatever it has written
-            seen |= {path for path in torn.rglob("*.*") if path.relative_to(torn).parts[0] not in UNEQUAL}
+            seen |= files(torn)
             time.sleep(0.005)
         assert process.poll() is None, "it ended before its kill"
         os.killpg(process.pid, signal.SIGKILL)
