@@ -9,6 +9,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.typed import NonNegative, Positive, Share
+from sidegan.kernels.friction import Law
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,51 +28,23 @@ class FrictionSettings:
     ripple: NonNegative = 0.01  # relative to the joint's torque
 
 
-@dataclass(frozen=True, kw_only=True)
-class Law:
-    """Friction law of a plant's joints; every vector is (J,).
-
-    Hess and Soom's curve near rest, Eyring's shear-thinning lubricant, saturating load dependence.
-
-    Source: Hess, Soom 1990; Olsson et al. 1998.
-    """
-
-    settings: FrictionSettings
-    scale: Array  # torque of the joints [N·m or N]
-    coulomb: Array  # [N·m or N]
-    viscous: Array  # [N·m·s/rad]
-    speed: Array  # scale of the curve near rest [rad/s]
-    phase: Array  # (3, J)
-    skew: Array  # asymmetry between directions, −1 … 1
-
-    @classmethod
-    def drawn(
-        cls, settings: FrictionSettings, scale: Array, top: Array, random: np.random.Generator
-    ) -> "Law":
-        """A random friction law for joints with these torque scales and top speeds."""
-        joints = len(scale)
-        coulomb = scale * random.uniform(*settings.coulomb, joints)
-        viscous = coulomb / top * random.uniform(*settings.viscous, joints)
-        return cls(
-            settings=settings,
-            scale=scale,
-            coulomb=coulomb,
-            viscous=viscous,
-            speed=random.uniform(0.02, 0.08, joints) * top,
-            phase=random.uniform(0, 2 * np.pi, (3, joints)),
-            skew=random.uniform(-1, 1, joints),
-        )
-
-    def __call__(self, q: Array, dq: Array, load: Array) -> Array:
-        """Friction against the motion [N·m or N], (…, J), with transmitted torques ``load``."""
-        s = np.tanh(dq / self.settings.width)
-        size = self.settings
-        share = load / self.scale
-        rest = 1 / (1 + (dq / self.speed) ** 2)
-        thin = 6 * self.speed
-        loaded = load**2 / (np.abs(load) + 0.5 * self.scale) * (1 + 0.3 * s * np.tanh(share))
-        place = 0.6 * np.cos(q + self.phase[0]) + 0.4 * np.cos(3 * q + self.phase[1])
-        wave = np.sin(54 * q + self.phase[2]) * (1 + 0.5 * share)
-        level = 1 + size.stribeck * rest + size.asymmetry * self.skew * s + size.position * place
-        friction = s * (self.coulomb * level + size.load * loaded)
-        return friction + self.viscous * thin * np.arcsinh(dq / thin) + size.ripple * self.scale * wave
+def drawn(settings: FrictionSettings, scale: Array, top: Array, random: np.random.Generator) -> Law:
+    """A random friction law for joints with these torque scales and top speeds, (J,) each."""
+    joints = len(scale)
+    coulomb = scale * random.uniform(*settings.coulomb, joints)
+    viscous = coulomb / top * random.uniform(*settings.viscous, joints)
+    speed = random.uniform(0.02, 0.08, joints) * top
+    phases = random.uniform(0, 2 * np.pi, (3, joints))
+    return Law(
+        scale=scale,
+        coulomb=coulomb,
+        viscous=viscous,
+        width=np.full(joints, settings.width),
+        speed=speed,
+        stribeck=settings.stribeck * coulomb,
+        skew=settings.asymmetry * coulomb * random.uniform(-1, 1, joints),
+        place=settings.position * coulomb,
+        load=np.full(joints, settings.load),
+        ripple=settings.ripple * scale,
+        phases=phases,
+    )

@@ -9,6 +9,7 @@ Source: Brokate, Sprekels 1996, Hysteresis and Phase Transitions.
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.kernels.servos import slipped
 
 RADII = np.array([0.125, 0.25, 0.5])  # of the stops, as shares of the range: an assumption
 
@@ -18,12 +19,6 @@ def lagging(load: Array, full: Array, share: float) -> Array:
 
     ``share`` of the range is the largest error, half the width at zero of the loop over the whole range.
     """
-    bound = (RADII[:, None] * full)[:, None]
-    reading = np.empty_like(load)
-    before = np.zeros_like(load[:, 0])
-    held = np.zeros((len(RADII), *before.shape))
-    for i in range(load.shape[1]):
-        held = np.clip(held + (load[:, i] - before), -bound, bound)  # of the stops, (R, B, J)
-        before = load[:, i]
-        reading[:, i] = before - share / RADII.sum() * held.sum(0)
-    return reading
+    held = np.zeros_like(load)
+    slipped(load, RADII[:, None] * full, held)
+    return load - share / RADII.sum() * held

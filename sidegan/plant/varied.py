@@ -15,10 +15,11 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.kernels.servos import Servos, drive
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
-from sidegan.plant.friction import FrictionSettings, Law
+from sidegan.plant.friction import FrictionSettings, drawn
 from sidegan.plant.hysteresis import lagging
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
@@ -101,11 +102,11 @@ class VariedPlant:
         own[-1] += _tool(random, settings.tool)
         self.true = replace(arm, inertial_parameters=own)
         top = arm.velocity_limit
-        self.law = Law.drawn(settings.friction, self.scale, top, random)
+        self.law = drawn(settings.friction, self.scale, top, random)
         limit = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, self.scale)
         self.range = limit if settings.sensor == "link" else self.scale
         behind = replace(settings.friction, coulomb=settings.bearings, load=0.0, ripple=0.0)
-        self.bearings = Law.drawn(behind, self.range, top, random)
+        self.bearings = drawn(behind, self.range, top, random)
         self.offset = settings.offset * self.range * random.uniform(-1, 1, arm.joints)
         largest = Plant(arm, IDEAL).largest_inertia()
         steep = 1 + settings.friction.stribeck + settings.friction.asymmetry
@@ -151,8 +152,7 @@ class VariedPlant:
         """Positions, motor torques and torques behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
 
-        stiffness, damping = self.gains
-        limit = self.arm.torque_limit
+        servos = Servos(q, dq, ahead, *self.gains, self.arm.torque_limit)
         machines = [MjData(self.model) for _ in q]
         for machine, start, speed in zip(machines, q[:, 0], dq[:, 0]):
             machine.qpos[:], machine.qvel[:] = start, speed
@@ -161,16 +161,15 @@ class VariedPlant:
             for name in ("qpos", "qvel", "qacc", "qfrc_applied")
         )
         out = np.empty((3, *q.shape))
-        load = np.zeros_like(q[:, 0])
+        torques = np.empty((3, *q[:, 0].shape))
+        motor, driven, net = torques
+        load = np.zeros_like(driven)
         with mujoco_logged(self.arm.name), np.errstate(all="ignore"):  # what does not follow is refused later
             for i in range(q.shape[1]):
-                position, velocity = np.array(qpos), np.array(qvel)
-                servo = stiffness * (q[:, i] - position) + damping * (dq[:, i] - velocity)
-                motor = np.minimum(np.maximum(ahead[:, i] + servo, -limit), limit)
-                driven = motor - self.law(position, velocity, load)
-                behind = self.bearings(position, velocity, np.zeros_like(load))
-                for machine, applied, net in zip(machines, pushes, driven - behind):
-                    applied[:] = net
+                position = np.array(qpos)
+                drive(i, servos, self.law, self.bearings, position, np.array(qvel), load, torques)
+                for machine, applied, total in zip(machines, pushes, net):
+                    applied[:] = total
                     mj_step(self.model, machine)
                 load = driven - self.rotor * np.array(qacc)
                 out[:, :, i] = position, motor, load
