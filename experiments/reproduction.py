@@ -10,9 +10,10 @@ import pandas as pd
 from experiments import claims, comparisons, exp1, exp2, training
 from experiments.artifacts import Artifacts, comparison
 from experiments.reference import PAPER
-from experiments.verdicts import CONFIDENCE
+from experiments.verdicts import CONFIDENCE, GANS
 from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
+from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.baselines import long_family
@@ -54,8 +55,11 @@ collect = comparison
 
 
 def check(run: RunContext) -> None:
-    """Refuse unknown conditions before any work."""
-    comparison(run)
+    """Refuse unknown conditions, and those without the paper's variants, before any work."""
+    for name, made in comparison(run).items():
+        if missing := set(GANS) - made.cfg.gan.keys():
+            expected = f"the page compares {', '.join(GANS)}"
+            raise ConfigError(f"condition {name} does not train {', '.join(sorted(missing))}; {expected}")
 
 
 def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:

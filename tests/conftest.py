@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from sidegan.robot import Arm, load_robot
 
 os.environ["OMP_NUM_THREADS"] = "1"  # of workers and commands that tests start
+os.environ["LOKY_MAX_CPU_COUNT"] = "1"  # tests run in parallel already; starting workers takes seconds
 threadpool_limits(1)
 # A busy machine is no failure: neither slow examples nor drawing them slowly.
 SLOW = [hypothesis.HealthCheck.too_slow]

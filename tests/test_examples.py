@@ -10,7 +10,6 @@ PRINTED = {
     "regressor": "43 base parameters",
     "validity": "trajectory 1: valid\ntrajectory 2: position of joint_2",
     "excitation_set": "3 trajectories, condition number ",
-    "train_eigen": "% are valid",
     "online": "trajectory 4: the condition number of all so far is ",
     "identify_table": "nMSE of what was held out: {'shoulder': ",
 }

@@ -190,6 +190,7 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
 def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert seeds.valid.all() and len(seeds) == 60
     networks = {"width": 16, "margin_steps": 8, "feature_steps": 8}
+    networks["negatives"] = {"vanilla": {"variant": "Vanilla", "weights": {"adversarial": 1}, **SMALL}}
     told = sg.surrogates(cell, seeds, tmp_path, workers=1, samples=200, epochs=2, **networks)
     assert told.keys() == {"accuracy_paper", "accuracy_broad", "r2_spectrum", "r2_diagonal", "r2_energies"}
     generator = sg.train("eigen", cell, seeds=seeds, surrogates=tmp_path, **SMALL)

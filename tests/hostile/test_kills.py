@@ -10,9 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.tiny import TINY
+from sidegan.pipeline.run import run_stages
+from tests.tiny import TINY, tiny
 
-COMMAND = (sys.executable, "-m", "sidegan.run", "+experiment=exp1", "stages=[seeds,surrogates,gan]")
+STAGES = "stages=[seeds,surrogates,gan]", "gan=eigen"
+COMMAND = (sys.executable, "-m", "sidegan.run", "+experiment=exp1", *STAGES, *TINY)
 KILLS, SEED = 3, 0
 UNEQUAL = {".locks", "costs", "runs"}  # folders that tell of times and processes
 
@@ -29,7 +31,7 @@ def contents(outputs):
 
 def start(outputs):
     return subprocess.Popen(
-        [*COMMAND, *TINY, "gan=eigen", f"outputs={outputs}"],
+        [*COMMAND, f"outputs={outputs}"],
         cwd=Path(__file__).parents[2],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
@@ -40,7 +42,7 @@ def start(outputs):
 @pytest.mark.slow
 def test_a_run_killed_three_times_ends_like_an_undisturbed_one(tmp_path):
     whole, torn, seen = tmp_path / "whole", tmp_path / "torn", set()
-    assert start(whole).wait() == 0
+    run_stages(tiny(*STAGES, f"outputs={whole}"), tmp_path, "whole")
     expected = contents(whole)
     for point in sorted(random.Random(SEED).sample(range(1, len(expected) - 1), KILLS)):
         process = start(torn)
