@@ -85,6 +85,8 @@ def test_a_set_is_valid_reproducible_and_reloads(cell, excitation, tmp_path):
     assert np.array_equal(again.coefficients, excitation.coefficients)
     anew = sg.TrajectorySet.of(cell, again.coefficients)
     np.testing.assert_allclose(anew.conditions, again.conditions, rtol=1e-9)
+    assert np.array_equal(excitation[[2, 0]].coefficients, excitation.coefficients[[2, 0]])
+    assert len(excitation[-1]) == 1 and len(excitation[1:]) == 2 and len([*excitation]) == 3
     slower = excitation.at_speed(0.5)
     assert slower.family.period == 16 and len(excitation.demands()) == len(slower.demands()) == 3
 

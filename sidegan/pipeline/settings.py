@@ -210,7 +210,9 @@ class Config:
         if not _TRACKING.match(self.tracking):
             yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
-            yield f"stages is {self.stages}, expected each stage once"
+            yield f"stages is {self.stages}, expected each once"
+        if self.has("long") and len(set(self.long.harmonics)) < len(self.long.harmonics):
+            yield f"long.harmonics is {self.long.harmonics}, expected each once"
         for name in ("trainings", "arms"):
             values = getattr(self, name)
             if self.has(name) and (not values or len(set(values)) < len(values)):

@@ -91,6 +91,11 @@ class TrajectorySet:
     def __len__(self) -> int:
         return len(self.library)
 
+    def __getitem__(self, which: int | slice | Sequence[int] | Array) -> "TrajectorySet":
+        """The trajectories with these indices, from 0, in this order."""
+        rows = np.atleast_1d(np.arange(len(self))[which])
+        return replace(self, library=self.library.take(rows))
+
     def __repr__(self) -> str:
         return (
             f"TrajectorySet({len(self)} of {self.cell.arm.name}, {self.family.period:g} s each, "
