@@ -7,6 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
+from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.prediction import Prediction, TorqueNoise, wanted_torques
@@ -162,6 +163,7 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
 
 
 STAGES = {
-    "random": Stage(lambda run: baselines(run).values()),
+    # the searches' kernels compile while other stages run
+    "random": Stage(lambda run: baselines(run).values(), check=lambda run: compile_beside(descent=True)),
     "long": Stage(lambda run: [long_trajectory(run, h) for h in run.cfg.long.harmonics]),
 }
