@@ -39,8 +39,9 @@ def _rates(*words: str) -> dict[str, Any]:
         by = (row["params"] or {}).get("by", "sidegan")
         stats = row["stats"]
         keys = {"median": "median", "low": "min", "high": "max"}
-        one = {key: stats[name] for key, name in keys.items()} | {"wall": row["extra_info"].get("wall") or []}
-        found.setdefault(row["group"], {})[by] = one
+        rate = {key: stats[name] for key, name in keys.items()}
+        rate["wall"] = row["extra_info"].get("wall") or []
+        found.setdefault(row["group"], {})[by] = rate
     return found
 
 
@@ -53,9 +54,9 @@ def _grow(known: dict[str, Any]) -> None:
     """Measure the sizes that are missing."""
     for work, sizes in POINTS.items():
         name = work.__name__
-        missing = [str(one) for one in sizes if str(one) not in known.setdefault(name, {})]
-        for some in [[one] for one in missing] if name in _LARGE else [missing] if missing else []:
-            known[name] |= _grown(name, some)
+        missing = [str(size) for size in sizes if str(size) not in known.setdefault(name, {})]
+        for part in [[size] for size in missing] if name in _LARGE else [missing] if missing else []:
+            known[name] |= _grown(name, part)
 
 
 def _table(rows: list[list[str]]) -> str:
@@ -71,20 +72,20 @@ def _table_of_rates(rates: dict[str, Any]) -> str:
     rows = [["work", "by", "a core, per CPU second", "two cores, per second", "ours is faster by"]]
     for group, parts in rates.items():
         ours = parts.get("sidegan")
-        for by, one in parts.items():
-            wall = _number(1 / min(one["wall"])) if one["wall"] else ""
+        for by, rate in parts.items():
+            wall = _number(1 / min(rate["wall"])) if rate["wall"] else ""
             ratio = ""
-            if ours and one is not ours:
-                ends = [one[a] / ours[b] for a, b in (("median", "median"), ("low", "high"), ("high", "low"))]
-                ratio = "{} ({} … {})".format(*map(_number, ends))
-            rows.append([group, by, _number(1 / one["median"]), wall, ratio])
+            if ours and rate is not ours:
+                ends = ("median", "median"), ("low", "high"), ("high", "low")
+                ratio = "{} ({} … {})".format(*(_number(rate[a] / ours[b]) for a, b in ends))
+            rows.append([group, by, _number(1 / rate["median"]), wall, ratio])
     return _table(rows)
 
 
 def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
     keys = list(next(iter(sizes.values())))
     head = [name.replace("_", "-"), *(f"{key} [{_UNITS.get(key, 'CPU s')}]" for key in keys)]
-    ordered = sorted(sizes.items(), key=lambda one: int(one[0]))
+    ordered = sorted(sizes.items(), key=lambda item: int(item[0]))
     rows = [[f"{int(size):,}", *(_number(x) for x in costs.values())] for size, costs in ordered]
     return _table([head, *rows])
 
@@ -129,9 +130,8 @@ def _write(numbers: dict[str, Any]) -> None:
     _NUMBERS.write_text(json.dumps(numbers, indent=1) + "\n")
     devices = numbers.get("device", {})
     rows = [["networks", "device", "epoch [s]", "sample [µs]"]]
-    rows += [
-        [key, one["name"], _number(one["epoch"]), _number(one["sample"])] for key, one in devices.items()
-    ]
+    for key, device in devices.items():
+        rows.append([key, device["name"], _number(device["epoch"]), _number(device["sample"])])
     if "cuda" not in devices:
         rows.append(["cuda", "none on this machine", "", ""])
     growth = {name: sizes for name, sizes in numbers["growth"].items() if sizes}

@@ -119,9 +119,9 @@ def test_plant(rate: Rate, by: str) -> None:
     each = [Motion(motion.time, *(x[k : k + 1] for x in motion[1:])) for k in range(count)]
     amount = count * len(motion.time) / IDEAL.rate
     unit = "seconds of motion"
-    expected = np.stack([plant.follow(one).position for one in each])
+    expected = np.stack([plant.follow(motion).position for motion in each])
     if by == OURS:
-        rate(lambda: [plant.follow(one) for one in each], amount, unit, 3)
+        rate(lambda: [plant.follow(motion) for motion in each], amount, unit, 3)
         return
     stiffness, damping = plant.gains
     ahead = np.concatenate([motion.velocity[:, 1:], motion.velocity[:, -1:]], 1)
@@ -156,7 +156,7 @@ def test_validity(rate: Rate, by: str) -> None:
         positions = np.asfortranarray(q.T)
         work, both = (partial(other.touch, threads, positions) for threads in (1, 2))
         found = rate(work, count, "trajectories", both=both)
-        expected = [min(CONSTRAINTS.distances_at(one).values()) < 0 for one in q]
+        expected = [min(CONSTRAINTS.distances_at(position).values()) < 0 for position in q]
         assert any(expected) and np.array_equal(found, expected)
     else:
         each = motions(10, _CELLS)

@@ -36,8 +36,8 @@ def seeds(cell):
 
 def test_every_public_name_exists_at_run_time_and_for_type_checkers():
     tree = ast.parse(Path(sg.__file__).read_text(encoding="utf-8"))
-    (typed,) = (one for one in tree.body if isinstance(one, ast.If))
-    assert sorted(alias.name for one in typed.body for alias in one.names) == sorted(sg.__all__)
+    (typed,) = (node for node in tree.body if isinstance(node, ast.If))
+    assert sorted(alias.name for node in typed.body for alias in node.names) == sorted(sg.__all__)
     assert set(sg.__all__) <= set(dir(sg))
     with pytest.raises(AttributeError, match="no attribute 'sedes'"):
         sg.sedes  # noqa: B018
@@ -49,8 +49,8 @@ def test_every_name_is_documented(name):
     assert len(inspect.getdoc(thing)) > 20
     if inspect.isfunction(thing):
         doc = inspect.getdoc(thing)
-        told = [one for one in inspect.signature(thing).parameters if f"{one}:" not in doc]
-        assert not told or name == "built_in_robots", f"{name} says nothing of {told}"
+        undocumented = [key for key in inspect.signature(thing).parameters if f"{key}:" not in doc]
+        assert not undocumented or name == "built_in_robots", f"{name}: {undocumented}"
 
 
 def test_importing_the_package_imports_nothing_unused():

@@ -51,11 +51,11 @@ def _groups(*overrides):
 def composed(*overrides):
     """The composed configuration of a command; groups, which take long, are composed once."""
     parsed = OverridesParser.create().parse_overrides(list(overrides))
-    values = [one for one in parsed if not (CONF / one.key_or_group).is_dir()]
-    groups = [one.input_line for one in parsed if one not in values]
+    values = [override for override in parsed if not (CONF / override.key_or_group).is_dir()]
+    groups = [override.input_line for override in parsed if override not in values]
     cfg = _groups(*groups).copy()
-    for one in values:
-        OmegaConf.update(cfg, one.key_or_group, one.value(), force_add=one.is_add())
+    for override in values:
+        OmegaConf.update(cfg, override.key_or_group, override.value(), force_add=override.is_add())
     return cfg
 
 
@@ -64,11 +64,11 @@ def tiny(*overrides, experiment="exp1"):
     """The tiny configuration of an experiment with changes."""
     chosen = f"+experiment={experiment}"
     keys, small = _groups(chosen).keys(), [*TINY, *SMALL.get(experiment, ())]
-    own = [one for one in small if re.match(r"[~+]*(\w+)", one)[1] in keys]
+    own = [override for override in small if re.match(r"[~+]*(\w+)", override)[1] in keys]
     if "condition" not in keys or any(
         override.startswith(("seeds=", "condition=")) for override in overrides
     ):
-        own = [one for one in own if one != "seeds=gradient"]
+        own = [override for override in own if override != "seeds=gradient"]
     if "condition=published" in overrides:  # whose surrogates have no such settings
-        own = [one for one in own if not one.startswith("surrogates.")]
+        own = [override for override in own if not override.startswith("surrogates.")]
     return validate(composed(chosen, *own, *overrides))

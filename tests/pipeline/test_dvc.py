@@ -33,28 +33,27 @@ def pipeline(request):
     text = (ROOT / request.param / "dvc.yaml").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 80 and max(map(len, text.splitlines())) <= 120
     written = yaml.safe_load(text)
-    words = {key: str(value) for one in written["vars"] for key, value in one.items()}
-    for one in written["stages"].values():
-        commands = one["cmd"] if isinstance(one["cmd"], list) else [one["cmd"]]
-        one["cmd"] = [Template(command).substitute(words) for command in commands]
+    words = {key: str(value) for variables in written["vars"] for key, value in variables.items()}
+    for stage in written["stages"].values():
+        commands = stage["cmd"] if isinstance(stage["cmd"], list) else [stage["cmd"]]
+        stage["cmd"] = [Template(command).substitute(words) for command in commands]
     return request.param, written["stages"]
 
 
 def test_every_stage_is_run_from_files_that_are_there(pipeline):
     """What ``dvc repro`` would refuse, or would not notice, is told without starting it."""
     folder, stages = pipeline
-    outs = [one for stage in stages.values() for one in stage["outs"]]
-    made = {str(next(iter(one)) if isinstance(one, dict) else one) for one in outs}
-    needed = {dep for one in stages.values() for dep in one.get("deps", ())} - made
+    outs = [out for stage in stages.values() for out in stage["outs"]]
+    made = {str(next(iter(out)) if isinstance(out, dict) else out) for out in outs}
+    needed = {dep for stage in stages.values() for dep in stage.get("deps", ())} - made
     assert [path for path in needed if not (ROOT / folder / path).exists()] == []
     assert ROOT / "params.yaml" == VERSIONS
-    keys = [key for one in stages.values() for key in one.get("params", ())]
+    keys = [key for stage in stages.values() for key in stage.get("params", ())]
     if folder:
-        keys = [key for one in keys for key in one["../params.yaml"]]
+        keys = [key for params in keys for key in params["../params.yaml"]]
     assert len(set(keys)) == len(keys) and set(keys) == versions().keys() - PIPELINES[folder]
-    used = [
-        name for one in stages.values() for name in re.findall(r"stages=\[([\w,]+)\]", " ".join(one["cmd"]))
-    ]
+    commands = " ".join(command for stage in stages.values() for command in stage["cmd"])
+    used = re.findall(r"stages=\[([\w,]+)\]", commands)
     stages = tiny(experiment="reproduction").stages
     assert {name for some in used for name in some.split(",")} == set(stages)
 
@@ -79,7 +78,7 @@ def dvc(tmp_path):
     pytest.importorskip("dvc")
     files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True).stdout
     kept = "conf", "experiments", "small", "dvc.", "params.", ".dvc", ".gitignore"
-    for file in (one for one in files.decode().split("\0") if one.startswith(kept)):
+    for file in (name for name in files.decode().split("\0") if name.startswith(kept)):
         (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / file).write_bytes((ROOT / file).read_bytes())
     pipeline = tmp_path / "small" / "dvc.yaml"

@@ -31,8 +31,8 @@ def test_compared_arms_share_artifacts_with_single_runs(context):
     own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
     alone = RunContext(own, context().store, ())
     found = {artifact.digest: artifact.title for artifact in arms.STAGES["arms"].artifacts(compared)}
-    for one in (seed_set(alone), library.library(alone, "eigen", 0)):
-        assert found[one.digest] == f"planar2 {one.title}"
+    for artifact in (seed_set(alone), library.library(alone, "eigen", 0)):
+        assert found[artifact.digest] == f"planar2 {artifact.title}"
 
 
 def test_errors_are_relative_to_the_seeds():

@@ -64,7 +64,7 @@ def test_all_results_are_in_the_run_folder(once):
     assert verdict["reasons"] and verdict["condition_number"] > 1
     assert len(verdict["validation"]["nmse"]) == len(verdict["joints"]) == 2
     checked = json.loads((folder / "check.json").read_text())
-    assert [one["name"] for one in checked] == ["a.csv", "b.csv", "c.csv"]
+    assert [recording["name"] for recording in checked] == ["a.csv", "b.csv", "c.csv"]
     assert not [path for path in folder.parents[1].rglob("*") if path.suffix in (".tmp", ".work")]
     assert "c.csv" in (folder / "report.html").read_text()
 

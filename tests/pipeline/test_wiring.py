@@ -117,8 +117,8 @@ def test_sets_are_measured_against_half_of_the_seeds(planted, build, monkeypatch
         return read_json(build.folder / REPORT), pd.read_parquet(build.folder / RESULTS)
 
     (own, draws), (shifted, _), (small, _) = (
-        measures_of(*one)
-        for one in (
+        measures_of(name, c)
+        for name, c in (
             ("seeds", seeds.coefficients),
             ("eigen", seeds.coefficients + 0.3),
             ("exact", 0.1 * seeds.coefficients),

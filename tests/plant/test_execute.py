@@ -67,7 +67,8 @@ def test_less_feed_forward_means_worse_tracking(arm, motions):
     motion = motions(arm, period=8.0)
     known = [replace(IDEAL, feed_forward=share) for share in (1.0, 0.9, 0.5)]
     exact, less, least, usual = (
-        Plant(arm, one).follow(motion).position - motion.position[0] for one in (*known, PlantSettings())
+        Plant(arm, settings).follow(motion).position - motion.position[0]
+        for settings in (*known, PlantSettings())
     )
     assert np.abs(exact).max() < 1e-4 < rms(usual) < 1e-2
     assert rms(exact) < rms(less) < rms(least)

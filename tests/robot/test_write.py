@@ -29,8 +29,9 @@ def assert_written(arm, path):
     read = load_robot(path)
     expected = RigidBody(arm).regressor(*states) @ parameters.ravel()
     np.testing.assert_allclose(RigidBody(read).torque(*states), expected, rtol=0, atol=1e-9)
-    for one in (arm, read):
-        model, torque = pin.buildModelFromUrdf(str(one.urdf)), RigidBody(one).torque(*states)
+    for same in (arm, read):
+        model = pin.buildModelFromUrdf(str(same.urdf))
+        torque = RigidBody(same).torque(*states)
         data = model.createData()
         for row, *state in zip(torque, *(x for x in states)):
             np.testing.assert_allclose(pin.rnea(model, data, *state), row, rtol=0, atol=1e-9)

@@ -115,12 +115,12 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Array, h
     from sidegan.validity.search import Search
 
     count, seen = round(trajectory.period / (2 * half)), set()
-    for index, one in zip(range(1, count, max(1, count // len(c))), c[:, None]):
+    for index, single in zip(range(1, count, max(1, count // len(c))), c[:, None]):
         times = 2 * half * index + 2 * half * np.linspace(0, 1, 21)
-        for name, margins in margins_within(constraints, trajectory, one, times).items():
+        for name, margins in margins_within(constraints, trajectory, single, times).items():
             distance = name in ("collision", "keep_out")
             now = margins[10].min() if distance else margins[10]
-            search = Search(constraints, trajectory, one)
+            search = Search(constraints, trajectory, single)
             search.model = tightened(search.model, name, now)
             asked = everything(search.model, 1)
             search.visit(np.array([[0, index]]), asked, count, last=True)
@@ -146,13 +146,13 @@ def margins_within(constraints: Constraints, trajectory: Trajectory, c: Array, t
 @pytest.mark.parametrize("half", [0.05, 0.0005])
 @pytest.mark.parametrize(("joints", "shape"), [*((n, "capsules") for n in (1, 2, 5, 9, 7)), (5, "hulls")])
 def test_margins_fall_no_further_within_a_cell_than_their_bound(arm: Arm, joints, shape, half) -> None:
-    one = shaped(arm if joints == 7 else random_chain(joints, 0)[0], shape, 0)
-    one = replace(
-        driven(one, scale=100.0),
-        acceleration_limit=8.0 * one.velocity_limit,
-        jerk_limit=60.0 * one.velocity_limit,
+    limited = shaped(arm if joints == 7 else random_chain(joints, 0)[0], shape, 0)
+    limited = replace(
+        driven(limited, scale=100.0),
+        acceleration_limit=8.0 * limited.velocity_limit,
+        jerk_limit=60.0 * limited.velocity_limit,
     )
-    constraints = Constraints(one, [Plane((0.2, -0.1, 1.0), -0.6), *REGIONS["round"]])
-    trajectory = Trajectory(joints, 5, 3.0, ((one.position_lower + one.position_upper) / 2).tolist())
-    seen = assert_bounded(constraints, trajectory, moderate(one, trajectory, 8, joints), half)
+    constraints = Constraints(limited, [Plane((0.2, -0.1, 1.0), -0.6), *REGIONS["round"]])
+    trajectory = Trajectory(joints, 5, 3.0, ((limited.position_lower + limited.position_upper) / 2).tolist())
+    seen = assert_bounded(constraints, trajectory, moderate(limited, trajectory, 8, joints), half)
     assert seen == set(constraints.labels)
