@@ -9,7 +9,6 @@ Source: Brokate, Sprekels 1996, Hysteresis and Phase Transitions.
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.kernels.servos import slipped
 
 RADII = np.array([0.125, 0.25, 0.5])  # of the stops, as shares of the range: an assumption
 
@@ -19,6 +18,8 @@ def lagging(load: Array, full: Array, share: float) -> Array:
 
     ``share`` of the range is the largest error, half the width at zero of the loop over the whole range.
     """
+    from sidegan.kernels.servos import slipped  # numba is slow to import
+
     held = np.zeros_like(load)
     slipped(load, RADII[:, None] * full, held)
     return load - share / RADII.sum() * held

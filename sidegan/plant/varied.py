@@ -15,7 +15,6 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import InfeasibleError, ShapeError
-from sidegan.kernels.servos import Servos, drive
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import Plant
@@ -151,6 +150,8 @@ class VariedPlant:
     def simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """Positions, motor torques and torques behind the gears, (B, T, J), of servos along references."""
         from mujoco import MjData, mj_step
+
+        from sidegan.kernels.servos import Servos, drive  # numba is slow to import
 
         servos = Servos(q, dq, ahead, *self.gains, self.arm.torque_limit)
         machines = [MjData(self.model) for _ in q]

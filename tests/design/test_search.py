@@ -10,13 +10,10 @@ import pinocchio as pin
 import pytest
 
 from sidegan.design.goal import Goal
-from sidegan.design.precompile import compile_kernels
 from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import ConditionGoal, Descent, design_set, search
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
-from sidegan.kernels.descent import descend
-from sidegan.kernels.proof import visit
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER as ORDERS
@@ -208,8 +205,3 @@ def test_a_goal_that_does_not_fit_is_refused(problem_of, planar, goal):
     problem = problem_of("desk")
     with pytest.raises(ShapeError):
         searched(problem, goal(TorqueModel(problem.body), TorqueModel(RigidBody(planar))))
-
-
-def test_kernels_are_compiled_beforehand():
-    compile_kernels(descent=True)
-    assert not descend.to_be_compiled() and not visit.to_be_compiled()
