@@ -14,6 +14,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import leave
 from experiments.reference import PAPER
 from experiments.verdicts import (
+    ALONE,
     CONFIDENCE,
     HOLDS,
     NOT,
@@ -63,7 +64,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
         "draws": (draws(artifacts.draws), of_draws),
         "factors": (
             factors(raw, artifacts.expected, artifacts.plant, config.gan),
-            f"{FACTORS} ({CONFIDENCE:.0%} intervals). On plants, {on_plants(artifacts.plant, config.gan)}",
+            f"{FACTORS} ({CONFIDENCE:.0%} intervals, none for single values). On plants, "
+            f"{on_plants(artifacts.plant, config.gan)}",
         ),
         "joints": (tables.joints(raw), "nMSE by joint, unweighted RLS"),
         "sets": (tables.excitation_sets(raw), "The excitation sets"),
@@ -146,7 +148,8 @@ def factors(
             for label, errors in ((name, part), (f"{name}, geometric mean", geometric(part))):
                 ratios = over_others(errors, trained)
                 rows[label] = {
-                    tables.title(key): words(interval(x).turned(np.exp)) for key, x in ratios.items()
+                    tables.title(key): words(interval(x).turned(np.exp)).removesuffix(f" {ALONE}")
+                    for key, x in ratios.items()
                 }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("seeds over")
 

@@ -21,6 +21,7 @@ HOLDS, PART, MIXED, NOT = "holds", "holds in part", "mixed", "does not hold"
 UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
 UNKNOWN = NOT_MEASURED
 CONFIDENCE = 0.95
+ALONE = "(no interval: one value)"
 TRAINING, REPEAT = "training", "repeat"
 SIDE_GANS = ("eigen", "diagonal")
 GANS = ("vanilla", *SIDE_GANS)
@@ -181,7 +182,7 @@ def words(measured: Interval, form: str = ".3g") -> str:
     if np.isnan(measured.mean):
         return "nothing to measure"
     if not np.isfinite(measured.low):
-        return f"{plain(measured.mean, form)} (no interval: one value)"
+        return f"{plain(measured.mean, form)} {ALONE}"
     low, high = plain(measured.low, form), plain(measured.high, form)
     return f"{plain(measured.mean, form)} ({low} … {high})"
 
