@@ -10,6 +10,7 @@ import pandas as pd
 from sidegan.base.storage import write_bytes
 
 _NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells that are aligned on the right
+_LONGEST = 20  # letters of a name that a narrow table does not break
 
 
 class Recorder(Protocol):
@@ -56,8 +57,10 @@ def show(table: pd.DataFrame, caption: str) -> None:
 
     rows = _cells(table.reset_index())
     drawn = Table()
+    longest = max((len(word) for name in rows.iloc[:, 0] for word in name.split()), default=0)
     for i, column in enumerate(rows.columns):
-        drawn.add_column(str(column), justify="left" if i == 0 else "right", overflow="fold")
+        first = {"min_width": min(longest, _LONGEST)} if i == 0 else {"justify": "right"}  # names stay whole
+        drawn.add_column(str(column), overflow="fold", **first)
     for row in rows.to_numpy().tolist():
         drawn.add_row(*row)
     width = None if sys.stdout.isatty() else 150
