@@ -41,6 +41,7 @@ class Store:
     def __init__(self, root: Path, run_folder: Path | None = None) -> None:
         self.root = root
         self.run_folder = run_folder or root
+        self._damaged = set[Path]()  # reported, each once
         try:
             root.mkdir(parents=True, exist_ok=True)
             with TemporaryFile(dir=root) as probe:  # unnamed, so that a kill leaves nothing
@@ -63,7 +64,9 @@ class Store:
         try:
             return folder if read_params(folder) == artifact.params else None
         except ArtifactError as error:
-            log.warning("%s: it will be made again", error)
+            if folder not in self._damaged:
+                log.warning("%s: it will be made again", error)
+            self._damaged.add(folder)
             return None
 
     def require(self, artifact: Artifact) -> Path:
