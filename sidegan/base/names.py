@@ -1,6 +1,7 @@
 """File names from arbitrary text, and lists, counts and numbers for people."""
 
 import hashlib
+import json
 import re
 from collections.abc import Sequence
 
@@ -19,6 +20,11 @@ def folder_name(text: str, longest: int = _LONGEST) -> str:
         return name
     digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGEST]
     return f"{name.encode()[: longest - _DIGEST - 1].decode(errors='ignore')}-{digest}"
+
+
+def stamp_of(*values: object) -> str:
+    """Digest of plain values, as the name of a folder for what is made from them."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[: 2 * _DIGEST]
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:

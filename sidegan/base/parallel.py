@@ -71,8 +71,8 @@ def cores(workers: int | None) -> int:
     """Number of worker processes: ``workers``, or one per core; ConfigError unless positive."""
     from joblib import cpu_count
 
-    if workers is not None and workers < 1:
-        raise ConfigError(f"workers is {workers}, expected 1 or more, or None")
+    if workers is not None and (not isinstance(workers, int) or workers < 1):
+        raise ConfigError(f"workers is {workers!r}, expected 1 or more, or None")
     return workers or cpu_count()
 
 

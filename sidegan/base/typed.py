@@ -76,7 +76,9 @@ def settings_of(kind: type[T], given: T | Mapping[str, Any] | None) -> T:
     """
     if not (given is None or isinstance(given, kind | Mapping)):
         raise ConfigError(f"settings are {given!r}, expected {kind.__name__} or a mapping of its fields")
-    return given if isinstance(given, kind) else build(kind, given or {})  # type: ignore[arg-type]
+    if isinstance(given, kind):  # whose fields may have been set to anything
+        return build(kind, dataclasses.asdict(given))  # type: ignore[call-overload]
+    return build(kind, given or {})  # type: ignore[arg-type]
 
 
 def _plain(value: Any) -> Any:

@@ -89,6 +89,8 @@ class Cell:
         **setup: Any,
     ) -> None:
         self.robot = str(robot)
+        # The same file for each use, wherever the process goes in between.
+        self._description = str(Path(robot).absolute()) if Path(robot).is_file() else self.robot
         self.setup = build(Setup, setup)
         own = {"home": home, "effort": effort, "clearance": clearance}
         self.choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
@@ -106,7 +108,7 @@ class Cell:
         Raises:
             RobotError: when the description is not a serial chain with limits; says what helps.
         """
-        return load_robot(self.robot, self.setup, self.choices.home)
+        return load_robot(self._description, self.setup, self.choices.home)
 
     @cached_property
     def recorded_arm(self) -> Arm:
@@ -115,7 +117,7 @@ class Cell:
         Raises:
             RobotError: when the description is not a serial chain.
         """
-        return load_robot(self.robot, self.setup, self.choices.home, planning=False)
+        return load_robot(self._description, self.setup, self.choices.home, planning=False)
 
     @cached_property
     def arm(self) -> Arm:

@@ -112,11 +112,7 @@ class TrajectoryGenerator(nn.Module):
         if not isinstance(content, dict) or content.get("format") != _FORMAT:
             raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
         if content["digest"] != arm.digest:
-            raise ArtifactError(
-                f"{path} was trained for {content['robot']} (digest {content['digest'][:12]}), "
-                f"not for {arm.name} (digest {arm.digest[:12]}), whose description, limits or share of them "
-                "(effort) differ"
-            )
+            raise ArtifactError(f"{path} was trained for {arm.unlike(content['robot'], content['digest'])}")
         family = Trajectory(**content["trajectory"])
         joints = family.joints
         harmonics = family.harmonics

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,11 @@ def refusal(device: str) -> str:
     except (RuntimeError, AssertionError) as error:  # an assertion fails if torch was not built for it
         return str(error).splitlines()[0]
     return ""
+
+
+def random_kept() -> AbstractContextManager[None]:
+    """Context after which torch's random numbers continue as if nothing had been drawn in it."""
+    return torch.random.fork_rng(range(torch.cuda.device_count()))
 
 
 def array(x: Tensor) -> Array:

@@ -62,7 +62,7 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
         SideganError: when the training diverges; the last complete epoch is kept.
         KeyboardInterrupt: when interrupted.
     """
-    pl.seed_everything(run.seed, verbose=False)
+    torch.manual_seed(run.seed)
     data.trajectory.check(data.seeds)
     model = VARIANTS[settings.variant](settings, data, run.name)
     rows = TensorDataset(torch.arange(len(data.seeds)))

@@ -92,8 +92,7 @@ def _parts(path: Path, arm: "Arm | None") -> Iterator[Library]:
     for table in read_parquet(path):
         family, columns, source = content_of(path, table)
         if arm is not None and arm.digest != family.digest:
-            made_for = f"{family.robot} (digest {family.digest})"
-            raise ArtifactError(f"{path} was made for {made_for}, not for {arm.name} (digest {arm.digest})")
+            raise ArtifactError(f"{path} was made for {arm.unlike(family.robot, family.digest)}")
         facts = {name: getattr(family, name) for name in ("robot", "digest", "period")}
         yield Library(**_fields(columns), **facts, source=source, home=tuple(family.home))
 

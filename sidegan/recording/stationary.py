@@ -32,6 +32,33 @@ def load_for(arm: Arm, files: Recorded, settings: RecordingSettings) -> Recordin
     return load_recording(files, settings, arm.joint_names, chain_of(arm), sliding)
 
 
+def refuse_elsewhere(arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings) -> None:
+    """Refuse recordings in which a locked joint of the chain is not where it is locked.
+
+    Only of those with the positions of locked joints, which most lack.
+
+    Raises:
+        RecordingError: with the place of the joint.
+    """
+    chain = chain_of(arm)
+    locked = {k: name for k, name in enumerate(chain) if name not in (*arm.joint_names, *settings.without)}
+    if not locked:
+        return
+    only = replace(settings, velocity=None, acceleration=None, torque=None, current=None, without=[])
+    for files in recordings:
+        try:
+            recording = load_recording(files, only, chain, chain)
+        except RecordingError:  # it has no positions of locked joints
+            continue
+        for place, name in locked.items():
+            q, at = recording.position[:, place], (arm.setup.locked or {})[name]
+            if max(abs(q - at)) > HARDLY:
+                raise RecordingError(
+                    f"{recording.name}: {name} is locked at {at:.4g} (robot.locked), but recorded from "
+                    f"{q.min():.4g} to {q.max():.4g} rad or m: lock it where it stood, or leave it unlocked"
+                )
+
+
 def stationary_positions(
     arm: Arm, recordings: Iterable[Recorded], settings: RecordingSettings
 ) -> dict[str, float]:

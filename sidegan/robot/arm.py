@@ -116,6 +116,13 @@ class Arm:
         """Why inertias are missing, as far as the description tells."""
         return [note.removeprefix(NO_INERTIA) for note in self.notes if note.startswith(NO_INERTIA)]
 
+    def unlike(self, robot: str, digest: str) -> str:
+        """Words for a message on another arm's name and digest, in place of this arm's."""
+        return (
+            f"{robot} (digest {digest[:12]}), not for {self.name} (digest {self.digest[:12]}), "
+            "whose description, limits or share of them (effort) differ"
+        )
+
     def named(self, which: Array) -> str:
         """Names of the marked joints, (J,), for a message."""
         return ", ".join(name for name, marked in zip(self.joint_names, which.tolist()) if marked)

@@ -51,8 +51,8 @@ def excite(
             ``{"objective": "parameters"}``.
         search: effort per trajectory: the fields of ``SearchSettings``.
         model: torque terms to identify in addition to rigid bodies: the fields of ``Terms``.
-        known: folder with the results of an identification, to reduce its remaining uncertainty; None: only
-            the description is known.
+        known: folder with the results of an identification, to reduce its remaining uncertainty; its terms
+            are those of ``model``. None: only the description is known.
 
     Returns:
         The set: ``coefficients`` (N, J, H, 2) [rad/s], ``motion(rate)``, ``condition``, ``to_frame()``,
@@ -83,7 +83,11 @@ def aim_of(
         return ConditionGoal(cell.problem)
     if known is None:
         return unmeasured(cell.body, terms, goal)
+    if not isinstance(known, str | Path):
+        raise ConfigError(f"known is {known!r}, expected the folder of an identification")
     found, covariance, certainty, rate = known_model(Path(known), cell.arm)
+    if terms != Terms() and terms.kinds != found.kinds:
+        raise ConfigError(f"{known} has other torque terms than model: leave out model, or identify anew")
     if goal.noise is not None:  # overrides the noise of the recordings
         certainty = 1 / goal.deviation(usual_torque(cell.body))
         rate = goal.rate

@@ -22,7 +22,7 @@ from sidegan.identification.workflow import identify_arm
 from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
-from sidegan.recording.stationary import stationary_positions
+from sidegan.recording.stationary import refuse_elsewhere, stationary_positions
 from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, headline, link_table, parameter_table
 from sidegan.robot import Arm, changes, load_robot, words
@@ -128,7 +128,7 @@ def identify(
             or a mapping with a file per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
         validation: recordings to test with, or the share of each recording, at its end, to hold out.
         recording: contents of the files and their preprocessing: the fields of ``RecordingSettings``, such as
-            ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite"}``.
+            ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite", "delay": None}`` (None: measured).
         model: torque terms in addition to rigid bodies: the fields of ``Terms``.
         estimation: the method: the fields of ``EstimationSettings``.
         gains: drive gains [N·m/A], (J,), if currents were recorded instead of torques.
@@ -176,8 +176,8 @@ def check_recordings(
     require_cell(cell)
     settings = settings_of(RecordingSettings, recording)
     share = _share(validation)
-    if gains is not None and np.ndim(gains) != 1:
-        raise ConfigError(f"gains is {gains!r}, expected a drive gain of each joint")
+    if gains is not None and not _gains(gains):
+        raise ConfigError(f"gains is {gains!r}, expected a drive gain of each joint, not zero [N·m/A]")
     with TemporaryDirectory() as folder:
         first, held_out = (
             [_named(given, Path(folder, f"{role} {k}.parquet")) for k, given in enumerate(_listed(group), 1)]
@@ -186,6 +186,7 @@ def check_recordings(
         if not first:
             raise ConfigError("recordings is empty, expected files or tables of the arm")
         arm = recorded_arm(cell, [*first, *held_out], settings)
+        refuse_elsewhere(arm, [*first, *held_out], settings)
         files: list[tuple[Recorded, Role]] = [(file, "training") for file in first]
         files += [(file, "validation") for file in held_out]
         found = read_and_check(files, arm, settings, gains, sign_width)
@@ -222,6 +223,15 @@ def identified(cell: Cell, checked: Checked, terms: Terms, estimation: Estimatio
     return IdentifiedModel(found, checked.origin._replace(command=command, settings=settings))
 
 
+def _gains(given: object) -> bool:
+    """Whether drive gains are a list of finite numbers other than zero."""
+    try:
+        gains = np.asarray(given, float)
+    except (TypeError, ValueError):
+        return False
+    return gains.ndim == 1 and bool((np.isfinite(gains) & (gains != 0)).all())
+
+
 def _share(validation: Recordings | Given | float) -> float | None:
     """The share of the recordings to hold out; None if validation is recordings."""
     if not isinstance(validation, Real):
@@ -251,7 +261,7 @@ def _named(given: Given, path: Path) -> Recorded:
             raise ConfigError(f"{path.stem} is a data frame without rows")
         try:
             given.to_parquet(path, index=False)
-        except (ValueError, TypeError) as error:  # of pyarrow
+        except (ValueError, TypeError, NotImplementedError) as error:  # of pyarrow
             raise ConfigError(f"{path.stem} is a data frame that cannot be stored: {error}") from error
         return str(path)
     if isinstance(given, Mapping):

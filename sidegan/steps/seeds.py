@@ -7,7 +7,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from sidegan.base.names import stamp_of
 from sidegan.base.random import stream
+from sidegan.base.storage import writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError
@@ -31,7 +33,7 @@ def seeds(
         count: number N of trajectories; None: that of the settings, or 400.
         seed: random seed; the same seed gives the same set for any number of workers.
         settings: the optimiser and its effort: the fields of ``sidegan.seeding.Seeds``.
-        folder: for finished parts, so that an interrupted call can resume; None: none are kept.
+        folder: for finished parts, so that the same call can resume if interrupted; None: none are kept.
         workers: processes; None: one per core.
 
     Returns:
@@ -40,6 +42,7 @@ def seeds(
     Raises:
         ConfigError: when a setting is out of range, or the method is ``published``.
         InfeasibleError: when too few starts become valid; names the violated constraints.
+        StorageError: when the folder cannot be written.
     """
     require_cell(cell)
     chosen = settings_of(Seeds, settings)
@@ -47,7 +50,12 @@ def seeds(
     if chosen.method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
     with ExitStack() as stack:
-        work = Path(stack.enter_context(TemporaryDirectory()) if folder is None else folder)
+        if folder is None:
+            work = Path(stack.enter_context(TemporaryDirectory()))
+        else:  # other calls have other folders in it
+            work = Path(folder, stamp_of(cell.arm.digest, cell.stamped(), asdict(chosen), seed))
+            with writing(work):
+                work.mkdir(parents=True, exist_ok=True)
         made = optimised(cell, chosen, seed, work, workers)
     return TrajectorySet.of(cell, made.coefficients, chosen.method)
 

@@ -1,8 +1,11 @@
 """Train trajectory generators and their surrogates: SIDE-GAN for an arm in its cell."""
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,6 +17,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.random import number
+from sidegan.base.storage import read_json, write_json, writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ArtifactError, ConfigError
@@ -25,8 +29,11 @@ with extra("paper"):
     from sidegan.gan.labels import Labelled
     from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates, negatives_count
     from sidegan.gan.side_gan import Data
+    from sidegan.gan.tensors import random_kept
     from sidegan.gan.training import Run, Trained, random_trajectories
     from sidegan.gan.training import train as run_training
+
+_CELL = "cell.json"  # beside surrogates: what they were trained for
 
 
 class Generator:
@@ -64,6 +71,7 @@ class Generator:
         Raises:
             ArtifactError: for a truncated or foreign file, a different arm or family of trajectories.
         """
+        require_cell(cell)
         network = TrajectoryGenerator.load(Path(path), cell.arm)
         if network.trajectory != cell.trajectory:
             raise ArtifactError(f"{path} makes {network.trajectory}, the cell has {cell.trajectory}")
@@ -88,8 +96,8 @@ def train(
             a ``Variant``, such as ``{"variant": "Vanilla", "weights": {"adversarial": 1}}``.
         cell: the arm in its cell.
         seeds: training data, a set or coefficients (N, J, H, 2) [rad/s]; ``"exact"`` needs none.
-        surrogates: folder from ``sidegan.surrogates``, to share between variants; None: trains them first if
-            the variant needs them.
+        surrogates: folder from ``sidegan.surrogates`` for this cell, to share between variants; None: trains
+            them first if the variant needs them.
         seed: random seed.
         box: bound on the generator's absolute coefficients [rad/s]; None: no bound.
         workers: processes for the surrogates; None: one per core.
@@ -101,6 +109,7 @@ def train(
     Raises:
         ConfigError: when there is no such variant, it needs seeds, or a setting is out of range.
         ShapeError: when the seeds do not fit the cell.
+        ArtifactError: when the surrogates are of another cell.
         SideganError: when the training diverges.
     """
     require_cell(cell)
@@ -110,10 +119,12 @@ def train(
         raise ConfigError(f"surrogates is {surrogates!r}, expected the folder that sidegan.surrogates filled")
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
-    c = None if seeds is None or not settings.seeded else coefficients_of(seeds)
-    with TemporaryDirectory() as work:
+    c = None if seeds is None or not settings.seeded else coefficients_of(seeds, cell)
+    with TemporaryDirectory() as work, random_kept():
         folder = None if surrogates is None else Path(surrogates)
-        if settings.features and folder is None and c is not None:
+        if settings.features and folder is not None:
+            _require_surrogates(folder, cell)
+        elif settings.features and c is not None:
             folder = Path(work, "surrogates")
             _from_vanilla(cell, c, folder, SurrogateSettings(), seed, box, workers)
         run = Run(name, number(seed, f"gan {name}"), Path(work, name))
@@ -123,7 +134,7 @@ def train(
 
 def _require_box(box: float | None) -> None:
     """Refuse a bound that is not positive by a ConfigError."""
-    if box is not None and not box > 0:
+    if box is not None and not (isinstance(box, Real) and 0 < box < math.inf):
         raise ConfigError(f"box is {box!r}, expected a positive number [rad/s]")
 
 
@@ -168,7 +179,11 @@ def surrogates(
     require_cell(cell)
     _require_box(box)
     settings = build(SurrogateSettings, changes)
-    return _from_vanilla(cell, coefficients_of(seeds), Path(folder), settings, seed, box, workers)
+    with writing(Path(folder)):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    with random_kept():
+        c = coefficients_of(seeds, cell)
+        return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
 
 
 def _from_vanilla(
@@ -208,7 +223,22 @@ def pretrain(
     for name in ("spectrum", "diagonal", "energies"):
         jobs.append(partial(training.train_features, name, labelled, folder, number(seed, name)))
     parts = run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs))
+    write_json(folder / _CELL, _stamp(cell))
     return {key: value for part in parts for key, value in part.items()}
+
+
+def _stamp(cell: Cell) -> dict[str, Any]:
+    return {"arm": cell.arm.digest, **cell.stamped()}
+
+
+def _require_surrogates(folder: Path, cell: Cell) -> None:
+    """Refuse a folder without surrogates, or with those of another cell, by an ArtifactError."""
+    stored = read_json(folder / _CELL)
+    own = json.loads(json.dumps(_stamp(cell)))
+    if differing := [name for name in own if stored.get(name) != own[name]]:
+        raise ArtifactError(
+            f"the surrogates in {folder} were trained for another cell: {', '.join(differing)} differ"
+        )
 
 
 def trained(

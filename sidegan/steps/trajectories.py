@@ -67,7 +67,7 @@ class TrajectorySet:
         """
         require_cell(cell)
         try:
-            c = np.asarray(coefficients, float)
+            c = np.array(coefficients, float)
         except (TypeError, ValueError) as error:
             raise ShapeError(f"coefficients are not an array of numbers: {error}") from error
         cell.trajectory.check(c)
@@ -82,6 +82,7 @@ class TrajectorySet:
         Raises:
             ArtifactError: when there is none, or it is for a different arm.
         """
+        require_cell(cell)
         stored = Library.load(Path(folder) / LIBRARY, cell.arm)
         joints, harmonics, _ = stored.coefficients.shape[1:]
         family = Trajectory(joints, harmonics, stored.period, stored.home)
@@ -94,7 +95,13 @@ class TrajectorySet:
     def __getitem__(self, which: int | slice | Sequence[int] | Array) -> "TrajectorySet":
         """The trajectories with these indices, from 0, in this order."""
         rows = np.atleast_1d(np.arange(len(self))[which])
-        return replace(self, library=self.library.take(rows))
+        if not len(rows):
+            raise ShapeError(f"there are none of these {len(self)} trajectories at {which!r}")
+        return replace(self, library=self.library.take(rows), aim=None)  # the aim is that of all together
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        """The coefficients."""
+        return np.array(self.coefficients, dtype)
 
     def __repr__(self) -> str:
         return (
@@ -125,7 +132,7 @@ class TrajectorySet:
     @property
     def warnings(self) -> list[str]:
         """Why the set hardly excites the arm, and what helps; empty for a good set."""
-        found = describe_weak_set(self.cell, self.aim, self.coefficients, self.condition)
+        found = describe_weak_set(self, self.condition)
         return [found] if found else []
 
     def select(self, count: int, method: str = "greedy") -> "TrajectorySet":
@@ -142,6 +149,8 @@ class TrajectorySet:
         """
         settings = build(Selection, {"count": count, "method": method})
         valid = self.library.take(np.flatnonzero(self.valid))
+        if count > len(valid):
+            raise ShapeError(f"cannot choose {count} of {len(valid)} valid trajectories ({len(self)} in all)")
         chosen = choose(settings, self.cell.body, self.family, valid.coefficients, valid.diagonal)
         return TrajectorySet(self.cell, valid.take(chosen), self.family)
 
@@ -233,6 +242,8 @@ class TrajectorySet:
             StorageError: when a file cannot be written.
         """
         settings = settings_of(ExportSettings, controllers)
+        if settings.rehearse:
+            raise ConfigError("rehearse is for the command; in Python, sidegan.plant.Plant follows a motion")
         family, _ = slower(self.family, self.coefficients, settings.speed)
         require_exportable(self.cell.arm, family, settings)  # before a slow motion is sampled
         run = self.at_speed(settings.speed)
@@ -261,9 +272,10 @@ class TrajectorySet:
         write_view(Path(path), *shown, steps)
 
 
-def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Array, condition: float) -> str:
-    """Why a set [rad/s], (N, J, H, 2), with this condition is weak, and what helps; empty for a good set."""
-    use = np.median(cell.problem.limit_use(c).max(0))
+def describe_weak_set(given: TrajectorySet, condition: float) -> str:
+    """Why a set with this condition number is weak, and what helps; empty for a good set."""
+    cell, aim, c = given.cell, given.aim, given.coefficients
+    use = np.median(replace(cell.problem, trajectory=given.family).limit_use(c).max(0))
     reasons = []
     if use < _LITTLE:
         reasons.append(f"it uses {use:.0%} of the limits on motion")
@@ -276,7 +288,7 @@ def describe_weak_set(cell: Cell, aim: Uncertain | ConditionGoal | None, c: Arra
     if not reasons:
         return ""
     text = f"the set hardly excites the arm: {', '.join(reasons)}"
-    where = binding(cell.constraints, cell.trajectory, c)
+    where = binding(cell.constraints, given.family, c)
     if where is None:
         return text
     constraint, which = where
@@ -292,8 +304,17 @@ def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:
     return [f"{used:.0%}, {value}" for used, value in zip(share.max(1), values)] if limited else values
 
 
-def coefficients_of(given: TrajectorySet | ArrayLike) -> Array:
-    """Coefficients [rad/s], (N, J, H, 2), of a set or as given."""
-    if isinstance(given, TrajectorySet):
-        return given.coefficients
-    return np.asarray(given, float)
+def coefficients_of(given: TrajectorySet | ArrayLike, cell: Cell) -> Array:
+    """Coefficients [rad/s], (N, J, H, 2), of a set of the cell's arm and family, or as given.
+
+    Raises:
+        ShapeError: when a set is of another arm, period, home or number of harmonics.
+    """
+    if not isinstance(given, TrajectorySet):
+        return np.asarray(given, float)
+    if given.family != cell.trajectory or given.cell.whole_arm.digest != cell.whole_arm.digest:
+        raise ShapeError(
+            f"the set is of {given.cell.arm.name}, {given.family}; the cell has {cell.arm.name}, "
+            f"{cell.trajectory}: pass set.coefficients if the same numbers are meant for this cell"
+        )
+    return given.coefficients

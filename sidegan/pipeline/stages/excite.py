@@ -41,7 +41,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
     )
     slowed = chosen.at_speed(cfg.controllers.speed)
     _delete_old_files(folder)
-    durations = chosen.save(folder, cfg.controllers)
+    durations = chosen.save(folder, replace(cfg.controllers, rehearse=False))  # rehearsed below
     tracker.log_metrics({"excite/condition": slowed.condition})
     steps = next_steps(run, durations)
     caption = [

@@ -29,10 +29,10 @@ class ArmDynamics:
             have the right torques only together.
     """
 
-    def __init__(self, folder: Path | None = None) -> None:
+    def __init__(self, folder: str | Path | None = None) -> None:
         import pinocchio
 
-        folder = Path(__file__).parent if folder is None else folder
+        folder = Path(__file__).parent if folder is None else Path(folder)
         numbers = json.loads((folder / "parameters.json").read_text(encoding="utf-8"))
         self.joints: list[str] = numbers["joints"]
         self.model: Any = pinocchio.buildModelFromMJCF(str(folder / numbers["mjcf"]))
@@ -58,6 +58,7 @@ class ArmDynamics:
 
     def friction(self, dq: Vector) -> Vector:
         """Friction and offset [N·m or N], (…, J), at velocities [rad/s or m/s], (…, J)."""
+        dq = np.asarray(dq, float)
         still = np.zeros(len(self.joints))
         viscous, coulomb, offset = (self._terms.get(name, still) for name in ("viscous", "coulomb", "offset"))
         return viscous * dq + coulomb * np.tanh(dq / self._sign_width) + offset
@@ -65,11 +66,11 @@ class ArmDynamics:
     def gravity(self, q: Vector) -> Vector:
         """Torque [N·m or N], (J,), that holds the arm still at positions (J,), without friction."""
         still = np.zeros(len(self.joints))
-        return self._pinocchio.rnea(self.model, self._data, q, still, still)
+        return self._pinocchio.rnea(self.model, self._data, np.asarray(q, float), still, still)
 
     def mass_matrix(self, q: Vector) -> Vector:
         """Joint-space inertia with rotors [kg·m² or kg], (J, J), at positions (J,)."""
-        upper = self._pinocchio.crba(self.model, self._data, q)
+        upper = self._pinocchio.crba(self.model, self._data, np.asarray(q, float))
         return np.triu(upper) + np.triu(upper, 1).T
 
     def predict(self, frame: Any) -> Any:

@@ -22,6 +22,7 @@ _UNITS = {
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
     **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m"},
 }
+_OF_SLIDES = {"Ia": "kg", "fv": "N·s/m", "fc": "N", "fo": "N"}  # the same of prismatic joints
 
 
 class Origin(NamedTuple):
@@ -176,11 +177,13 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
     quality, chosen, model = identified.quality, identified.chosen, identified.model
     nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     kinds = [name.rstrip("0123456789") for name in chosen.names]
+    joints = [int(name.removeprefix(kind) or 0) - 1 for name, kind in zip(chosen.names, kinds)]
+    prismatic = [model.arm.prismatic[joint] for joint in joints]
     return pd.DataFrame(
         {
             "name": chosen.names,
             "formula": model.formulas,
-            "unit": [_UNITS.get(kind, _UNITS.get(kind[:1], "")) for kind in kinds],
+            "unit": [_unit(kind, slides) for kind, slides in zip(kinds, prismatic)],
             "value": chosen.parameters.tolist(),
             "std": chosen.deviation.tolist(),
             "urdf": nominal,
@@ -188,6 +191,12 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
             "weak": [name in quality.weak for name in chosen.names],
         }
     )
+
+
+def _unit(kind: str, slides: bool) -> str:
+    """Unit of a kind of parameter, of a prismatic joint if it slides."""
+    usual = _UNITS.get(kind, _UNITS.get(kind[:1], ""))
+    return _OF_SLIDES.get(kind, usual) if slides else usual
 
 
 def link_table(identified: IdentifiedArm) -> pd.DataFrame:
