@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 
 import sidegan as sg
 from sidegan.base.arrays import flatten
@@ -124,6 +125,29 @@ def test_a_reloaded_set_is_checked_in_its_new_cell(cell, excitation, tmp_path):
     assert not sg.TrajectorySet.load(tmp_path / "slow", blocked).valid.any()
 
 
+def test_finished_parts_of_seeds_serve_the_same_call_alone(cell, tmp_path):
+    less = {"steps": 20, "samples": 20, "batch": 20}
+
+    def made(count=20, seed=0, cell=cell):
+        return sg.seeds(cell, count, seed, settings=less, folder=tmp_path, workers=1)
+
+    first = made()
+    assert np.array_equal(made().coefficients, first.coefficients) and len([*tmp_path.iterdir()]) == 1
+    assert not np.array_equal(made(seed=1).coefficients, first.coefficients)
+    weak = sg.Cell("planar2", harmonics=3, period=8, workspace={"desk": None}, effort=0.4)
+    assert len(made(count=8)) == 8 and made(cell=weak).valid.all()
+
+
+def test_a_set_keeps_its_numbers_and_measures_itself_by_its_own_family(cell, excitation, tmp_path):
+    c = excitation.coefficients.copy()
+    kept = sg.TrajectorySet.of(cell, c)
+    c[:] = 30
+    assert np.array_equal(kept.coefficients, excitation.coefficients)
+    slow = excitation.at_speed(0.3)
+    own = sg.Cell("planar2", harmonics=3, period=8 / 0.3, workspace={"desk": None})
+    assert slow.warnings == sg.TrajectorySet.of(own, slow.coefficients).warnings
+
+
 REFUSED = [
     ("1 of 2 trajectories are invalid: 2 violates position of shoulder", lambda cell, it: it.save("set")),
     (
@@ -147,10 +171,21 @@ REFUSED = [
     ("validation is -0.5", lambda cell, it: sg.identify(cell, "a.csv", -0.5)),
     ("validation is 30", lambda cell, it: sg.identify(cell, "a.csv", 30)),
     ("gains is 1.0", lambda cell, it: sg.identify(cell, "a.csv", gains=1.0)),
+    ("gains is .*not zero", lambda cell, it: sg.identify(cell, "a.csv", gains=[2, float("nan")])),
+    ("careful is 5", lambda cell, it: it.select(1).save("set", sg.ExportSettings(careful=5.0))),
+    ("clearance is -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
+    ("rehearse is for the command", lambda cell, it: it.save("set", {"rehearse": True})),
+    ("cannot choose 2 of 1 valid trajectories", lambda cell, it: it.select(2)),
+    ("none of these 2 trajectories", lambda cell, it: it[[]]),
+    ("coefficients are .2, 2, 2, 3, 2.", lambda cell, it: sg.TrajectorySet.of(cell, [it, it])),
+    ("cell is 'planar2'", lambda cell, it: sg.TrajectorySet.load("set", "planar2")),
+    ("known is 3", lambda cell, it: sg.excite(cell, 1, known=3)),
+    ("period=8.0.*period=16.0", lambda cell, it: sg.train("vanilla", sg.Cell("planar2", harmonics=3), it)),
     ("no such setting", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
     ("workers is -3", lambda cell, it: sg.seeds(cell, 3, workers=-3)),
     ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
+    ("box is inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),
 ]
 
 
@@ -187,6 +222,11 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
         arm.torque(*np.zeros((3, 3)))
     with pytest.raises(sg.SideganError, match="recordings is empty"):
         sg.identify(cell, [])
+    locked = sg.Cell("planar2", locked={"elbow": 0.0})
+    with pytest.raises(sg.SideganError, match=r"elbow is locked at 0 \(robot.locked\), but recorded from -"):
+        sg.identify(locked, tables[0])
+    still = [table.assign(q_elbow=0.005) for table in tables]
+    assert sg.identify(locked, still[0]).arm.model.joints == 1
 
 
 def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
@@ -195,7 +235,12 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     networks["negatives"] = {"vanilla": {"variant": "Vanilla", "weights": {"adversarial": 1}, **SMALL}}
     told = sg.surrogates(cell, seeds, tmp_path, workers=1, samples=200, epochs=2, **networks)
     assert told.keys() == {"accuracy_paper", "accuracy_broad", "r2_spectrum", "r2_diagonal", "r2_energies"}
+    other = sg.Cell("planar2", harmonics=3, period=8, home=[0.1, 0], workspace={"desk": None})
+    with pytest.raises(sg.SideganError, match="were trained for another cell: trajectory differ"):
+        sg.train("eigen", other, seeds.coefficients, surrogates=tmp_path, **SMALL)
+    before = torch.get_rng_state(), np.random.get_state()[1].copy()
     generator = sg.train("eigen", cell, seeds=seeds, surrogates=tmp_path, **SMALL)
+    assert torch.equal(before[0], torch.get_rng_state()) and (before[1] == np.random.get_state()[1]).all()
     made = generator.sample(20)
     assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
     generator.save(tmp_path / "eigen.pt")
