@@ -104,8 +104,9 @@ def recommendations(identified: IdentifiedArm, command: str) -> list[str]:
     if not identified.quality.weak:
         return []
     return [
-        "record trajectories optimised for what these recordings left uncertain, in your workspace, and "
-        f"identify from all recordings: {command} known=FOLDER, where FOLDER is the folder of this report",
+        "record trajectories optimised for what these recordings left uncertain, and identify from all "
+        f"recordings: {command} known=FOLDER, where FOLDER is the folder of this report; add the settings "
+        "of your workspace, home and effort",
     ]
 
 
