@@ -1,7 +1,7 @@
 """A library keeps every bit in its file, and refuses what does not fit."""
 
 import json
-from types import SimpleNamespace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -162,11 +162,11 @@ def test_bad_files_are_refused(path, words, spoil):
         Library.load(path)
 
 
-def test_a_library_of_another_robot_is_refused(path):
+def test_a_library_of_another_robot_is_refused(path, planar):
     library().save(path)
-    assert len(Library.load(path, SimpleNamespace(name="planar2", digest="d1"))) == 6
+    assert len(Library.load(path, replace(planar, digest="d1"))) == 6
     with pytest.raises(ArtifactError, match=r"made for planar2 \(digest d1\), not for kuka \(digest d2\)"):
-        Library.load(path, SimpleNamespace(name="kuka", digest="d2"))
+        Library.load(path, replace(planar, name="kuka", digest="d2"))
 
 
 @pytest.mark.parametrize(
