@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidegan.report.identification.content import Origin
+from sidegan.report.identification.content import Origin, parameter_table
 from sidegan.report.identification.results import number, report_html
 from tests.report.builders import identification
 from tests.report.pages import Page
@@ -78,3 +78,9 @@ NUMBERS = {1.23456: "1.235", -2.5e-7: "-2.5e-7", 1.5e12: "1.5e12", -3e-17: "0", 
 @pytest.mark.parametrize(("value", "text"), NUMBERS.items())
 def test_numbers_are_rounded_for_reading(value, text):
     assert number(value) == text
+
+
+def test_parameters_of_sliding_joints_have_their_units(planar):
+    arm = replace(planar, prismatic=np.array([False, True]))
+    unit = parameter_table(identification(arm, "a.csv", "b.csv")).set_index("name").unit
+    assert unit[["fv1", "fc1", "fv2", "fc2"]].tolist() == ["N·m·s/rad", "N·m", "N·s/m", "N"]
