@@ -1,13 +1,12 @@
 """Seed sets and long trajectories, made in resumable parallel tasks, whatever the number of workers."""
 
-import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from sidegan.base.parallel import Job, Report, run_jobs
+from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
 from sidegan.base.storage import read_arrays, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
@@ -64,7 +63,11 @@ def _task(
 
 
 def make_long(
-    problem: Problem, method: Optimiser, starts: int, random: np.random.SeedSequence, progress: Report
+    problem: Problem,
+    method: Optimiser,
+    starts: int,
+    random: np.random.SeedSequence,
+    workers: int | None = None,
 ) -> SeedBatch:
     """A long trajectory, the best of ``starts`` starts, or of more while none is valid.
 
@@ -73,14 +76,21 @@ def make_long(
     Raises:
         InfeasibleError: when no start becomes valid.
     """
-    began = time.process_time()
-    batches = list[SeedBatch]()
-    for done, seed in enumerate(random.spawn((1 + _SPARE_STARTS) * starts), 1):
-        batches.append(method.optimise(problem, 1, seed))
-        progress(min(done, starts), starts)
-        if done >= starts and any(map(len, batches)):
+    began = cpu_seconds()
+    seeds = random.spawn((1 + _SPARE_STARTS) * starts)
+    jobs: list[Job] = [partial(_start, problem, method, seed) for seed in seeds]
+    batches = run_jobs("long", jobs[:starts], workers, starts)
+    for job in jobs[starts:]:
+        if any(map(len, batches)):
             break
+        batches += run_jobs("long", [job], workers=1, total=1)
     whole = SeedBatch.join(batches)
     if not len(whole):
         raise whole.shortfall(problem.constraints, 1)
-    return replace(whole.best(1), cpu_seconds=time.process_time() - began)
+    return replace(whole.best(1), cpu_seconds=cpu_seconds() - began)
+
+
+def _start(problem: Problem, method: Optimiser, seed: np.random.SeedSequence, report: Report) -> SeedBatch:
+    batch = method.optimise(problem, 1, seed)
+    report(1, 1)
+    return batch

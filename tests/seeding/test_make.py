@@ -62,9 +62,8 @@ def long_problem(planar_problem):
 
 
 def test_a_long_trajectory_is_the_best_of_its_starts(long_problem):
-    single, seed, shares = replace(METHOD, attempts=1), np.random.SeedSequence, []
-    long = make_long(long_problem, single, 2, seed(3), lambda *share: shares.append(share))
-    assert shares[-1] == (2, 2)
+    single, seed = replace(METHOD, attempts=1), np.random.SeedSequence
+    long = make_long(long_problem, single, 2, seed(3), workers=1)
     found = [single.optimise(long_problem, 1, child) for child in seed(3).spawn(long.attempts)]
     best = min((batch for batch in found if len(batch)), key=lambda batch: float(batch.fitness[0]))
     assert np.array_equal(long.coefficients, best.coefficients)
@@ -77,7 +76,7 @@ def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_probl
         made(planar_problem, tmp_path, method=Gradient(5, attempts=5, reserve=0.2), count=2)
     method = Spied(replace(METHOD, attempts=1, steps=3))
     with pytest.raises(InfeasibleError, match=r"only 0 of 1 seeds became valid in 10 starts"):
-        make_long(planar_problem, method, 2, np.random.SeedSequence(0), lambda *_: None)
+        make_long(planar_problem, method, 2, np.random.SeedSequence(0), workers=1)
     assert method.calls == 10
 
 

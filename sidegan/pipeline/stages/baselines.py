@@ -145,6 +145,7 @@ def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
         partial(_make_long, harmonics=harmonics),
         {**asdict(settings), "harmonics": harmonics, **seeds},
         title=f"long/{harmonics}",
+        alone=True,
     )
 
 
@@ -154,7 +155,8 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     seeds = run.cfg.seeds
     problem = Problem(run.cell.constraints, family, settings.samples)
     method = Gradient(settings.steps, attempts=1, reserve=seeds.reserve or 0.0)
-    made = make_long(problem, method, settings.starts, run.random(f"long {harmonics}"), build.report)
+    random, workers = run.random(f"long {harmonics}"), run.cfg.parallel.workers
+    made = make_long(problem, method, settings.starts, random, workers)
     library = measured(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = made.cpu_seconds
