@@ -210,6 +210,10 @@ class Cell:
             family["rooms"] = 2
         return {"workspace": self.workspace.stamped(self.arm), "trajectory": family}
 
+    def identity(self) -> dict[str, Any]:
+        """Plain values that identify what is made for this cell, with the arm's digest."""
+        return {"arm": self.arm.digest, **self.stamped()}
+
 
 def require_cell(given: object) -> None:
     """Refuse everything but a cell, such as the path of a description, by a ConfigError."""

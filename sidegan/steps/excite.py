@@ -51,8 +51,8 @@ def excite(
             ``{"objective": "parameters"}``.
         search: effort per trajectory: the fields of ``SearchSettings``.
         model: torque terms to identify in addition to rigid bodies: the fields of ``Terms``.
-        known: folder with the results of an identification, to reduce its remaining uncertainty; its terms
-            are those of ``model``. None: only the description is known.
+        known: folder with the results of an identification, to reduce its remaining uncertainty; its torque
+            terms replace the default ones of ``model``. None: only the description is known.
 
     Returns:
         The set: ``coefficients`` (N, J, H, 2) [rad/s], ``motion(rate)``, ``condition``, ``to_frame()``,

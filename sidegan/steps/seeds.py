@@ -53,7 +53,7 @@ def seeds(
         if folder is None:
             work = Path(stack.enter_context(TemporaryDirectory()))
         else:  # other calls have other folders in it
-            work = Path(folder, stamp_of(cell.arm.digest, cell.stamped(), asdict(chosen), seed))
+            work = Path(folder, stamp_of(cell.identity(), asdict(chosen), seed))
             with writing(work):
                 work.mkdir(parents=True, exist_ok=True)
         made = optimised(cell, chosen, seed, work, workers)

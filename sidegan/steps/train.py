@@ -179,10 +179,10 @@ def surrogates(
     require_cell(cell)
     _require_box(box)
     settings = build(SurrogateSettings, changes)
+    c = coefficients_of(seeds, cell)
     with writing(Path(folder)):
         Path(folder).mkdir(parents=True, exist_ok=True)
     with random_kept():
-        c = coefficients_of(seeds, cell)
         return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
 
 
@@ -223,18 +223,14 @@ def pretrain(
     for name in ("spectrum", "diagonal", "energies"):
         jobs.append(partial(training.train_features, name, labelled, folder, number(seed, name)))
     parts = run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs))
-    write_json(folder / _CELL, _stamp(cell))
+    write_json(folder / _CELL, cell.identity())
     return {key: value for part in parts for key, value in part.items()}
-
-
-def _stamp(cell: Cell) -> dict[str, Any]:
-    return {"arm": cell.arm.digest, **cell.stamped()}
 
 
 def _require_surrogates(folder: Path, cell: Cell) -> None:
     """Refuse a folder without surrogates, or with those of another cell, by an ArtifactError."""
     stored = read_json(folder / _CELL)
-    own = json.loads(json.dumps(_stamp(cell)))
+    own = json.loads(json.dumps(cell.identity()))
     if differing := [name for name in own if stored.get(name) != own[name]]:
         raise ArtifactError(
             f"the surrogates in {folder} were trained for another cell: {', '.join(differing)} differ"

@@ -96,7 +96,7 @@ class TrajectorySet:
         """The trajectories with these indices, from 0, in this order."""
         rows = np.atleast_1d(np.arange(len(self))[which])
         if not len(rows):
-            raise ShapeError(f"there are none of these {len(self)} trajectories at {which!r}")
+            raise ShapeError(f"{which!r} selects none of these {len(self)} trajectories")
         return replace(self, library=self.library.take(rows), aim=None)  # the aim is that of all together
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:

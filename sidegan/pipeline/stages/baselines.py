@@ -164,8 +164,13 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     write_json(build.folder / REPORT, report | {"evaluations": settings.steps})
 
 
+def _compile_searches(run: RunContext) -> None:
+    """Start compiling what missing searches need, while other stages run."""
+    if any(run.store.find(searched_set(run, evaluations)) is None for evaluations in _EVALUATIONS):
+        compile_beside(descent=True)
+
+
 STAGES = {
-    # the searches' kernels compile while other stages run
-    "random": Stage(lambda run: baselines(run).values(), check=lambda run: compile_beside(descent=True)),
+    "random": Stage(lambda run: baselines(run).values(), check=_compile_searches),
     "long": Stage(lambda run: [long_trajectory(run, h) for h in run.cfg.long.harmonics]),
 }

@@ -178,8 +178,7 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
     quality, chosen, model = identified.quality, identified.chosen, identified.model
     nominal = [x if i < model.rigid else math.nan for i, x in enumerate(model.nominal.tolist())]
     kinds = [name.rstrip("0123456789") for name in chosen.names]
-    joints = [int(name.removeprefix(kind) or 0) - 1 for name, kind in zip(chosen.names, kinds)]
-    prismatic = [model.arm.prismatic[joint] for joint in joints]
+    prismatic = [model.arm.prismatic[joint_of(name)] for name in chosen.names]
     return pd.DataFrame(
         {
             "name": chosen.names,
