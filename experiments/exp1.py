@@ -167,7 +167,8 @@ def on_plants(plant: pd.DataFrame, trained: Collection[str]) -> str:
             f" have a larger error than the seeds, {worse} significantly;"
             f" {verdicts.count(HOLDS)} a significantly smaller one"
         )
-    return ". ".join(sentences)
+    begun = [text[0].upper() + text[1:] for text in sentences[1:]]
+    return ". ".join([*sentences[:1], *begun])
 
 
 def over_others(frame: pd.DataFrame, trained: Collection[str]) -> dict[str, pd.Series]:

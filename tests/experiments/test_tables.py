@@ -111,6 +111,7 @@ def test_plants_are_compared_one_by_one_by_both_means_and_weightings():
     said = exp1.on_plants(plants, ["eigen", "vanilla"]).split(". ")
     words = "{0} of 2 sets with generated trajectories have a larger error than the seeds, {0} significantly"
     assert words.format(1) in said[0] and words.format(2) in said[1] and all("; 0 a" in x for x in said)
+    assert said[1].startswith("Weighted per joint: ")
 
 
 @pytest.fixture
