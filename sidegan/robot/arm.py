@@ -42,7 +42,6 @@ class Capsules:
     a: Array  # one end of the segment [m], (C, 3)
     b: Array  # the other end [m], (C, 3); equal to `a` for a sphere
     radius: Array  # radius [m], (C,)
-    names: tuple[str, ...]  # for messages; capsules of the same shape share a name
     owners: tuple[str, ...]  # the description's link that each belongs to
     pieces: Pieces | None = None  # bodies inside them; None if the capsules are the exact shapes
     points: bool = False  # whether they are points of an arm without shapes, used for regions only

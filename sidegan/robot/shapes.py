@@ -1,7 +1,6 @@
 """Collision shapes of the links: capsules that enclose them, and convex pieces that enclose them tightly."""
 
 import hashlib
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -26,7 +25,6 @@ class Shape(NamedTuple):
 
     link: int  # that joint; -1 for the base
     owner: str  # the description's link
-    name: str
     part: Part
     exact: bool = False  # whether the capsule is the shape itself
     digest: str = ""  # of the meshes it was fitted to, and their placement
@@ -45,17 +43,15 @@ def shapes_of(
         groups.setdefault((owner, "" if is_mesh(geometry_object) else geometry_object.name), []).append(
             geometry_object
         )
-    count = Counter(owner for owner, _ in groups)
     shapes = []
     for (owner, primitive), group in groups.items():
         link = group[0].parentJoint - 1
-        name = owner if count[owner] == 1 else group[0].name
         if primitive:
             exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
-            shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
+            shapes.append(Shape(link, owner, _placed(_primitive(group[0].geometry), group[0]), exact))
         else:
             parts, digest = _fitted(group, (hollow or {}).get(owner, 0))
-            shapes += [Shape(link, owner, owner, _placed(part, group[0]), digest=digest) for part in parts]
+            shapes += [Shape(link, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
 
@@ -67,7 +63,6 @@ def capsules_of(shapes: Sequence[Shape]) -> Capsules:
         a=ends[:, 0].copy(),
         b=ends[:, 1].copy(),
         radius=np.array([shape.part.capsule[1] for shape in shapes]),
-        names=tuple(shape.name for shape in shapes),
         owners=tuple(shape.owner for shape in shapes),
         pieces=None if all(shape.exact for shape in shapes) else _pieces(shapes),
     )

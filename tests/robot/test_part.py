@@ -94,7 +94,7 @@ def test_locked_parts_are_reported_and_stay_in_the_collision_model(load):
     assert "3 kg of nail, tip lumped into left_lower" in notes
     assert "fixed to the base: torso, right_upper, right_lower" in notes
     still, moving = dict.fromkeys(["torso", "right_upper", "right_lower"], -1), {"left_upper": 0}
-    owners = dict(zip(arm.capsules.names, arm.capsules.link.tolist()))
+    owners = dict(zip(arm.capsules.owners, arm.capsules.link.tolist()))
     assert owners == {**still, **moving, "left_lower": 1, "tip": 1}
 
 
