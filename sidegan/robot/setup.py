@@ -68,11 +68,6 @@ def allowed(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | Non
     return setting("may_touch", [*dict.fromkeys(tuple(sorted(pair)) for pair in (*(given or ()), *pairs))])
 
 
-def words(setup: Setup) -> list[str]:
-    """A whole setup as arguments of the command."""
-    return changes("robot", setup)
-
-
 def changes(group: str, settings: Any) -> list[str]:
     """Settings of a group that differ from their defaults, as arguments of the command."""
     plain = type(settings)()

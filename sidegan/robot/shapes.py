@@ -10,14 +10,13 @@ import numpy as np
 import pinocchio as pin
 import scipy  # submodules load lazily
 
-from sidegan.robot.arm import Capsules, Pieces
+from sidegan.robot.arm import Capsules, Pieces, rounded
 from sidegan.robot.covering import Part, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
 VERSION = 6  # raise it when a change yields other shapes for the same description
 
 _SIDES = 64  # of the prism circumscribed about a cylinder
-_FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
 class Shape(NamedTuple):
@@ -134,7 +133,7 @@ def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], s
     for mesh in group:
         relative = first.actInv(mesh.placement)
         state.update(hashlib.sha256(Path(mesh.meshPath).read_bytes()).digest())
-        state.update(_rounded(np.r_[mesh.meshScale, relative.rotation.ravel(), relative.translation]))
+        state.update(rounded(np.r_[mesh.meshScale, relative.rotation.ravel(), relative.translation]))
 
     def triangles() -> list[Points]:
         parts = []
@@ -144,7 +143,7 @@ def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], s
         return [part for part in parts if len(part)]
 
     parts = cover_of(state.hexdigest(), hollow, triangles)
-    where = hashlib.sha256(_rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
+    where = hashlib.sha256(rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
     return parts, f"{state.hexdigest()} {where} {group[0].parentJoint}"
 
 
@@ -155,8 +154,3 @@ def _triangles(shape: coal.CollisionGeometry) -> Points:
         return vertices[scipy.spatial.ConvexHull(vertices).simplices]
     indices = [[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))]
     return np.array(shape.vertices(), dtype=np.float64)[np.array(indices, dtype=int).reshape(-1, 3)]
-
-
-def _rounded(numbers: Points) -> bytes:
-    """Numbers as bytes, rounded so that they are the same on every machine."""
-    return (np.round(numbers * _FINEST) / _FINEST + 0.0).astype("<f8").tobytes()

@@ -15,11 +15,7 @@ from sidegan.validity.regions import tables
 def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
     """World positions [m], (3, K, N), of points (K, 3) fixed to links (K,), -1 for the base."""
     turns, places = frames_of(arm, q)
-    placed = np.empty((3, len(points), q.shape[1]))
-    for link in np.unique(links).tolist():
-        own = links == link
-        placed[:, own] = np.einsum("ijn,kj->ikn", turns[link + 1], points[own]) + places[link + 1][:, None]
-    return placed
+    return np.einsum("kijn,kj->ikn", turns[links + 1], points) + places[links + 1].swapaxes(0, 1)
 
 
 def frames_of(arm: Arm, q: Array) -> tuple[Array, Array]:

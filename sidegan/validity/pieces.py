@@ -7,8 +7,8 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.motion.arrays import array, chain_of
-from sidegan.robot import Arm, Capsules
-from sidegan.robot.arm import Pieces
+from sidegan.robot import Arm
+from sidegan.robot.fitting import from_segment
 from sidegan.validity.bounds import Reaches
 from sidegan.validity.capsules import shapes_alone
 
@@ -46,7 +46,8 @@ class PieceDistances:
         pieces = self.arm.capsules.pieces
         if pieces is None:
             return Hulls.none(len(capsules.radius), len(self.pairs))
-        around = _around(capsules, pieces)
+        bodies = zip(capsules.a, capsules.b, np.split(pieces.corners, pieces.start[1:-1]))
+        around = np.array([from_segment(np.stack([a, b]), corners).max() for a, b, corners in bodies])
         return Hulls(*map(array, (pieces.corners, pieces.start, pieces.radius, around, self.finer)))
 
     @cached_property
@@ -67,7 +68,7 @@ class PieceDistances:
         from sidegan.kernels import bodies as kernel
 
         found = np.full(len(asked), -np.inf)
-        if self.arm.capsules.pieces is not None and len(asked):
+        if len(asked):
             room = kernel.place_for(self.bodies.shapes, self.arm.joints)
             kernel.distances(self.bodies, array(q), array(asked), need, found, room)
         return found
@@ -94,14 +95,3 @@ class PieceDistances:
             budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
             found[p] = kernel.never_touch(self.bodies, reach, p, _GAP, work, budget, room)
         return found
-
-
-def _around(capsules: Capsules, pieces: Pieces) -> Array:
-    """Largest distance of each piece's corners from its capsule's axis [m], (C,)."""
-    counts = np.diff(pieces.start)
-    a = capsules.a.repeat(counts, 0)
-    along = (capsules.b - capsules.a).repeat(counts, 0)
-    length = np.maximum(np.square(along).sum(1), np.finfo(float).tiny)
-    share = np.clip(((pieces.corners - a) * along).sum(1) / length, 0, 1)
-    apart = np.linalg.norm(a + share[:, None] * along - pieces.corners, axis=1)
-    return np.maximum.reduceat(apart, pieces.start[:-1])
