@@ -101,7 +101,8 @@ def test_the_judge_finds_every_kind_of_violation(angle, facts, wrong):
     judge = Judge(FILE, JOINTS, facts)
     verdict = judge(time, q, dq, ddq)
     assert verdict["valid"] == (not wrong) and (not wrong or verdict[wrong] > 1)
-    assert not judge(time, q, 0.9 * dq, ddq)["valid"]  # rates that are another motion's
+    if not wrong:
+        assert not judge(time, q, 0.9 * dq, ddq)["valid"]  # rates that are another motion's
 
 
 # Joints of the arms of humanoids whose hands branch: where the refusals' own remedies end the arm.
