@@ -134,7 +134,7 @@ class Constraints:
             drives = arm.known_drives  # Coulomb friction may have either sign at low speed
             torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
             margins["torque"] = arm.torque_limit - drives.coulomb - np.abs(torque)
-        return margins | self._distances(q)
+        return margins | {name: x for name, x in self._distances(q).items() if name in self.labels}
 
     def at_rest(self, q: Array) -> dict[str, Array]:
         """Margins at rest at positions (N, J)."""
@@ -163,8 +163,7 @@ class Constraints:
         n, p = near.T
         inside = self.pieces.lower(q, near) + (self.apart - self.gaps)[p]
         collision[n, p] = np.maximum(collision[n, p], inside)
-        found = zip(DISTANCES, (collision, keep_out))
-        return {name: margin for name, margin in found if name in self.labels}
+        return dict(zip(DISTANCES, (collision, keep_out)))
 
     @cached_property
     def pieces(self) -> PieceDistances:
@@ -228,7 +227,7 @@ class Constraints:
         if self.arm.capsules.points:
             return far[:, 0], np.zeros(len(q), int)
         kept = self.kept | {"keep_out": np.where(self._whole, self.kept["keep_out"], np.inf)}
-        near = [margin + kept[name] for name, margin in self.at_rest(q).items() if name in kept]
+        near = [margin + kept[name] for name, margin in self._distances(q).items()]
         distances = np.concatenate([*near, far], 1)
         return distances.min(1), distances.argmin(1)
 
@@ -244,13 +243,13 @@ class Constraints:
 
     def keeps_out(self, home: Sequence[float], beside: float) -> bool:
         """Whether home (J,) [rad or m] leaves the share ``beside`` of each distance from regions to spare."""
-        left = self._distances(np.array([home], float)).get("keep_out", np.zeros((1, 0)))
+        left = self._distances(np.array([home], float))["keep_out"]
         return bool((left >= beside * self.kept["keep_out"]).all())
 
     def distances_at(self, q: Array) -> dict[Links, float]:
         """Distances [m] of all checked pairs of links at a position (J,)."""
         found: dict[Links, float] = {}
-        left = self._distances(q[None]).get("collision", np.zeros((1, 0)))[0] + self.gaps
+        left = self._distances(q[None])["collision"][0] + self.gaps
         for links, distance in zip(self.owners, left.tolist()):
             found[links] = min(found.get(links, distance), distance)
         return found

@@ -91,10 +91,6 @@ def only(capsules: Capsules, which: Array) -> Capsules:
     )
 
 
-def thick(arm: Arm, factor: float) -> Arm:
-    return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
-
-
 def holding(planar: Arm, share: float) -> Arm:
     """The planar arm, for which holding its links level takes a share of its torque limits."""
     level = np.array([[np.pi / 2, 0.0]])
