@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,11 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity.capsules import clearances, thicker
 from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
-from sidegan.validity.pieces import PieceDistances
+from sidegan.validity.pieces import bodies_of, piece_distances
 from sidegan.validity.regions import Plane, Region, tables
+
+if TYPE_CHECKING:
+    from sidegan.kernels.bodies import Bodies
 
 # In the order of the kernels.
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
@@ -46,7 +50,6 @@ class Constraints:
         pairs: checked pairs of capsules, (P, 2).
         owners: the links of these pairs.
         gaps: distances that these pairs keep [m], (P,).
-        pieces: distances of the pieces inside these capsules.
         of_links: pairs of links that are checked or exempt.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: names of the elements of each constraint's margins.
@@ -151,29 +154,21 @@ class Constraints:
             "torque": np.maximum(arm.torque_limit - arm.known_drives.coulomb, np.finfo(float).tiny),
         }
         scales = {name: np.asarray(whole.get(name, distance)) for name in margins}
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # from infinite limits, or friction up to the limit
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite limits, friction up to the limit
             return {name: np.where(np.isfinite(x), margins[name] / x, 1.0) for name, x in scales.items()}
 
     def _distances(self, q: Array) -> dict[str, Array]:
         """Margins of distances, by the pieces inside capsules where these are close."""
-        collision, keep_out = clearances(self.body.chain, self.shapes, q)
-        near = np.argwhere((collision < _FAR) & self.pieces.finer)
+        collision, keep_out = clearances(self.bodies.chain, self.bodies.shapes, q)
+        near = np.argwhere((collision < _FAR) & self.bodies.hulls.finer)
         n, p = near.T
-        inside = self.pieces.lower(q, near) + (self.apart - self.gaps)[p]
-        collision[n, p] = np.maximum(collision[n, p], inside)
+        collision[n, p] = np.maximum(collision[n, p], piece_distances(self.bodies, q, near))
         return dict(zip(DISTANCES, (collision, keep_out)))
 
     @cached_property
-    def pieces(self) -> PieceDistances:
-        """Distances of the pieces inside the checked pairs' capsules."""
-        return PieceDistances(self._thick, self.pairs)
-
-    @cached_property
-    def shapes(self) -> Shapes:
-        """Capsules and regions for compiled kernels."""
-        return self._shapes_of(self.pairs, self.guarded)
+    def bodies(self) -> "Bodies":
+        """Capsules, the pieces inside them and regions for compiled kernels."""
+        return bodies_of(self._thick, self._shapes_of(self.pairs, self.guarded))
 
     def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
         closer = self.apart - self.gaps if len(pairs) else None

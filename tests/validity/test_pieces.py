@@ -66,7 +66,7 @@ def test_hulls_are_never_nearer_than_their_capsules(seed: int) -> None:
     margins = constraints.margins(q, dq, ddq)
     if "collision" in margins:
         assert (margins["collision"] >= of_capsules).all()
-        still = ~constraints.pieces.finer
+        still = ~constraints.bodies.hulls.finer
         assert np.array_equal(margins["collision"][:, still], of_capsules[:, still])
 
 
