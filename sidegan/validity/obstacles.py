@@ -8,7 +8,7 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
-from sidegan.robot.fitting import hull_of
+from sidegan.robot.fitting import hull_of, inflated
 
 _AROUND = 32  # planes around a cylinder, which enlarge its radius by 0.5 %
 _TURN = np.radians(30)  # largest angle between planes that touch the same edge
@@ -78,9 +78,7 @@ class Convex:
 
     def grown(self, by: float) -> "Convex":
         """The body with its planes moved outwards by a distance [m]; its corners are replaced by cubes'."""
-        corners = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T
-        points = (self.points[:, None] + corners).reshape(-1, 3)
-        return Convex(self.planes + np.array([0.0, 0.0, 0.0, by]), points)
+        return Convex(self.planes + np.array([0.0, 0.0, 0.0, by]), inflated(self.points, by))
 
     @property
     def numbers(self) -> list[float]:

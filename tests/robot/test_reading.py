@@ -118,7 +118,7 @@ def box(unit):
 
 
 MILLIMETRES = '<unit name="millimeter" meter="0.001"/>'
-UNITS = [(MILLIMETRES, 1e-3), ('<unit meter="0.0254" name="inch"/>', 0.0254), ("", 1.0)]
+UNITS = [(MILLIMETRES, 1e-3), ("", 1.0)]
 
 
 @pytest.mark.parametrize(("unit", "metres"), UNITS)
