@@ -90,14 +90,12 @@ def _inertia(random: np.random.Generator) -> pin.Inertia:
 def _capsules(random: np.random.Generator, joints: int) -> Capsules:
     """One on every link, and one on the base."""
     ends = random.uniform(-0.2, 0.2, (2, joints + 1, 3))
-    names = ("base", *(f"link{i + 1}" for i in range(joints)))
     return Capsules(
         link=np.arange(-1, joints),
         a=ends[0],
         b=ends[1],
         radius=random.uniform(0.01, 0.05, joints + 1),
-        names=names,
-        owners=names,
+        owners=("base", *(f"link{i + 1}" for i in range(joints))),
     )
 
 

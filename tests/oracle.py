@@ -23,10 +23,10 @@ def chain_model(arm: Arm) -> pin.Model:
 def capsule_geometry(arm: Arm) -> pin.GeometryModel:
     """An arm's C capsules as Pinocchio's collision geometry, in order and without collision pairs."""
     geometry, shapes, z = pin.GeometryModel(), arm.capsules, np.array([0.0, 0.0, 1.0])
-    for name, link, a, b, radius in zip(shapes.names, shapes.link, shapes.a, shapes.b, shapes.radius):
+    for owner, link, a, b, radius in zip(shapes.owners, shapes.link, shapes.a, shapes.b, shapes.radius):
         along = b - a
         turn = pin.Quaternion.FromTwoVectors(z, along if along.any() else z).matrix()
         placement = pin.SE3(turn, ((a + b) / 2))
         capsule = coal.Capsule(float(radius), float(np.linalg.norm(along)))
-        geometry.addGeometryObject(pin.GeometryObject(name, int(link) + 1, placement, capsule))
+        geometry.addGeometryObject(pin.GeometryObject(owner, int(link) + 1, placement, capsule))
     return geometry

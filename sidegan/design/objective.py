@@ -90,7 +90,7 @@ class Objective:
         self.finer = refine * problem.samples
         plan = kernel.Plan(
             chain=body.chain,
-            shapes=constraints.shapes,
+            shapes=constraints.bodies.shapes,
             columns=columns_of_links(body.base.columns, joints),
             extra=terms,
             subspace=subspace,

@@ -14,7 +14,7 @@ from sidegan.robot.consistency import (
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.setup import Limits, Setup, changes, words
+from sidegan.robot.setup import Limits, Setup, changes
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
 
@@ -39,7 +39,6 @@ __all__ = [
     "pseudo_inertia",
     "require_consistent",
     "with_effort",
-    "words",
     "write_mjcf",
     "write_urdf",
 ]

@@ -42,7 +42,6 @@ class Capsules:
     a: Array  # one end of the segment [m], (C, 3)
     b: Array  # the other end [m], (C, 3); equal to `a` for a sphere
     radius: Array  # radius [m], (C,)
-    names: tuple[str, ...]  # for messages; capsules of the same shape share a name
     owners: tuple[str, ...]  # the description's link that each belongs to
     pieces: Pieces | None = None  # bodies inside them; None if the capsules are the exact shapes
     points: bool = False  # whether they are points of an arm without shapes, used for regions only
@@ -141,20 +140,28 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
 
 
-def digest_of(numbers: dict[str, Array], capsules: Capsules, extra: Sequence[str] = ()) -> str:
-    """Sha256 (hex) of an arm's numbers, rounded so that it is the same on every machine.
+def rounded(numbers: Array) -> bytes:
+    """Numbers as bytes for a digest, rounded so that they are the same on every machine.
 
     Rounding is to binary fractions, since no decimal figure lies half-way between two of these, where its
-    last bit would decide. Capsules fitted to meshes do not count, as they vary between machines; ``extra``
-    has the digests of the meshes instead.
+    last bit would decide.
+    """
+    whole = np.round(numbers.astype(float) * _FINEST) / _FINEST + 0.0  # no negative zero
+    return whole.astype("<f8").tobytes()
+
+
+def digest_of(numbers: dict[str, Array], capsules: Capsules, extra: Sequence[str] = ()) -> str:
+    """Sha256 (hex) of an arm's numbers, the same on every machine.
+
+    Capsules fitted to meshes do not count, as they vary between machines; ``extra`` has the digests of the
+    meshes instead.
     """
     given = slice(None) if capsules.pieces is None else ~capsules.pieces.fitted
     shapes = {name: getattr(capsules, name)[given] for name in ("a", "b", "link", "radius")}
     state = hashlib.sha256()
     for name, values in sorted((numbers | shapes).items()):
-        rounded = np.round(values.astype(float) * _FINEST) / _FINEST + 0.0  # no negative zero
         state.update(f"{name}{values.shape}".encode())
-        state.update(rounded.astype("<f8").tobytes())
+        state.update(rounded(values))
     for words in extra:
         state.update(words.encode())
     return state.hexdigest()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sidegan.robot.decomposition import decomposed
 from sidegan.robot.fitting import (
     Points,
     Segment,
@@ -80,8 +81,6 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     if hollow == 1:
         parts = cut(parts, max(_HOLLOW, len(parts)), _LITTLE, 0.0)
     elif hollow:
-        from sidegan.robot.decomposition import decomposed
-
         _log.info("decomposing them into convex parts: this may take minutes, but only once")
         parts = [x for group in groups for x in decomposed(group) or cut([group], _HOLLOW, _LITTLE, 0.0)]
     outer = [corners(part.reshape(-1, 3)) for part in parts]

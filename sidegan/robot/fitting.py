@@ -68,6 +68,12 @@ def corners(points: Points) -> Points:
     return np.unique(points, axis=0) if hull is None else points[hull.vertices]
 
 
+def inflated(points: Points, by: float) -> Points:
+    """Corners of cubes around points (N, 3), (8 N, 3): their hull contains that of inflated points [m]."""
+    cube = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T
+    return (points[:, None] + cube).reshape(-1, 3)
+
+
 def hull_volume(points: Points) -> float:
     """Volume [m³] of the convex hull of points; 0 if they lie in a plane."""
     hull = hull_of(points)

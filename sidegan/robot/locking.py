@@ -49,19 +49,9 @@ def lock(joint: Joint, value: float, at: str) -> None:
 def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
     """Write a rotation (3, 3) and a translation [m], (3,), into a URDF's origin."""
     origin.set("xyz", xml.words(place))
-    origin.set("rpy", xml.words(to_rpy(turn)))
+    origin.set("rpy", xml.words(pin.rpy.matrixToRpy(turn)))
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Matrix:
     """Rotation (3, 3) from roll, pitch and yaw [rad]."""
     return pin.rpy.rpyToMatrix(*rpy)
-
-
-def to_rpy(turn: Matrix) -> tuple[float, float, float]:
-    """Roll, pitch and yaw [rad] of a rotation (3, 3), exact even in gimbal lock."""
-    yaw = math.atan2(turn[1, 0], turn[0, 0])
-    c = math.cos(yaw)
-    s = math.sin(yaw)
-    pitch = math.atan2(-turn[2, 0], c * turn[0, 0] + s * turn[1, 0])
-    roll = math.atan2(s * turn[0, 2] - c * turn[1, 2], c * turn[1, 1] - s * turn[0, 1])
-    return roll, pitch, yaw

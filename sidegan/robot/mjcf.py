@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
+from sidegan.robot.arm import FilePlane
 from sidegan.robot.locking import write_placement
 from sidegan.robot.meshes import is_there
-from sidegan.robot.mjcf_shapes import Plane, plane_of, turn_of, write_shape
+from sidegan.robot.mjcf_shapes import plane_of, turn_of, write_shape
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import Source, words
 
@@ -41,13 +42,12 @@ def read_mjcf(path: Path) -> Source:
     """
     model, missing, hidden = _compiled(path)
     writer = _Writer(model, path)
-    text = ET.tostring(writer.root, encoding="utf-8")
     notes = writer.notes()
     if hidden:
         notes.append(f"not shown, since the mesh files are missing: {listed(list(hidden))}")
     return Source(
-        text=text,
-        root=ET.fromstring(text),
+        text=ET.tostring(writer.root, encoding="utf-8"),
+        root=writer.root,
         notes=tuple(notes),
         missing=missing,
         planes=tuple(writer.planes),
@@ -116,7 +116,7 @@ class _Writer:
         self.model = model
         self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
         self.dropped: list[str] = []
-        self.planes: list[Plane] = []
+        self.planes: list[FilePlane] = []
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         self._efforts = _efforts(model)

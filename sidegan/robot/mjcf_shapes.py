@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from sidegan.robot.arm import FilePlane
 from sidegan.robot.locking import write_placement
 from sidegan.robot.meshes import kept_mesh
 from sidegan.robot.xml import words
@@ -19,7 +20,6 @@ _SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",  # around it
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
-Plane = tuple[float, float, float, float]
 _HIDDEN = 3  # first group of geoms that MuJoCo's viewers hide by default
 
 
@@ -35,7 +35,7 @@ def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
     return True
 
 
-def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Plane | None:
+def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> FilePlane | None:
     """Unit normal of a fixed plane and its offset along the normal [m]; None for other geoms."""
     plane = int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
     if not plane or model.body_weldid[model.geom_bodyid[geom]]:

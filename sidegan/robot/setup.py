@@ -58,19 +58,14 @@ def setting(name: str, value: object) -> str:
     return quote(f"robot.{name}={_plain(value)}")
 
 
-def override(name: str, values: Mapping[str, object], given: object = None) -> str:
+def override(name: str, values: Mapping[str, object], given: Mapping[str, object] | None = None) -> str:
     """A setting by joint name as an argument of the command, including values given before."""
-    return setting(name, {**(given if isinstance(given, Mapping) else {}), **values})
+    return setting(name, {**(given or {}), **values})
 
 
 def allowed(pairs: Iterable[Sequence[str]], given: Iterable[Sequence[str]] | None = None) -> str:
     """Pairs of links that may touch as an argument of the command, including pairs given before."""
     return setting("may_touch", [*dict.fromkeys(tuple(sorted(pair)) for pair in (*(given or ()), *pairs))])
-
-
-def words(setup: Setup) -> list[str]:
-    """A whole setup as arguments of the command."""
-    return changes("robot", setup)
 
 
 def changes(group: str, settings: Any) -> list[str]:

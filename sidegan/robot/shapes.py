@@ -1,7 +1,6 @@
 """Collision shapes of the links: capsules that enclose them, and convex pieces that enclose them tightly."""
 
 import hashlib
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,14 +10,13 @@ import numpy as np
 import pinocchio as pin
 import scipy  # submodules load lazily
 
-from sidegan.robot.arm import Capsules, Pieces
+from sidegan.robot.arm import Capsules, Pieces, rounded
 from sidegan.robot.covering import Part, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
 VERSION = 6  # raise it when a change yields other shapes for the same description
 
 _SIDES = 64  # of the prism circumscribed about a cylinder
-_FINEST = 2.0**40  # steps per metre of a placement in a digest, as in digests of arms
 
 
 class Shape(NamedTuple):
@@ -26,7 +24,6 @@ class Shape(NamedTuple):
 
     link: int  # that joint; -1 for the base
     owner: str  # the description's link
-    name: str
     part: Part
     exact: bool = False  # whether the capsule is the shape itself
     digest: str = ""  # of the meshes it was fitted to, and their placement
@@ -45,17 +42,15 @@ def shapes_of(
         groups.setdefault((owner, "" if is_mesh(geometry_object) else geometry_object.name), []).append(
             geometry_object
         )
-    count = Counter(owner for owner, _ in groups)
     shapes = []
     for (owner, primitive), group in groups.items():
         link = group[0].parentJoint - 1
-        name = owner if count[owner] == 1 else group[0].name
         if primitive:
             exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
-            shapes.append(Shape(link, owner, name, _placed(_primitive(group[0].geometry), group[0]), exact))
+            shapes.append(Shape(link, owner, _placed(_primitive(group[0].geometry), group[0]), exact))
         else:
             parts, digest = _fitted(group, (hollow or {}).get(owner, 0))
-            shapes += [Shape(link, owner, owner, _placed(part, group[0]), digest=digest) for part in parts]
+            shapes += [Shape(link, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
 
@@ -67,7 +62,6 @@ def capsules_of(shapes: Sequence[Shape]) -> Capsules:
         a=ends[:, 0].copy(),
         b=ends[:, 1].copy(),
         radius=np.array([shape.part.capsule[1] for shape in shapes]),
-        names=tuple(shape.name for shape in shapes),
         owners=tuple(shape.owner for shape in shapes),
         pieces=None if all(shape.exact for shape in shapes) else _pieces(shapes),
     )
@@ -139,7 +133,7 @@ def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], s
     for mesh in group:
         relative = first.actInv(mesh.placement)
         state.update(hashlib.sha256(Path(mesh.meshPath).read_bytes()).digest())
-        state.update(_rounded(np.r_[mesh.meshScale, relative.rotation.ravel(), relative.translation]))
+        state.update(rounded(np.r_[mesh.meshScale, relative.rotation.ravel(), relative.translation]))
 
     def triangles() -> list[Points]:
         parts = []
@@ -149,7 +143,7 @@ def _fitted(group: list[pin.GeometryObject], hollow: int) -> tuple[list[Part], s
         return [part for part in parts if len(part)]
 
     parts = cover_of(state.hexdigest(), hollow, triangles)
-    where = hashlib.sha256(_rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
+    where = hashlib.sha256(rounded(np.r_[first.rotation.ravel(), first.translation])).hexdigest()
     return parts, f"{state.hexdigest()} {where} {group[0].parentJoint}"
 
 
@@ -160,8 +154,3 @@ def _triangles(shape: coal.CollisionGeometry) -> Points:
         return vertices[scipy.spatial.ConvexHull(vertices).simplices]
     indices = [[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))]
     return np.array(shape.vertices(), dtype=np.float64)[np.array(indices, dtype=int).reshape(-1, 3)]
-
-
-def _rounded(numbers: Points) -> bytes:
-    """Numbers as bytes, rounded so that they are the same on every machine."""
-    return (np.round(numbers * _FINEST) / _FINEST + 0.0).astype("<f8").tobytes()

@@ -14,7 +14,7 @@ from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
-from sidegan.robot.fitting import corners, hull_of
+from sidegan.robot.fitting import corners, hull_of, inflated
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import child, words
 
@@ -141,9 +141,7 @@ def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
     a, b, radius = capsules.a[k], capsules.b[k], capsules.radius[k]
     if pieces is not None and not pieces.exact[k]:
         hull = pieces.corners[pieces.start[k] : pieces.start[k + 1]]
-        r = float(pieces.radius[k])
-        cube = np.array(np.meshgrid([-r, r], [-r, r], [-r, r])).reshape(3, 8).T
-        points = (hull[:, None] + cube).reshape(-1, 3)  # encloses the inflated hull
+        points = inflated(hull, float(pieces.radius[k]))
         if hull_of(points) is not None:
             ET.SubElement(assets, "mesh", name=f"piece {k}", vertex=words(corners(points).ravel()))
             return {"type": "mesh", "mesh": f"piece {k}"}

@@ -25,7 +25,7 @@ from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import refuse_elsewhere, stationary_positions
 from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, headline, link_table, parameter_table
-from sidegan.robot import Arm, changes, load_robot, words
+from sidegan.robot import Arm, changes, load_robot
 
 # A recording: a file, a table with the same columns, or a file for each signal.
 Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str]
@@ -279,6 +279,8 @@ def _commands(
     files = " ".join(f"'{name}=[{','.join(group)}]'" for name, group in lists.items() if group)
     files += "" if share is None else f" validation={share:g}"
     locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
-    robot, recorded = (" ".join([f"robot.name={cell.robot}", *words(x)]) for x in (cell.setup, locked))
+    robot, recorded = (
+        " ".join([f"robot.name={cell.robot}", *changes("robot", x)]) for x in (cell.setup, locked)
+    )
     run = "python -m sidegan.run +experiment="
     return f"{run}identify {robot} {files}", f"{run}excite {recorded} goal.count=4"

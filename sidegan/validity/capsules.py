@@ -13,17 +13,7 @@ from sidegan.validity.regions import tables
 
 
 def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
-    """World positions [m], (3, K, N), of points (K, 3) fixed to links (K,), -1 for the base."""
-    turns, places = frames_of(arm, q)
-    placed = np.empty((3, len(points), q.shape[1]))
-    for link in np.unique(links).tolist():
-        own = links == link
-        placed[:, own] = np.einsum("ijn,kj->ikn", turns[link + 1], points[own]) + places[link + 1][:, None]
-    return placed
-
-
-def frames_of(arm: Arm, q: Array) -> tuple[Array, Array]:
-    """Rotations (J + 1, 3, 3, N) and origins [m], (J + 1, 3, N), of base and joints at positions (J, N)."""
+    """World positions [m], (3, K, N), of points (K, 3) fixed to links (K,), -1 for the base, at (J, N)."""
     fixed, sine, cosine, origin, slide = (x[..., None] for x in chain_of(arm)[1:6])
     turns = [np.broadcast_to(np.eye(3)[..., None], (3, 3, q.shape[1]))]
     places = [np.zeros((3, q.shape[1]))]
@@ -31,7 +21,8 @@ def frames_of(arm: Arm, q: Array) -> tuple[Array, Array]:
         turn = (fixed[i] + sine[i] * np.sin(x) + cosine[i] * np.cos(x)).reshape(3, 3, -1)
         places.append(places[-1] + (turns[-1] * (origin[i] + slide[i] * x)).sum(1))
         turns.append((turns[-1][:, :, None] * turn).sum(1))
-    return np.stack(turns), np.stack(places)
+    own = np.stack(turns)[links + 1], np.stack(places)[links + 1]  # of each point's frame
+    return np.einsum("kijn,kj->ikn", own[0], points) + own[1].swapaxes(0, 1)
 
 
 def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,8 +15,11 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity.capsules import clearances, thicker
 from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
-from sidegan.validity.pieces import PieceDistances
+from sidegan.validity.pieces import bodies_of, piece_distances
 from sidegan.validity.regions import Plane, Region, tables
+
+if TYPE_CHECKING:
+    from sidegan.kernels.bodies import Bodies
 
 # In the order of the kernels.
 NAMES = ("position", "velocity", "torque", "collision", "keep_out", *DERIVATIVE_ORDER)
@@ -46,7 +50,6 @@ class Constraints:
         pairs: checked pairs of capsules, (P, 2).
         owners: the links of these pairs.
         gaps: distances that these pairs keep [m], (P,).
-        pieces: distances of the pieces inside these capsules.
         of_links: pairs of links that are checked or exempt.
         guarded: region and capsule index of each keep-out check, (K, 2).
         labels: names of the elements of each constraint's margins.
@@ -134,7 +137,7 @@ class Constraints:
             drives = arm.known_drives  # Coulomb friction may have either sign at low speed
             torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
             margins["torque"] = arm.torque_limit - drives.coulomb - np.abs(torque)
-        return margins | self._distances(q)
+        return margins | {name: x for name, x in self._distances(q).items() if name in self.labels}
 
     def at_rest(self, q: Array) -> dict[str, Array]:
         """Margins at rest at positions (N, J)."""
@@ -151,30 +154,21 @@ class Constraints:
             "torque": np.maximum(arm.torque_limit - arm.known_drives.coulomb, np.finfo(float).tiny),
         }
         scales = {name: np.asarray(whole.get(name, distance)) for name in margins}
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # from infinite limits, or friction up to the limit
+        with np.errstate(over="ignore", invalid="ignore"):  # infinite limits, friction up to the limit
             return {name: np.where(np.isfinite(x), margins[name] / x, 1.0) for name, x in scales.items()}
 
     def _distances(self, q: Array) -> dict[str, Array]:
         """Margins of distances, by the pieces inside capsules where these are close."""
-        collision, keep_out = clearances(self.body.chain, self.shapes, q)
-        near = np.argwhere((collision < _FAR) & self.pieces.finer)
+        collision, keep_out = clearances(self.bodies.chain, self.bodies.shapes, q)
+        near = np.argwhere((collision < _FAR) & self.bodies.hulls.finer)
         n, p = near.T
-        inside = self.pieces.lower(q, near) + (self.apart - self.gaps)[p]
-        collision[n, p] = np.maximum(collision[n, p], inside)
-        found = zip(DISTANCES, (collision, keep_out))
-        return {name: margin for name, margin in found if name in self.labels}
+        collision[n, p] = np.maximum(collision[n, p], piece_distances(self.bodies, q, near))
+        return dict(zip(DISTANCES, (collision, keep_out)))
 
     @cached_property
-    def pieces(self) -> PieceDistances:
-        """Distances of the pieces inside the checked pairs' capsules."""
-        return PieceDistances(self._thick, self.pairs)
-
-    @cached_property
-    def shapes(self) -> Shapes:
-        """Capsules and regions for compiled kernels."""
-        return self._shapes_of(self.pairs, self.guarded)
+    def bodies(self) -> "Bodies":
+        """Capsules, the pieces inside them and regions for compiled kernels."""
+        return bodies_of(self._thick, self._shapes_of(self.pairs, self.guarded))
 
     def _shapes_of(self, pairs: Array, guarded: Array) -> Shapes:
         closer = self.apart - self.gaps if len(pairs) else None
@@ -228,7 +222,7 @@ class Constraints:
         if self.arm.capsules.points:
             return far[:, 0], np.zeros(len(q), int)
         kept = self.kept | {"keep_out": np.where(self._whole, self.kept["keep_out"], np.inf)}
-        near = [margin + kept[name] for name, margin in self.at_rest(q).items() if name in kept]
+        near = [margin + kept[name] for name, margin in self._distances(q).items()]
         distances = np.concatenate([*near, far], 1)
         return distances.min(1), distances.argmin(1)
 
@@ -244,13 +238,13 @@ class Constraints:
 
     def keeps_out(self, home: Sequence[float], beside: float) -> bool:
         """Whether home (J,) [rad or m] leaves the share ``beside`` of each distance from regions to spare."""
-        left = self._distances(np.array([home], float)).get("keep_out", np.zeros((1, 0)))
+        left = self._distances(np.array([home], float))["keep_out"]
         return bool((left >= beside * self.kept["keep_out"]).all())
 
     def distances_at(self, q: Array) -> dict[Links, float]:
         """Distances [m] of all checked pairs of links at a position (J,)."""
         found: dict[Links, float] = {}
-        left = self._distances(q[None]).get("collision", np.zeros((1, 0)))[0] + self.gaps
+        left = self._distances(q[None])["collision"][0] + self.gaps
         for links, distance in zip(self.owners, left.tolist()):
             found[links] = min(found.get(links, distance), distance)
         return found

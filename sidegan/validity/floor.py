@@ -48,9 +48,9 @@ def with_points(arm: Arm) -> Arm:
     if len(arm.capsules.link):
         return arm
     places = np.stack([*arm.translation[1:], arm.tip])
-    names = (*arm.joint_names[1:], "the tip")
+    owners = (*arm.joint_names[1:], "the tip")
     radius = np.zeros(arm.joints)
-    points = Capsules(np.arange(arm.joints), places, places, radius, names, names, points=True)
+    points = Capsules(np.arange(arm.joints), places, places, radius, owners, points=True)
     return replace(arm, capsules=points)
 
 

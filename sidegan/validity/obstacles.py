@@ -8,6 +8,7 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError
+from sidegan.robot.fitting import hull_of, inflated
 
 _AROUND = 32  # planes around a cylinder, which enlarge its radius by 0.5 %
 _TURN = np.radians(30)  # largest angle between planes that touch the same edge
@@ -52,10 +53,9 @@ class Convex:
     def around(cls, points: Array) -> "Convex":
         """The convex hull of points [m], (N, 3); ConfigError if it has no volume."""
         points = np.asarray(points, float)
-        try:
-            hull = scipy.spatial.ConvexHull(points)
-        except (scipy.spatial.QhullError, ValueError) as error:
-            raise ConfigError("an obstacle needs corners that are finite and enclose a volume") from error
+        hull = hull_of(points)
+        if hull is None:
+            raise ConfigError("an obstacle needs corners that are finite and enclose a volume")
         corners = points[hull.vertices]
         normals = np.vstack([_touching(hull), _directions()])
         return cls(np.c_[normals, (corners @ normals.T).max(0)], corners)
@@ -78,9 +78,7 @@ class Convex:
 
     def grown(self, by: float) -> "Convex":
         """The body with its planes moved outwards by a distance [m]; its corners are replaced by cubes'."""
-        corners = np.array(np.meshgrid([-by, by], [-by, by], [-by, by])).reshape(3, 8).T
-        points = (self.points[:, None] + corners).reshape(-1, 3)
-        return Convex(self.planes + np.array([0.0, 0.0, 0.0, by]), points)
+        return Convex(self.planes + np.array([0.0, 0.0, 0.0, by]), inflated(self.points, by))
 
     @property
     def numbers(self) -> list[float]:

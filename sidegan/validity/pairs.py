@@ -12,8 +12,8 @@ from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
-from sidegan.validity.capsules import capsule_distances
-from sidegan.validity.pieces import PieceDistances
+from sidegan.validity.capsules import capsule_distances, clearances, shapes_alone
+from sidegan.validity.pieces import bodies_of, never_touching, piece_distances
 
 _FAR = 0.2  # arm lengths; shapes of neighbours come closer
 _TRIED = 200  # configurations in which that is tested
@@ -65,7 +65,7 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     touching = _Touching(arm)
     _refuse(arm, touching, tight)
     kept = np.array(sorted(k for links in touching.open for k in touching.rows[links]), int)
-    kept = kept[~PieceDistances(arm, touching.pairs[kept]).never_touching()]
+    kept = kept[~never_touching(arm, touching.pairs[kept])]
     owners = arm.capsules.owners
     left = {links_of(owners[i], owners[j]) for i, j in touching.pairs[kept].tolist()}
     return Pairs(
@@ -183,8 +183,8 @@ class _Touching:
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
         self.q = sampled(arm)
-        self.inside = PieceDistances(arm, self.pairs)
-        self.capsules = capsule_distances(arm, self.q, self.pairs).T
+        self.bodies = bodies_of(arm, shapes_alone(arm, self.pairs))
+        self.capsules = clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:
         """Distances [m] of two links in the first configurations, (1000,), exact below ``need``.
@@ -194,10 +194,10 @@ class _Touching:
         nearest = np.full(_INSIDE, np.inf)
         for k in self.rows[links]:
             found = self.capsules[k, :_INSIDE].copy()
-            if self.inside.finer[k]:
+            if self.bodies.hulls.finer[k]:
                 rows = np.flatnonzero(found < np.minimum(nearest, need))
                 asked = np.stack([rows, np.full_like(rows, k)], 1)
-                found[rows] = np.maximum(found[rows], self.inside.lower(self.q, asked, need))
+                found[rows] = np.maximum(found[rows], piece_distances(self.bodies, self.q, asked, need))
             nearest = np.minimum(nearest, found)
         return nearest
 

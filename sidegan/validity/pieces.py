@@ -1,107 +1,81 @@
 """Distances of the convex pieces inside capsules, and proofs that pairs never touch; compiled."""
 
-from functools import cached_property
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import array, chain_of
-from sidegan.robot import Arm, Capsules
-from sidegan.robot.arm import Pieces
+from sidegan.robot import Arm
+from sidegan.robot.fitting import from_segment
 from sidegan.validity.bounds import Reaches
 from sidegan.validity.capsules import shapes_alone
 
 if TYPE_CHECKING:
     from sidegan.kernels.bodies import Bodies
-    from sidegan.kernels.gjk import Hulls
 
 _BUDGET = (100_000, 20_000, 2_000)  # boxes for a pair with one, two, and more joints between them
 _DEPTH = 512  # most boxes in the queue
 _GAP = 1e-6  # [m] least distance to prove, far above rounding errors
 
 
-class PieceDistances:
-    """Distances of the pieces of pairs of capsules.
+def bodies_of(arm: Arm, shapes: Shapes) -> "Bodies":
+    """An arm's capsules, pairs and regions with the pieces inside the capsules, for compiled kernels."""
+    from sidegan.kernels.bodies import Bodies
+    from sidegan.kernels.gjk import Hulls
+
+    capsules, pieces = arm.capsules, arm.capsules.pieces
+    if pieces is None:
+        hulls = Hulls.none(len(capsules.radius), len(shapes.pairs))
+    else:
+        each = zip(capsules.a, capsules.b, np.split(pieces.corners, pieces.start[1:-1]))
+        around = np.array([from_segment(np.stack([a, b]), corners).max() for a, b, corners in each])
+        finer = ~np.all(pieces.exact[shapes.pairs], 1)
+        hulls = Hulls(*map(array, (pieces.corners, pieces.start, pieces.radius, around, finer)))
+    return Bodies(chain_of(arm), shapes, hulls)
+
+
+def piece_distances(bodies: "Bodies", q: Array, asked: Array, need: float = math.inf) -> Array:
+    """Lower bounds of distances [m], (M,), accurate to 1e-8 m; minus infinity where pieces touch.
+
+    Like those of capsules, they are larger by what a pair may be closer.
 
     Args:
-        arm: the arm.
-        pairs: of capsules, (P, 2).
-
-    Attributes:
-        finer: whether a pair's pieces may be farther apart than its capsules, (P,) bool.
+        bodies: the arm with its pieces.
+        q: positions [rad or m], (N, J).
+        asked: row of ``q``, ascending, and pair of each query, (M, 2).
+        need: distance [m] above which bounds need not be accurate.
     """
+    from sidegan.kernels import bodies as kernel
 
-    def __init__(self, arm: Arm, pairs: Array) -> None:
-        self.arm, self.pairs = arm, pairs
-        pieces = arm.capsules.pieces
-        self.finer = np.zeros(len(pairs), bool) if pieces is None else ~np.all(pieces.exact[pairs], 1)
+    found = np.empty(len(asked))
+    if len(asked):
+        room = kernel.place_for(bodies.shapes, q.shape[1])
+        kernel.distances(bodies, array(q), array(asked), need, found, room)
+    return found
 
-    @cached_property
-    def hulls(self) -> "Hulls":
-        """The pieces for compiled kernels."""
-        from sidegan.kernels.gjk import Hulls
 
-        capsules = self.arm.capsules
-        pieces = self.arm.capsules.pieces
-        if pieces is None:
-            return Hulls.none(len(capsules.radius), len(self.pairs))
-        around = _around(capsules, pieces)
-        return Hulls(*map(array, (pieces.corners, pieces.start, pieces.radius, around, self.finer)))
+def never_touching(arm: Arm, pairs: Array) -> Array:
+    """Whether pairs of capsules, (P, 2), provably never touch within the joint limits, (P,) bool.
 
-    @cached_property
-    def bodies(self) -> "Bodies":
-        """The arm with its pieces for compiled kernels."""
-        from sidegan.kernels.bodies import Bodies
+    Branch and bound over boxes of joint positions, with the same motion bounds as the check of
+    trajectories. Only for arms with pieces; pairs for which the proof takes too long may touch.
+    """
+    from sidegan.kernels import bodies as kernel
 
-        return Bodies(chain_of(self.arm), shapes_alone(self.arm, self.pairs), self.hulls)
-
-    def lower(self, q: Array, asked: Array, need: float = float("inf")) -> Array:
-        """Lower bounds of distances [m], (M,), accurate to 1e-8 m; minus infinity where pieces touch.
-
-        Args:
-            q: positions [rad or m], (N, J).
-            asked: row of ``q``, ascending, and pair of each query, (M, 2).
-            need: distance [m] above which bounds need not be accurate.
-        """
-        from sidegan.kernels import bodies as kernel
-
-        found = np.full(len(asked), -np.inf)
-        if self.arm.capsules.pieces is not None and len(asked):
-            room = kernel.place_for(self.bodies.shapes, self.arm.joints)
-            kernel.distances(self.bodies, array(q), array(asked), need, found, room)
+    found = np.zeros(len(pairs), bool)
+    if not len(pairs) or arm.capsules.pieces is None:
         return found
-
-    def never_touching(self) -> Array:
-        """Whether pairs provably never touch within the joint limits, (P,) bool.
-
-        Branch and bound over boxes of joint positions, with the same motion bounds as the check of
-        trajectories. Only for arms with pieces; pairs for which the proof takes too long may touch.
-        """
-        from sidegan.kernels import bodies as kernel
-
-        arm, pairs = self.arm, self.pairs
-        found = np.zeros(len(pairs), bool)
-        if not len(pairs) or arm.capsules.pieces is None:
-            return found
-        reach = array(Reaches.of(arm, pairs, pairs[:0]).pieces)
-        link = arm.capsules.link[pairs]
-        work = np.empty((2, _DEPTH, arm.joints))
-        room = kernel.place_for(self.bodies.shapes, arm.joints)
-        for p, joints in enumerate(np.abs(link[:, 0] - link[:, 1]).tolist()):
-            work[0, 0] = (arm.position_upper + arm.position_lower) / 2
-            work[1, 0] = (arm.position_upper - arm.position_lower) / 2
-            budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
-            found[p] = kernel.never_touch(self.bodies, reach, p, _GAP, work, budget, room)
-        return found
-
-
-def _around(capsules: Capsules, pieces: Pieces) -> Array:
-    """Largest distance of each piece's corners from its capsule's axis [m], (C,)."""
-    counts = np.diff(pieces.start)
-    a = capsules.a.repeat(counts, 0)
-    along = (capsules.b - capsules.a).repeat(counts, 0)
-    length = np.maximum(np.square(along).sum(1), np.finfo(float).tiny)
-    share = np.clip(((pieces.corners - a) * along).sum(1) / length, 0, 1)
-    apart = np.linalg.norm(a + share[:, None] * along - pieces.corners, axis=1)
-    return np.maximum.reduceat(apart, pieces.start[:-1])
+    bodies = bodies_of(arm, shapes_alone(arm, pairs))
+    reach = array(Reaches.of(arm, pairs, pairs[:0]).pieces)
+    link = arm.capsules.link[pairs]
+    work = np.empty((2, _DEPTH, arm.joints))
+    room = kernel.place_for(bodies.shapes, arm.joints)
+    for p, joints in enumerate(np.abs(link[:, 0] - link[:, 1]).tolist()):
+        work[0, 0] = (arm.position_upper + arm.position_lower) / 2
+        work[1, 0] = (arm.position_upper - arm.position_lower) / 2
+        budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
+        found[p] = kernel.never_touch(bodies, reach, p, _GAP, work, budget, room)
+    return found

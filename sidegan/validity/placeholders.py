@@ -1,7 +1,6 @@
 """Placeholders in a description: implausible limits and friction, and settings that correct them."""
 
 import math
-from functools import lru_cache
 
 import numpy as np
 
@@ -76,7 +75,6 @@ def limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
     return override(f"limits.{kind}", stated, getattr(arm.setup.limits, kind))
 
 
-@lru_cache(maxsize=16)
 def _held(arm: Arm) -> Array:
     """Absolute holding torques [N·m or N], (N, J), in random configurations."""
     q = sampled(arm, _TRIED)

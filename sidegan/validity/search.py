@@ -8,7 +8,6 @@ from sidegan.base.arrays import Array, flatten
 from sidegan.base.threads import threads
 from sidegan.kernels import cells as kernel_cells
 from sidegan.kernels import proof as kernel
-from sidegan.kernels.bodies import Bodies
 from sidegan.motion.arrays import array
 from sidegan.motion.threads import each
 from sidegan.motion.trajectory import Trajectory
@@ -115,5 +114,4 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "first": np.linalg.norm(parameters[:, 1:4], axis=1),
         "spin": np.linalg.matrix_norm(inertia_matrices(parameters), ord=2),
     }
-    bodies = Bodies(constraints.body.chain, constraints.shapes, constraints.pieces.hulls)
-    return kernel_cells.Model(bodies, **{name: array(x) for name, x in arrays.items()})
+    return kernel_cells.Model(constraints.bodies, **{name: array(x) for name, x in arrays.items()})

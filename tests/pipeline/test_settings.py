@@ -9,7 +9,7 @@ from sidegan.gan.settings import RECIPES
 from sidegan.pipeline.artifact import flatten
 from sidegan.pipeline.places import CONF, VERSIONS
 from sidegan.pipeline.settings import Config, validate
-from sidegan.robot import Limits, Setup, words
+from sidegan.robot import Limits, Setup, changes
 from tests import tiny
 
 ROOT = VERSIONS.parents[2]
@@ -114,5 +114,5 @@ SETUPS = [
 
 @pytest.mark.parametrize("setup", SETUPS)
 def test_printed_robot_settings_can_be_typed_back(setup):
-    typed = shlex.split(" ".join(words(setup)))
+    typed = shlex.split(" ".join(changes("robot", setup)))
     assert configured("robot=planar2", *typed, experiment="excite").robot.setup == setup

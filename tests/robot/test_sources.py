@@ -58,6 +58,8 @@ MOTORS = [  # beside one whose force is limited
     '<general jointinparent="two" ctrlrange="-3 4" gainprm="5"/>',
     '<motor joint="two" ctrlrange="-3 4" gear="0"/>',
 ]
+RANGES = 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'  # of the joint itself
+ACTUATORS = [*(("", more) for more in MOTORS), *((own, more) for own in RANGES for more in MOTORS[2:4])]
 
 
 @pytest.fixture
@@ -162,8 +164,7 @@ class TestMjcf:
         (said,) = (note for note in load_robot(mjcf, Setup(limits=SPEEDS)).notes if "gravcomp" in note)
         assert "gravity of b is compensated" in said
 
-    @pytest.mark.parametrize("own", ["", 'actuatorfrcrange="-100 90"', 'actuatorfrcrange="-30 35"'])
-    @pytest.mark.parametrize("more", MOTORS)
+    @pytest.mark.parametrize(("own", "more"), ACTUATORS)
     def test_torque_limits_are_what_mujocos_actuators_can_give(self, mjcf, own, more):
         """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""
         motors = f'<motor joint="two" gear="-2" forcerange="-20 25"/>{more}</actuator>'

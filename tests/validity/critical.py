@@ -40,7 +40,7 @@ def segments_as_capsules(
     """Sets of segments with end points (3, N) as capsules on the base of the planar arm, of radius zero."""
     ends = [np.concatenate([*x], 1).T for x in (a, b)]
     none = np.zeros(len(ends[0]))
-    capsules = Capsules(none.astype(int) - 1, *ends, none, *2 * [("",) * len(none)])
+    capsules = Capsules(none.astype(int) - 1, *ends, none, ("",) * len(none))
     return chain_of(load_robot("planar2")), shapes_of(capsules, pairs, guarded, tables(regions))
 
 
@@ -85,14 +85,10 @@ def filled(arm: Arm, seed: int) -> Arm:
 
 
 def only(capsules: Capsules, which: Array) -> Capsules:
-    names = tuple(capsules.names[k] for k in which.tolist())
+    owners = tuple(capsules.owners[k] for k in which.tolist())
     return Capsules(
-        capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], names, names
+        capsules.link[which], capsules.a[which], capsules.b[which], capsules.radius[which], owners
     )
-
-
-def thick(arm: Arm, factor: float) -> Arm:
-    return replace(arm, capsules=replace(arm.capsules, radius=factor * arm.capsules.radius))
 
 
 def holding(planar: Arm, share: float) -> Arm:

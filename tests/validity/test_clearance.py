@@ -71,7 +71,7 @@ def test_hulls_of_tight_pairs_keep_a_smaller_clearance(load) -> None:
     arm = load(arm_of({k: plate for k in range(4)}))
     owners = Constraints(arm).owners
     near = Constraints(arm, clearance=0.2, tight=dict.fromkeys(owners, 0.01))
-    assert near.pieces.finer.all()
+    assert near.bodies.hulls.finer.all()
     trajectory = Trajectory(4, 4, 8.0)
     c = moderate(arm, trajectory, 200, seed=2)
     valid = assert_sound(near, trajectory, c, exact=False)

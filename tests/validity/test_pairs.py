@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from sidegan.errors import InfeasibleError
-from sidegan.robot import Arm, Setup, words
+from sidegan.robot import Arm, Setup, changes
 from sidegan.validity import Constraints
 from sidegan.validity.capsules import capsule_distances
 from sidegan.validity.pairs import pairs_of, sampled
@@ -61,7 +61,7 @@ def test_links_that_always_touch_are_refused_with_a_setting_that_works(load) -> 
         (pair, "robot.may_touch", 1.0) for pair in pairs
     }
     assert "may touch: base – two (robot.may_touch, touch in 100 %)" in constraints.described()
-    assert words(arm.setup) == [f"'robot.may_touch={remedy}'"]
+    assert changes("robot", arm.setup) == [f"'robot.may_touch={remedy}'"]
     assert arm.digest != load(text).digest
 
 

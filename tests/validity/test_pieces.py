@@ -12,12 +12,8 @@ from sidegan.kernels import gjk as kernel
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
-from sidegan.validity.capsules import capsule_distances
-from tests.chains import constrained, random_chain, random_states
 
 from .critical import filled, moderate
-
-seeds = st.integers(0, 10**6)
 
 
 def hull(random: np.random.Generator) -> np.ndarray:
@@ -36,7 +32,7 @@ def convex(points: np.ndarray) -> coal.ConvexBase:
 
 
 @settings(max_examples=50)
-@given(seeds)
+@given(st.integers(0, 10**6))
 def test_hull_distances_agree_with_coal(seed: int) -> None:
     random = np.random.default_rng(seed)
     one, other = hull(random), hull(random)
@@ -55,19 +51,6 @@ def test_hull_distances_agree_with_coal(seed: int) -> None:
             assert found == pytest.approx(expected, rel=0, abs=2e-6)  # coal's own is 1e-6
             enough = kernel.apart(hulls, (0, 1), matrix, tuple(place), tuple(-place), found / 2, room)
             assert found / 2 - 1e-12 <= enough <= found + 2e-8
-
-
-@settings(max_examples=25)
-@given(seeds)
-def test_hulls_are_never_nearer_than_their_capsules(seed: int) -> None:
-    constraints = constrained(filled(random_chain(4, seed % 50)[0], seed), ())
-    q, dq, ddq = random_states(constraints.arm, 200, seed)
-    of_capsules = capsule_distances(constraints.arm, q, constraints.pairs)
-    margins = constraints.margins(q, dq, ddq)
-    if "collision" in margins:
-        assert (margins["collision"] >= of_capsules).all()
-        still = ~constraints.pieces.finer
-        assert np.array_equal(margins["collision"][:, still], of_capsules[:, still])
 
 
 def test_hulls_accept_trajectories_that_capsules_refuse(arm: Arm) -> None:

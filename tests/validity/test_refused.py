@@ -13,11 +13,12 @@ from sidegan.robot import Setup, load_robot
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check, default_home, usual_effort
 from sidegan.validity.straight import require_straight
 
-from .critical import DESK, limited, thick
+from .critical import DESK, limited
 from .test_home import bent_arm
 from .test_pairs import chain
 
 ARM, PLANAR = load_robot("kuka_lwr4"), load_robot("planar2")
+THICK = replace(ARM, capsules=replace(ARM.capsules, radius=1000.0 * ARM.capsules.radius))
 WALL = Plane((1, 0, 0), -0.5)
 HUGE = Box((-3.0, -3.0, -3.0), (3.0, 3.0, 3.0))
 BETWEEN = [Plane((0, 0, 1), 0.7), Plane((0, 0, -1), -0.75)]  # each of which leaves room
@@ -90,7 +91,7 @@ REFUSED = {
             lambda _: default_home(Constraints(weak(bent_arm(), 1e-7, 1e-7))),
             r"torque of shoulder(?!.*workspace).*trajectory\.home=.*robot\.effort",
         ),
-        (lambda _: Constraints(thick(ARM, 1000.0)), "are the shapes in metres"),
+        (lambda _: Constraints(THICK), "are the shapes in metres"),
         (lambda _: Constraints(ARM, [DESK, Plane((0.0, 0.0, 1.0), 5.0)]), "region 1 cannot be avoided"),
         (lambda _: Constraints(ARM, [DESK, HUGE]), "region 1 cannot be avoided"),
         (straight([0.0, 0.0], [-2.0, 0.0], [WALL]), r"keep_out of .*, \d+% along it"),

@@ -12,6 +12,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity import Constraints, Plane, check
 from sidegan.validity.constraints import NAMES
+from sidegan.validity.pieces import piece_distances
 from tests.chains import constrained, driven, random_chain
 
 from .critical import BALL, BLOCK, BOX, DESK, HULL, filled, limited, margins_of, moderate, smallest
@@ -134,11 +135,11 @@ def assert_bounded(constraints: Constraints, trajectory: Trajectory, c: Array, h
 def margins_within(constraints: Constraints, trajectory: Trajectory, c: Array, times: Array) -> dict:
     """Margins (T, K) by constraint, of what is inside of all capsules."""
     margins = {name: x[0] for name, x in margins_of(constraints, trajectory, c, times).items()}
-    if constraints.pieces.finer.any():
+    finer = constraints.bodies.hulls.finer
+    if finer.any():
         q = trajectory.derivative(c, times, 0)[0]
-        asked = np.argwhere(constraints.pieces.finer & np.ones((len(q), 1), bool))
-        inner, where = constraints.pieces.lower(q, asked), tuple(asked.T)
-        inner = inner + (constraints.apart - constraints.gaps)[where[1]]
+        asked = np.argwhere(finer & np.ones((len(q), 1), bool))
+        inner, where = piece_distances(constraints.bodies, q, asked), tuple(asked.T)
         margins["collision"][where] = np.maximum(margins["collision"][where], inner)
     return margins
 

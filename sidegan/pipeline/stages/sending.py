@@ -9,7 +9,7 @@ from sidegan.base.names import plain
 from sidegan.controllers import APPROACH, SHELL
 from sidegan.pipeline.context import RunContext
 from sidegan.recording.commanded import FOLDER
-from sidegan.robot import words
+from sidegan.robot import changes
 
 Steps = list[tuple[str, str]]  # a sentence and a command each
 
@@ -85,4 +85,4 @@ def _identify(run: RunContext, folder: Path) -> str:
 
 def _robot(run: RunContext) -> str:
     robot = run.cfg.robot
-    return " ".join([quote(f"robot.name={robot.name}"), *words(robot.setup)])
+    return " ".join([quote(f"robot.name={robot.name}"), *changes("robot", robot.setup)])

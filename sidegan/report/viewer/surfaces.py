@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sidegan.robot import Arm, solids
+from sidegan.robot import Arm
 from sidegan.robot.visuals import Part, capsule_surface, visual_parts
 from sidegan.validity import Convex, Plane, Region, Sphere
 
@@ -28,15 +28,15 @@ def region_surface(region: Region) -> Part | None:
     """The surface of a keep-out region; None for a plane, which is unbounded."""
     if isinstance(region, Plane):
         return None
-    if isinstance(region, Sphere):
-        vertices, faces = solids.capsule(region.radius, 0)
-        return Part(-1, vertices + region.centre, faces)
-    if isinstance(region, Convex):
-        import trimesh  # slow to import
+    import trimesh  # slow to import
 
-        hull = trimesh.convex.convex_hull(region.points)
-        return Part(-1, np.asarray(hull.vertices), np.asarray(hull.faces))
-    return Part(-1, *solids.box(region.lower, region.upper))
+    if isinstance(region, Sphere):
+        surface = trimesh.creation.icosphere(radius=region.radius).apply_translation(region.centre)
+    elif isinstance(region, Convex):
+        surface = trimesh.convex.convex_hull(region.points)
+    else:
+        surface = trimesh.creation.box(bounds=[region.lower, region.upper])
+    return Part(-1, np.asarray(surface.vertices), np.asarray(surface.faces))
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
