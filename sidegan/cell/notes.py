@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from sidegan.base.names import counted, listed
 from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
+from sidegan.robot.collision import length_of
 from sidegan.robot.setup import allowed
 from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
 from sidegan.validity.placeholders import (
@@ -12,9 +13,12 @@ from sidegan.validity.placeholders import (
     describe_placeholder_limits,
     describe_weak_limits,
 )
+from sidegan.validity.regions import distance
 
 if TYPE_CHECKING:
     from sidegan.cell.cell import Cell
+
+_FAR = 10.0  # reaches of the arm
 
 
 def doubts(cell: "Cell") -> Iterator[str]:
@@ -24,6 +28,7 @@ def doubts(cell: "Cell") -> Iterator[str]:
     if cell.workspace.torque:
         yield describe_weak_limits(cell.whole_arm)
         yield describe_excessive_friction(cell.whole_arm)
+    yield _far_regions(cell)
     yield _touching(cell)
     yield describe_displaced_shapes(arm)
     yield _masses(arm)
@@ -46,6 +51,17 @@ def _masses(arm: Arm) -> str:
         moved = listed(arm.joint_names[: last + 1])
         return f"{masses}; real torques of {moved} may differ greatly from those checked and shown"
     return ""
+
+
+def _far_regions(cell: "Cell") -> str:
+    """A sentence on regions of the user that are far out of reach; empty if there are none."""
+    own = len(cell.workspace.regions or [])
+    regions = cell.constraints.regions
+    reach = length_of(vars(cell.whole_arm))
+    base = cell.whole_arm.translation[0]
+    apart = {k: distance(region, base) for k, region in enumerate(regions[len(regions) - own :])}
+    far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > _FAR * reach]
+    return f"{listed(far)}, and {cell.arm.name} reaches {reach:.2g} m: are these millimetres?" if far else ""
 
 
 def _touching(cell: "Cell") -> str:

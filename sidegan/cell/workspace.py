@@ -57,6 +57,11 @@ class Mesh:
     rpy: Point = (0.0, 0.0, 0.0)  # [rad]
     scale: Positive | None = None  # metres per unit of the file; null: as the file states, or 1
 
+    def __post_init__(self) -> None:
+        if max(map(abs, self.rpy)) > 2.02 * math.pi:
+            meant = [round(math.radians(x), 6) for x in self.rpy]
+            raise ConfigError(f"rpy is {list(self.rpy)} rad: are these degrees? In radians they are {meant}")
+
     @property
     def shape(self) -> Convex:
         """The region."""

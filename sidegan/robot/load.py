@@ -29,6 +29,7 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
+_LONGEST = 100.0  # [m] sum of link lengths beyond which they must be in other units
 _log = logging.getLogger(__name__)
 
 
@@ -70,6 +71,9 @@ def load_robot(
     description = read_description(path, setup, home, planning)
     model = build(description)
     chain = kinematics_and_inertias(model, setup.tip)
+    length = float(np.linalg.norm([*chain["translation"][1:], chain["tip"]], axis=1).sum())
+    if length > _LONGEST:
+        raise RobotError(f"{path}: the links are {length:.4g} m long together: are these millimetres?")
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)
     drives = description.drives

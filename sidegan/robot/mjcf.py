@@ -42,6 +42,8 @@ def read_mjcf(path: Path) -> Source:
     """
     model, missing, hidden = _compiled(path)
     writer = _Writer(model, path)
+    if ignored := writer.ignored():
+        _log.warning("%s: torques and their limits do not include %s", path, ignored)
     notes = writer.notes()
     if hidden:
         notes.append(f"not shown, since the mesh files are missing: {listed(list(hidden))}")
@@ -157,6 +159,15 @@ class _Writer:
             names = listed([self.name("body", body) for body in floats])
             notes.append(f"gravity of {names} is compensated (gravcomp): actuator torques exclude it")
         return notes
+
+    def ignored(self) -> str:
+        """Torques and forces that the rigid model lacks; empty if there are none."""
+        model = self.model
+        springs = [self.name("joint", joint) for joint in np.flatnonzero(model.jnt_stiffness).tolist()]
+        found = [f"springs of {listed(springs)} (stiffness)"] if springs else []
+        if model.opt.density or model.opt.viscosity:
+            found.append("drag of the medium (density, viscosity)")
+        return " and ".join(found)
 
     def postures(self) -> dict[str, dict[str, float]]:
         """Positions of revolute and prismatic joints [rad or m] by keyframe and name."""

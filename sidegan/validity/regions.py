@@ -10,22 +10,30 @@ from sidegan.errors import ConfigError
 from sidegan.kernels.chain import BALL, BOX, CONVEX, PLANE
 from sidegan.validity.obstacles import Convex, Sphere
 
+_UNIT = 1e-3  # tolerance of a unit normal's length
+
 
 @dataclass(frozen=True)
 class Plane:
-    """Keep out of the half space n·x < offset [m], for the unit vector n along the normal."""
+    """Keep out of the half space normal·x < offset [m]."""
 
-    normal: tuple[float, float, float]  # of any length
+    normal: tuple[float, float, float]  # of length 1
     offset: float
 
     def __post_init__(self) -> None:
         length = float(np.linalg.norm(self.normal))
         if len(self.normal) != 3 or not np.isfinite([length, self.offset]).all() or length == 0:
             raise ConfigError(f"a plane needs a non-zero normal of three numbers and an offset, got {self}")
+        if abs(length - 1) > _UNIT and self.offset:
+            unit = ", ".join(f"{x:.6g}" for x in self.unit)
+            raise ConfigError(
+                f"the normal of {self} is {length:.4g} long, so that its offset is ambiguous: expected "
+                f"a unit normal, [{unit}], and the offset along it [m]"
+            )
 
     @property
     def unit(self) -> list[float]:
-        """The normal, normalised."""
+        """The normal, rid of its rounding."""
         length = float(np.linalg.norm(self.normal))
         return [float(x) / length for x in self.normal]
 
@@ -69,6 +77,17 @@ class Box:
 
 
 Region = Plane | Box | Sphere | Convex
+
+
+def distance(region: Region, point: Array) -> float:
+    """Least distance [m] of a point (3,) from a region, negative inside; of convex bodies, a lower bound."""
+    if isinstance(region, Plane):
+        return float(point @ region.unit) - region.offset
+    if isinstance(region, Sphere):
+        return float(np.linalg.norm(point - region.centre)) - region.radius
+    return float((region.planes[:, :3] @ point - region.planes[:, 3]).max())
+
+
 _KINDS: dict[type[Region], int] = {Plane: PLANE, Box: BOX, Sphere: BALL, Convex: CONVEX}
 
 
