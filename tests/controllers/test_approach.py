@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, reject
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from sidegan.controllers import ExportSettings, approach
@@ -45,6 +45,7 @@ def shares(constraints, course, use):
     return np.stack([*found, (np.abs(moving) / room).max()])
 
 
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), use=st.sampled_from([0.1, 1.0]), tight=st.integers(0, 3))
 def test_the_approach_reaches_one_limit_and_exceeds_none(seed, use, tight):
     arm, _ = random_chain(1 + seed % 4, seed)
