@@ -15,7 +15,10 @@ from tests.chains import random_chain, random_states
 from tests.motion.conftest import CHAINS, close, normal
 
 
-def agree_with_pinocchio(arm, model, states):
+@pytest.mark.parametrize("chain", [None, *CHAINS])
+def test_dynamics_agree_with_pinocchio(chain, arm):
+    arm, model = random_chain(*chain) if chain else (arm, pin.buildModelFromUrdf(str(arm.urdf)))
+    states = random_states(arm, 40, chain[1]) if chain else random_states(arm, 1000)
     body, data, rows = RigidBody(arm), model.createData(), list(zip(*states))
     regressor = [pin.computeJointTorqueRegressor(model, data, *row).copy() for row in rows]
     regressor = np.reshape(regressor, (*states[0].shape, -1))
@@ -23,16 +26,6 @@ def agree_with_pinocchio(arm, model, states):
     scale = np.abs(regressor).max()
     np.testing.assert_allclose(body.regressor(*states), regressor, atol=1e-13 * scale, rtol=0)
     np.testing.assert_allclose(body.torque(*states), torque, atol=1e-12 * scale, rtol=0)
-
-
-def test_arm_agrees_with_pinocchio_on_1000_states(arm):
-    agree_with_pinocchio(arm, pin.buildModelFromUrdf(str(arm.urdf)), random_states(arm, 1000))
-
-
-@pytest.mark.parametrize("chain", CHAINS)
-def test_any_chain_agrees_with_pinocchio(chain):
-    arm, model = random_chain(*chain)
-    agree_with_pinocchio(arm, model, random_states(arm, 40, chain[1]))
 
 
 def test_planar_arm_has_the_textbooks_torque(planar):

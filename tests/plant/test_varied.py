@@ -146,16 +146,16 @@ def test_servos_and_friction_follow_their_laws(planar, motion):
 
 @pytest.mark.parametrize("correlation", [1e-6, 0.05])
 def test_recorded_noise_has_the_stated_size_and_correlation(planar, correlation):
-    family = Trajectory(2, 3, 40.0)
+    family = Trajectory(2, 3, 10.0)
     sensors = Sensors(noise=0.1, correlation=correlation, cutoff=20.0, rate=100.0)
-    made, c = plant(planar, PLAIN), np.zeros((1, 2, 3, 2))
+    made, c = plant(planar, PLAIN), np.zeros((4, 2, 3, 2))
     c[..., 0, 0] = 0.3
     exact, noisy = (recorded(made, family, c, sensors, random) for random in (None, np.random.default_rng(0)))
     assert all(np.array_equal(*pair) for pair in zip(exact[:3], noisy[:3]))
-    noise = (noisy[3] - exact[3])[0] / made.range
+    noise = (noisy[3] - exact[3]) / made.range
     keep = np.exp(-1 / (100.0 * correlation))
     assert noise.std() == pytest.approx(0.1, rel=0.1)
-    assert (noise[1:] * noise[:-1]).mean() / noise.var() == pytest.approx(keep, abs=0.05)
+    assert (noise[:, 1:] * noise[:, :-1]).mean() / noise.var() == pytest.approx(keep, abs=0.05)
     for below, above in pairwise(exact[:3]):
         slope = np.gradient(below, 1 / sensors.rate, axis=1)
         assert np.abs((slope - above)[:, 50:-50]).max() < 0.02 * np.abs(above).max()
