@@ -5,7 +5,7 @@ from pathlib import Path
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
-from sidegan.controllers.course import POINTS, Course, knots, least_rate, run_of
+from sidegan.controllers.course import POINTS, Course, least_rate, run_of
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.settings import ExportSettings
 from sidegan.controllers.table import csv_text
@@ -51,8 +51,9 @@ def export_set(
         motions = (trajectory.roll_out(coefficients[None], times) for coefficients in c)
         return {f"{k:0{digits}}": Course.of(joints, motion) for k, motion in enumerate(motions, 1)}
 
-    points = courses(knots(trajectory))
+    points = courses(trajectory.times(least_rate(trajectory)))
     ways = _ways(constraints, trajectory, settings)
+    goals = points | ways
     pause = settings.pause or 0.0
     with replacing_folder(folder, _of_a_run) as new:
         if "csv" in settings.formats:
@@ -63,20 +64,19 @@ def export_set(
                 write_bytes(new / f"{name}.csv", csv_text(course).encode())
         if "ros2" in settings.formats:
             tolerance = settings.tolerance.of(constraints.arm)
-            for name, course in (points | ways).items():
+            for name, course in goals.items():
                 write_bytes(new / f"{name}.yaml", goal_text(course, tolerance, notes).encode())
         if "urscript" in settings.formats:
             near = settings.tolerance.angle
-            for name, course in (points | ways | {ALL: run_of(points.values(), pause)}).items():
+            for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
                 script = script_text(course, f"excite_{name}", near, notes)
                 write_bytes(new / f"{name}.script", script.encode())
-    order = [name for name in (APPROACH, *points, RETURN) if name in points | ways]
-    return {name: (points | ways)[name].duration for name in order}
+    return {name: goals[name].duration for name in (APPROACH, *points, RETURN) if name in goals}
 
 
 def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSettings) -> None:
     """Refuse settings that do not fit an arm, or a family at its final speed, by a ConfigError."""
-    least = least_rate(trajectory.harmonics, trajectory.period)
+    least = least_rate(trajectory)
     if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
         raise ConfigError(
             f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "

@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from sidegan.controllers import SHELL, ExportSettings
-from sidegan.controllers.course import Course, knots, run_of, slower
+from sidegan.controllers.course import Course, least_rate, run_of, slower
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import script_text
@@ -25,8 +25,7 @@ NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist,
 
 def course(seed=0, family=FAMILY, rate=None):
     c = 0.3 * np.random.default_rng(seed).standard_normal((1, *family.shape))
-    times = knots(family) if rate is None else family.times(rate)
-    return Course.of(NAMES, family.roll_out(c, times))
+    return Course.of(NAMES, family.roll_out(c, family.times(rate or least_rate(family))))
 
 
 def test_quintics_between_the_points_reproduce_the_motion():
