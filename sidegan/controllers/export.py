@@ -1,14 +1,17 @@
 """Write the controller files of a set of trajectories."""
 
+import csv
+import io
 from pathlib import Path
+
+import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
-from sidegan.controllers.course import POINTS, Course, least_rate, run_of
+from sidegan.controllers.course import POINTS, STATES, Course, least_rate, run_of
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.settings import ExportSettings
-from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import SCRIPTED, script_text
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
@@ -19,6 +22,9 @@ from sidegan.validity.home import refuse_degrees
 ALL, APPROACH, RETURN = "all", "approach", "return"
 _PRINTED = 1e-4  # relative rounding of a rate in a message
 _ENDINGS = (".csv", ".yaml", ".script")
+# A controller with cubic interpolation at 1 kHz divides differences by 1e-9 s³ for the jerk: with nine digits
+# its error would be 120 rad/s³.
+_DIGITS = "%.12g"
 
 
 def export_set(
@@ -99,6 +105,19 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
                 f"{', '.join(arm.joint_names)}"
             )
         refuse_degrees(arm, settings.start, "controllers.start")
+
+
+def csv_text(course: Course) -> str:
+    """``time`` [s], then ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>`` of every joint in SI units.
+
+    These are columns that ``identify`` recognises.
+    """
+    columns = ["time", *(f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in course.joint_names)]
+    rows = np.concatenate([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(columns)
+    np.savetxt(text, rows, _DIGITS, ",")
+    return text.getvalue()
 
 
 def _require_valid(constraints: Constraints, trajectory: Trajectory, c: Array) -> None:

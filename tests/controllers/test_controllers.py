@@ -11,8 +11,8 @@ import yaml
 
 from sidegan.controllers import SHELL, ExportSettings
 from sidegan.controllers.course import Course, least_rate, run_of, slower
+from sidegan.controllers.export import csv_text
 from sidegan.controllers.ros2 import goal_text
-from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import script_text
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory

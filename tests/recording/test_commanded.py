@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidegan.controllers import Course
-from sidegan.controllers.table import csv_text
+from sidegan.controllers.course import Course
+from sidegan.controllers.export import csv_text
 from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
