@@ -190,8 +190,8 @@ def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
         return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
 
     found = {pair: misfit(*pair) for pair in combinations_with_replacement(range(body.joints), 2)}
-    best = min(found, key=found.__getitem__, default=None)
-    return best if best and found[best] < misfit() + 2 * math.log(_BETTER) else None
+    best = min(found, key=found.__getitem__)
+    return best if found[best] < misfit() + 2 * math.log(_BETTER) else None
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:

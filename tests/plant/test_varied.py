@@ -15,6 +15,7 @@ from sidegan.plant import mujoco_model
 from sidegan.plant.recorded import Sensors, recorded
 from sidegan.plant.varied import VariedPlant, VariedSettings
 from sidegan.robot import load_robot
+from tests.plant.conftest import motions
 
 OFF = dict.fromkeys(("stribeck", "load", "asymmetry", "position", "ripple"), 0.0)
 SENSORS = ("compliance", "backlash", "encoder", "resolution", "delay", "hysteresis", "offset")
@@ -29,7 +30,7 @@ PLAIN = replace(
 
 
 @pytest.fixture(scope="module")
-def motion(planar, motions):
+def motion(planar):
     return motions(planar, 3, rate=500.0)
 
 
@@ -73,7 +74,7 @@ def inverse(arm, *states):
 
 
 @pytest.mark.parametrize("name", ["planar2", "kuka_lwr4"])
-def test_an_ideal_link_sensor_measures_the_torque_on_the_true_links(name, motions):
+def test_an_ideal_link_sensor_measures_the_torque_on_the_true_links(name):
     arm = load_robot(name)
     made, motion = plant(arm, PLAIN), motions(arm, 2, rate=500.0)
     assert np.abs(made.true.inertial_parameters - arm.inertial_parameters).max() > 0.01
@@ -161,7 +162,7 @@ def test_recorded_noise_has_the_stated_size_and_correlation(planar, correlation)
         assert np.abs((slope - above)[:, 50:-50]).max() < 0.02 * np.abs(above).max()
 
 
-def test_untrackable_motions_and_other_rates_are_refused(planar, motion, motions):
+def test_untrackable_motions_and_other_rates_are_refused(planar, motion):
     with pytest.raises(InfeasibleError, match="do not follow"):
         plant(planar, replace(USUAL, tolerance=1e-9)).follow(motion)
     with pytest.raises(ShapeError, match="500 Hz"):
