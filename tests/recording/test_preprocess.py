@@ -1,6 +1,4 @@
 import tracemalloc
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 import pyarrow as pa
@@ -16,9 +14,8 @@ from tests.recording.conftest import of_file, recorded, states
 from tests.recording.files import frame
 
 
-@pytest.mark.parametrize("keep", [("position", "torque"), ("position", "velocity", "torque")])
-def test_missing_signals_are_derived(planar, clock, keep):
-    (segment,) = preprocess(recorded(planar, clock, keep), of_file())
+def test_a_missing_acceleration_is_derived(recording):
+    (segment,) = preprocess(recording, of_file())
     for name, x in zip(("position", "velocity", "acceleration"), states(segment.time)):
         np.testing.assert_allclose(getattr(segment, name), x, atol=2e-2, rtol=0)
 
@@ -62,36 +59,30 @@ def test_filtering_a_long_recording_in_blocks_leaves_no_seams(planar, delay):
         np.testing.assert_allclose(x[inner], expected[inner], atol=1e-6, rtol=0)
 
 
-def peaks(arm, folder):
-    """Largest memory, in sizes of a recording's numbers, to read it from each format, and to reduce it."""
+def test_a_long_recording_needs_little_more_memory_than_its_numbers(planar, tmp_path):
+    """To read it from CSV and from Parquet, and to reduce it."""
     for seconds in (3, 400):  # the first time, what is imported is counted too
-        made = recorded(arm, np.arange(1000 * seconds) * 1e-3)
+        made = recorded(planar, np.arange(1000 * seconds) * 1e-3)
         table = pa.Table.from_pandas(frame(made))
-        pa.csv.write_csv(table, folder / "a.csv")
-        pa.parquet.write_table(table, folder / "a.parquet")
-        found, read = [], None
+        pa.csv.write_csv(table, tmp_path / "a.csv")
+        pa.parquet.write_table(table, tmp_path / "a.parquet")
+        peaks, read = [], None
         tracemalloc.start()
         for name in ("a.csv", "a.parquet"):
             del read  # that of the other format
             tracemalloc.reset_peak()
-            read = load_recording(folder / name, of_file(), ("1", "2"))
-            found.append(tracemalloc.get_traced_memory()[1])
+            read = load_recording(tmp_path / name, of_file(), ("1", "2"))
+            peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.reset_peak()
         preprocess(read, of_file())
-        found.append(tracemalloc.get_traced_memory()[1])
+        peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    return np.array(found) / (8 * 7 * len(made))
+    numbers = 8 * 7 * len(made)  # bytes
+    assert (np.array(peaks) < numbers * np.array([2.2, 2.2, 2.5])).all()
 
 
-def test_a_long_recording_needs_little_more_memory_than_its_numbers(planar, tmp_path):
-    """In a process of its own, where no other test's modules allocate."""
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        found = pool.submit(peaks, planar, tmp_path).result()
-    assert (found < [2.2, 2.2, 2.5]).all()
-
-
-def test_currents_are_converted_to_torques(planar, clock):
-    (by_torque,) = preprocess(recorded(planar, clock), of_file())
+def test_currents_are_converted_to_torques(planar, clock, recording):
+    (by_torque,) = preprocess(recording, of_file())
     currents = recorded(planar, clock, ("position", "velocity", "current"))
     (by_current,) = preprocess(currents, of_file(), (2.0, 2.0))
     np.testing.assert_allclose(by_current.torque, by_torque.torque)
