@@ -93,7 +93,7 @@ def test_the_goal_is_yaml_that_a_shell_can_pass(planned, text, goal):
     np.testing.assert_allclose(stamps, planned.time, rtol=0, atol=1e-9)
 
 
-def first_command(goal, standing, default=0.0):
+def first_command(goal, standing):
     """What a joint trajectory controller commands first to an arm that stands somewhere; None if it aborts.
 
     ``update`` of joint_trajectory_controller.cpp samples the goal at its start: the first point, if that is
@@ -102,15 +102,11 @@ def first_command(goal, standing, default=0.0):
     (``get_segment_tolerances``, ``check_state_tolerance_per_joint`` of tolerances.hpp).
     """
     names, first = goal["trajectory"]["joint_names"], goal["trajectory"]["points"][0]
-    tolerance = dict.fromkeys(names, default) | {
-        tolerance["name"]: tolerance["position"]
-        for tolerance in goal.get("path_tolerance", ())
-        if tolerance["position"]
-    }
+    tolerances = {each["name"]: each["position"] for each in goal.get("path_tolerance", ())}
     at_once = first["time_from_start"] == {"sec": 0, "nanosec": 0}
     desired = np.array(first["positions"] if at_once else standing)
     for name, error in zip(names, np.abs(standing - desired)):
-        if tolerance[name] > 0 and error > tolerance[name]:
+        if 0 < tolerances.get(name, 0.0) < error:
             return None
     return desired
 
