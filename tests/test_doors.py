@@ -85,10 +85,15 @@ def test_kernels_depend_on_arrays_only():
 
 
 def test_torch_is_imported_only_for_training():
-    """Not by settings, any stage or the steps beside; it takes longer to import than all else."""
+    """Not by settings, any stage or the steps beside; it takes longer to import than all else.
+
+    Nor is numba imported by settings, or before dynamics are computed.
+    """
     steps = ("excite", "identify", "seeds", "trajectories")
     code = f"""
 import sys
+import sidegan.motion.dynamics, sidegan.pipeline.settings
+assert "numba" not in sys.modules
 from importlib import import_module
 from sidegan.pipeline.stages import STAGES, stage
 for name in {steps}:

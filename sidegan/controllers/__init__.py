@@ -1,16 +1,14 @@
 """Trajectories as files for robot controllers: CSV, ROS 2, URScript."""
 
 from sidegan.controllers.approach import approach
-from sidegan.controllers.course import Course, slower
-from sidegan.controllers.export import APPROACH, RETURN, export_set, require_exportable
+from sidegan.controllers.course import slower
+from sidegan.controllers.export import APPROACH, export_set, require_exportable
 from sidegan.controllers.ros2 import SHELL
 from sidegan.controllers.settings import ExportSettings
 
 __all__ = [
     "APPROACH",
-    "RETURN",
     "SHELL",
-    "Course",
     "ExportSettings",
     "approach",
     "export_set",

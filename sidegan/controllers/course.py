@@ -71,14 +71,9 @@ class Course:
         )
 
 
-def knots(trajectory: Trajectory) -> Array:
-    """Times [s], (T,), of interpolation points for trajectories of this family."""
-    return trajectory.times(least_rate(trajectory.harmonics, trajectory.period))
-
-
-def least_rate(harmonics: int, period: float) -> float:
-    """Least rate [Hz] of interpolation points for a motion with harmonics of a period [s]."""
-    return POINTS * harmonics / period
+def least_rate(trajectory: Trajectory) -> float:
+    """Least rate [Hz] of interpolation points for trajectories of this family."""
+    return POINTS * trajectory.harmonics / trajectory.period
 
 
 def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, Array]:

@@ -1,14 +1,17 @@
 """Write the controller files of a set of trajectories."""
 
+import csv
+import io
 from pathlib import Path
+
+import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
-from sidegan.controllers.course import POINTS, Course, knots, least_rate, run_of
+from sidegan.controllers.course import POINTS, STATES, Course, least_rate, run_of
 from sidegan.controllers.ros2 import goal_text
 from sidegan.controllers.settings import ExportSettings
-from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import SCRIPTED, script_text
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
@@ -19,6 +22,9 @@ from sidegan.validity.home import refuse_degrees
 ALL, APPROACH, RETURN = "all", "approach", "return"
 _PRINTED = 1e-4  # relative rounding of a rate in a message
 _ENDINGS = (".csv", ".yaml", ".script")
+# A controller with cubic interpolation at 1 kHz divides differences by 1e-9 s³ for the jerk: with nine digits
+# its error would be 120 rad/s³.
+_DIGITS = "%.12g"
 
 
 def export_set(
@@ -51,8 +57,9 @@ def export_set(
         motions = (trajectory.roll_out(coefficients[None], times) for coefficients in c)
         return {f"{k:0{digits}}": Course.of(joints, motion) for k, motion in enumerate(motions, 1)}
 
-    points = courses(knots(trajectory))
+    points = courses(trajectory.times(least_rate(trajectory)))
     ways = _ways(constraints, trajectory, settings)
+    goals = points | ways
     pause = settings.pause or 0.0
     with replacing_folder(folder, _of_a_run) as new:
         if "csv" in settings.formats:
@@ -63,20 +70,19 @@ def export_set(
                 write_bytes(new / f"{name}.csv", csv_text(course).encode())
         if "ros2" in settings.formats:
             tolerance = settings.tolerance.of(constraints.arm)
-            for name, course in (points | ways).items():
+            for name, course in goals.items():
                 write_bytes(new / f"{name}.yaml", goal_text(course, tolerance, notes).encode())
         if "urscript" in settings.formats:
             near = settings.tolerance.angle
-            for name, course in (points | ways | {ALL: run_of(points.values(), pause)}).items():
+            for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
                 script = script_text(course, f"excite_{name}", near, notes)
                 write_bytes(new / f"{name}.script", script.encode())
-    order = [name for name in (APPROACH, *points, RETURN) if name in points | ways]
-    return {name: (points | ways)[name].duration for name in order}
+    return {name: goals[name].duration for name in (APPROACH, *points, RETURN) if name in goals}
 
 
 def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSettings) -> None:
     """Refuse settings that do not fit an arm, or a family at its final speed, by a ConfigError."""
-    least = least_rate(trajectory.harmonics, trajectory.period)
+    least = least_rate(trajectory)
     if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
         raise ConfigError(
             f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
@@ -99,6 +105,19 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
                 f"{', '.join(arm.joint_names)}"
             )
         refuse_degrees(arm, settings.start, "controllers.start")
+
+
+def csv_text(course: Course) -> str:
+    """``time`` [s], then ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>`` of every joint in SI units.
+
+    These are columns that ``identify`` recognises.
+    """
+    columns = ["time", *(f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in course.joint_names)]
+    rows = np.concatenate([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerow(columns)
+    np.savetxt(text, rows, _DIGITS, ",")
+    return text.getvalue()
 
 
 def _require_valid(constraints: Constraints, trajectory: Trajectory, c: Array) -> None:

@@ -19,9 +19,7 @@ _SAMPLES = 20_000  # enough to determine a sign
 _FEW = 2_000  # enough to detect swapped motions
 _CLEAR = 0.4  # smallest meaningful correlation with the model
 _SURE = 0.9  # correlation above which a scale is meaningful
-_OTHER = (
-    2.0  # ratio to the described torque, or its inverse, that means another unit rather than another mass
-)
+_OTHER = 2.0  # ratio to the described torque, or its inverse, that means another unit, not another mass
 _STILL = 0.1  # [rad or m] range of motion needed to determine a joint's sign
 _DRIVEN = 0.02  # least share of the power that friction dissipates if the torque is not reversed
 _BETTER = 0.3  # largest ratio of residuals, swapped over unswapped, for joints to count as swapped
@@ -57,28 +55,19 @@ class Agreement(NamedTuple):
         clear = np.abs(self.load.scale[np.abs(self.sign) > _CLEAR])
         return float(np.median(clear)) if len(clear) else 1.0
 
-    @property
-    def strange(self) -> bool:
-        """Whether hardly any torque matches the description."""
-        return bool(self.needed.any() and _STRANGE * (self.sign > _CLEAR).sum() <= len(self.sign))
-
-    @property
-    def rescaled(self) -> Array:
-        """Whether each joint's torque is clearly a multiple of the described one, (J,)."""
-        scale = self.load.scale
-        return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
-
     def doubts(self, arm: Arm) -> list[str]:
         """Warnings about contradictions between description and torques, other than gravity."""
         found = []
-        if self.rescaled.any():
-            joints = zip(arm.joint_names, self.load.scale.tolist(), self.rescaled.tolist())
+        scale = self.load.scale
+        rescaled = (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
+        if rescaled.any():
+            joints = zip(arm.joint_names, scale.tolist(), rescaled.tolist())
             shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in joints if marked], arm.joints)
             found.append(
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
                 "gain or wrong masses? (recording.units, robot.gains)"
             )
-        if self.strange:
+        if self.needed.any() and _STRANGE * (self.sign > _CLEAR).sum() <= len(self.sign):
             found.append(
                 "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
@@ -201,8 +190,8 @@ def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
         return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
 
     found = {pair: misfit(*pair) for pair in combinations_with_replacement(range(body.joints), 2)}
-    best = min(found, key=found.__getitem__, default=None)
-    return best if best and found[best] < misfit() + 2 * math.log(_BETTER) else None
+    best = min(found, key=found.__getitem__)
+    return best if found[best] < misfit() + 2 * math.log(_BETTER) else None
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:

@@ -90,6 +90,12 @@ def stretches(marked: Array) -> tuple[Array, Array]:
     return edges[::2], edges[1::2]
 
 
+def held(signals: Array) -> tuple[Array, Array]:
+    """First and last indices of the stretches in which no signal, (S, C), changes."""
+    begins = np.append(0, np.flatnonzero((signals[1:] != signals[:-1]).any(1)) + 1)
+    return begins, np.append(begins[1:], len(signals)) - 1
+
+
 def interpolated(at: Array, time: Array, signals: Array, gap: float) -> Array:
     """Signals (S, C) at times (K,) [s], (K, C), interpolated as by ``Run.at``; NaN outside and in gaps."""
     fresh = np.diff(time, prepend=-np.inf) > 0

@@ -8,6 +8,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
+from sidegan.recording.grid import held
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import SLOWEST
 
@@ -70,15 +71,10 @@ def driven(recording: Recording) -> Recording:
     """A recording without rows at rest in which no joint's torque or current changes: brakes hold the arm."""
     if recording.torque is recording.current is None:
         return recording
-    load = recording.signals()[recording.load]
     time = recording.time
     kept = np.ones(len(time), dtype=bool)
     lost = 0.0
-    begins = np.append(True, np.zeros(len(time) - 1, dtype=bool))
-    for column in load.T:
-        begins[1:] |= np.diff(column) != 0
-    begins = np.flatnonzero(begins)
-    ends = np.append(begins[1:], len(time)) - 1
+    begins, ends = held(recording.signals()[recording.load])
     long = np.flatnonzero(time[ends] - time[begins] >= _WITHOUT_DRIVES)
     for begin, end in zip(begins[long], ends[long]):
         if np.ptp(recording.position[begin : end + 1], 0).max() < _AT_REST:

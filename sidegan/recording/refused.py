@@ -9,7 +9,7 @@ from sidegan.errors import RecordingError
 from sidegan.recording.agreement import Agreement
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import SLOWEST, Signal, Statistics
-from sidegan.recording.units import Units
+from sidegan.recording.units import SECONDS, Units
 from sidegan.robot import Arm
 
 DEGREES, MILLIMETRES = 180 / math.pi, 1e3
@@ -43,7 +43,7 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
         )
     if statistics.step > SLOWEST:
         raw = statistics.step / units.factor("time")
-        likely = next((unit for unit in ("ms", "us") if raw * Units.of_time(unit) <= _USUAL), "ns")
+        likely = next((unit for unit in ("ms", "us") if raw * SECONDS[unit] <= _USUAL), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"

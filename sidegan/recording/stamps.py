@@ -10,7 +10,7 @@ import pandas as pd
 from sidegan.base.arrays import Array
 from sidegan.recording.statistics import SLOWEST
 from sidegan.recording.tables import Table
-from sidegan.recording.units import Units
+from sidegan.recording.units import SECONDS, Units
 
 _EPOCH = pd.Timestamp("1970-01-01", tz="UTC")
 _SINCE_1970 = 9.4e8, 4.1e9  # [s] plausible range of such clocks: 2000 to 2100
@@ -42,7 +42,7 @@ def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Ar
     unit = "" if known else _since_1970(stamps)
     if unit:
         remark = f"time stamps are {_LONG[unit]} since 1970; recording.units.time overrides it"
-        return (stamps * Units.of_time(unit)).reshape(len(stamps), -1), [remark]
+        return (stamps * SECONDS[unit]).reshape(len(stamps), -1), [remark]
     factor = units.factor("time", heading=heading)
     return (stamps * factor).reshape(len(stamps), -1), []
 
@@ -82,7 +82,7 @@ def _since_1970(stamps: Array) -> str:
         return ""
     usual, step = float(np.nanmedian(stamps)), float(np.median(forward))
     for unit in _LONG:
-        factor = Units.of_time(unit)
+        factor = SECONDS[unit]
         if _SINCE_1970[0] < usual * factor < _SINCE_1970[1] and step * factor < SLOWEST:
             return unit
     return ""

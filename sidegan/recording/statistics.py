@@ -8,7 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.grid import stretches
+from sidegan.recording.grid import held, stretches
 from sidegan.recording.overlap import Digests, digests_of
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import RecordingSettings
@@ -190,8 +190,7 @@ def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:
     time = recording.time
     load = recording.signals()[recording.load]
     for j, (q, x) in enumerate(zip(recording.position.T, load.T)):
-        begins = np.append(0, np.flatnonzero(np.diff(x)) + 1)
-        ends = np.append(begins[1:], len(x)) - 1
+        begins, ends = held(x[:, None])
         travel = np.maximum.reduceat(q, begins) - np.minimum.reduceat(q, begins)
         travel[ends - begins + 1 < _LEAST_STUCK] = 0.0
         widest = int(travel.argmax())

@@ -13,8 +13,9 @@ from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a unit of time
 _TO_SI = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
+    "time": SECONDS,
     "angle": {"rad": 1.0, "deg": _DEGREE, "rpm": _TURN / 60},
     "length": {"m": 1.0, "mm": 1e-3},
     "torque": {"N·m": 1.0, "Nm": 1.0, "mNm": 1e-3},
@@ -86,11 +87,6 @@ class Units:
             f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to "
             f"{unit} and rename it; if it is in {unit} already: recording.units.{kind}={unit}"
         )
-
-    @staticmethod
-    def of_time(unit: str) -> float:
-        """Seconds of a unit of time."""
-        return _TO_SI["time"][unit]
 
     def read(self, signal: str, slides: bool, heading: str) -> str:
         """The non-SI unit in a column's name; empty if there is none or a unit is configured."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, reject
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from sidegan.controllers import ExportSettings, approach
@@ -45,6 +45,7 @@ def shares(constraints, course, use):
     return np.stack([*found, (np.abs(moving) / room).max()])
 
 
+@settings(max_examples=50)
 @given(seed=st.integers(0, 10**6), use=st.sampled_from([0.1, 1.0]), tight=st.integers(0, 3))
 def test_the_approach_reaches_one_limit_and_exceeds_none(seed, use, tight):
     arm, _ = random_chain(1 + seed % 4, seed)
@@ -70,9 +71,8 @@ def test_the_approach_reaches_one_limit_and_exceeds_none(seed, use, tight):
     assert found.max() < 1 + 1e-6
     if course.duration < 0.5 + 1e-6:  # the shortest, within all limits
         return
-    assert found.max() > 1 - 1e-3 and (
-        found.max() > 1 - 1e-6 or found.argmax() == 2
-    )  # a jerk is a difference
+    precision = 1e-3 if found.argmax() == 2 else 1e-6  # a jerk is a difference
+    assert found.max() > 1 - precision
 
 
 def test_the_approach_has_a_row_per_tick_and_obeys_the_speed(desk):

@@ -10,9 +10,9 @@ import pytest
 import yaml
 
 from sidegan.controllers import SHELL, ExportSettings
-from sidegan.controllers.course import Course, knots, run_of, slower
+from sidegan.controllers.course import Course, least_rate, run_of, slower
+from sidegan.controllers.export import csv_text
 from sidegan.controllers.ros2 import goal_text
-from sidegan.controllers.table import csv_text
 from sidegan.controllers.urscript import script_text
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
@@ -25,8 +25,7 @@ NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist,
 
 def course(seed=0, family=FAMILY, rate=None):
     c = 0.3 * np.random.default_rng(seed).standard_normal((1, *family.shape))
-    times = knots(family) if rate is None else family.times(rate)
-    return Course.of(NAMES, family.roll_out(c, times))
+    return Course.of(NAMES, family.roll_out(c, family.times(rate or least_rate(family))))
 
 
 def test_quintics_between_the_points_reproduce_the_motion():
@@ -35,8 +34,8 @@ def test_quintics_between_the_points_reproduce_the_motion():
         assert np.abs(getattr(drawn, name) - getattr(fine, name)).max() < most
 
 
-@pytest.mark.parametrize("speed", [0.25, 0.5, 1.0])
-def test_a_slower_family_has_the_same_paths(speed):
+def test_a_slower_family_has_the_same_paths():
+    speed = 0.25
     c = np.random.default_rng(0).standard_normal((1, *FAMILY.shape))
     family, slow = slower(FAMILY, c, speed)
     again = family.roll_out(slow, family.times(20 * speed))
@@ -67,27 +66,34 @@ def test_identify_reads_the_table_without_settings(tmp_path):
 NEAR = 0.05
 
 
-def sent(text):
-    """Goal as the action server gets it, and its points: times (T,), positions (T, J)."""
-    goal = yaml.safe_load(text)
-    points = goal["trajectory"]["points"]
-    stamps = [p["time_from_start"]["sec"] + 1e-9 * p["time_from_start"]["nanosec"] for p in points]
-    return goal, np.array(stamps), np.array([point["positions"] for point in points])
+@pytest.fixture(scope="module")
+def planned():
+    return course()
 
 
-def test_the_goal_is_yaml_that_a_shell_can_pass():
-    planned = course()
-    text = goal_text(planned, 6 * [NEAR], "locked finger at 0.02 m: it")
+@pytest.fixture(scope="module")
+def text(planned):
+    return goal_text(planned, 6 * [NEAR], "locked finger at 0.02 m: it")
+
+
+@pytest.fixture(scope="module")
+def goal(text):
+    """The goal as the action server gets it."""
+    return yaml.safe_load(text)
+
+
+def test_the_goal_is_yaml_that_a_shell_can_pass(planned, text, goal):
     assert len(text.encode()) < SHELL and text.startswith("# locked finger")
-    goal, stamps, positions = sent(text)
     assert goal["trajectory"]["joint_names"] == list(NAMES)
-    np.testing.assert_allclose(positions, planned.position, rtol=1e-8, atol=1e-9)
-    velocities = [point["velocities"] for point in goal["trajectory"]["points"]]
-    np.testing.assert_allclose(velocities, planned.velocity, rtol=1e-8, atol=1e-9)
+    points = goal["trajectory"]["points"]
+    for key, states in (("positions", planned.position), ("velocities", planned.velocity)):
+        np.testing.assert_allclose([point[key] for point in points], states, rtol=1e-8, atol=1e-9)
+    since = [point["time_from_start"] for point in points]
+    stamps = [stamp["sec"] + 1e-9 * stamp["nanosec"] for stamp in since]
     np.testing.assert_allclose(stamps, planned.time, rtol=0, atol=1e-9)
 
 
-def first_command(text, standing, default=0.0):
+def first_command(goal, standing):
     """What a joint trajectory controller commands first to an arm that stands somewhere; None if it aborts.
 
     ``update`` of joint_trajectory_controller.cpp samples the goal at its start: the first point, if that is
@@ -95,29 +101,24 @@ def first_command(text, standing, default=0.0):
     tolerance. A tolerance of zero, which is the usual default, is none, and one in the goal takes its place
     (``get_segment_tolerances``, ``check_state_tolerance_per_joint`` of tolerances.hpp).
     """
-    goal, stamps, positions = sent(text)
-    names = goal["trajectory"]["joint_names"]
-    tolerance = dict.fromkeys(names, default) | {
-        tolerance["name"]: tolerance["position"]
-        for tolerance in goal.get("path_tolerance", ())
-        if tolerance["position"]
-    }
-    desired = positions[0] if stamps[0] == 0 else np.array(standing)
+    names, first = goal["trajectory"]["joint_names"], goal["trajectory"]["points"][0]
+    tolerances = {each["name"]: each["position"] for each in goal.get("path_tolerance", ())}
+    at_once = first["time_from_start"] == {"sec": 0, "nanosec": 0}
+    desired = np.array(first["positions"] if at_once else standing)
     for name, error in zip(names, np.abs(standing - desired)):
-        if tolerance[name] > 0 and error > tolerance[name]:
+        if 0 < tolerances.get(name, 0.0) < error:
             return None
     return desired
 
 
 @pytest.mark.parametrize(("off", "refused"), [(0.3, True), (0.051, True), (0.049, False), (0.0, False)])
 @pytest.mark.parametrize("joint", [0, 5])
-def test_a_goal_does_not_make_an_arm_jump(off, refused, joint):
-    planned = course()
+def test_a_goal_does_not_make_an_arm_jump(planned, goal, off, refused, joint):
     standing = planned.position[0].copy()
     standing[joint] -= off
-    command = first_command(goal_text(planned, 6 * [NEAR]), standing)
+    command = first_command(goal, standing)
     assert command is None if refused else np.abs(command - standing).max() <= NEAR
-    bare = goal_text(planned, 6 * [NEAR]).partition("path_tolerance")[0]
+    bare = {"trajectory": goal["trajectory"]}
     assert np.abs(first_command(bare, standing) - standing).max() == pytest.approx(off)  # as it would without
 
 
@@ -166,8 +167,7 @@ def test_the_program_follows_the_motion_and_settles():
     assert 0.4 < (len(robot.sent) - len(drawn)) * 0.008 < 0.6 and robot.said == ["movej", "stopj"]
 
 
-def test_the_program_starts_only_at_its_start():
-    planned = course()
+def test_the_program_starts_only_at_its_start(planned):
     robot = Robot(planned.position[0] - np.array([0, 0, 0, 0, 1.1 * NEAR, 0]))
     with pytest.raises(SystemExit):
         robot.run(script_text(planned, "excite_1", NEAR))

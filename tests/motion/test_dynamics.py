@@ -15,7 +15,10 @@ from tests.chains import random_chain, random_states
 from tests.motion.conftest import CHAINS, close, normal
 
 
-def agree_with_pinocchio(arm, model, states):
+@pytest.mark.parametrize("chain", [None, *CHAINS])
+def test_dynamics_agree_with_pinocchio(chain, arm):
+    arm, model = random_chain(*chain) if chain else (arm, pin.buildModelFromUrdf(str(arm.urdf)))
+    states = random_states(arm, 40, chain[1]) if chain else random_states(arm, 1000)
     body, data, rows = RigidBody(arm), model.createData(), list(zip(*states))
     regressor = [pin.computeJointTorqueRegressor(model, data, *row).copy() for row in rows]
     regressor = np.reshape(regressor, (*states[0].shape, -1))
@@ -23,16 +26,6 @@ def agree_with_pinocchio(arm, model, states):
     scale = np.abs(regressor).max()
     np.testing.assert_allclose(body.regressor(*states), regressor, atol=1e-13 * scale, rtol=0)
     np.testing.assert_allclose(body.torque(*states), torque, atol=1e-12 * scale, rtol=0)
-
-
-def test_arm_agrees_with_pinocchio_on_1000_states(arm):
-    agree_with_pinocchio(arm, pin.buildModelFromUrdf(str(arm.urdf)), random_states(arm, 1000))
-
-
-@pytest.mark.parametrize("chain", CHAINS)
-def test_any_chain_agrees_with_pinocchio(chain):
-    arm, model = random_chain(*chain)
-    agree_with_pinocchio(arm, model, random_states(arm, 40, chain[1]))
 
 
 def test_planar_arm_has_the_textbooks_torque(planar):
@@ -114,21 +107,13 @@ def test_base_parameters_do_not_depend_on_the_threads_of_the_process(arm):
         assert np.array_equal(getattr(base, name), getattr(other, name)), name  # the same computation
 
 
-@pytest.fixture(scope="module")
-def short(arm):
-    """Five trajectories of the arm."""
-    trajectory = Trajectory(arm.joints, 4, 8.0)
-    return trajectory, 0.2 * normal(5, *trajectory.shape, seed=4)
-
-
-@pytest.mark.parametrize("equal", [True, False])
-def test_gram_is_the_mean_of_squared_regressors(arm, short, equal):
-    """Of more trajectories than are taken at once, with joints that count alike or not."""
-    body, (trajectory, c) = RigidBody(arm), short
-    c, certainty = np.concatenate([c * share for share in np.linspace(0, 1, 20)]), np.linspace(0.5, 2, 7)
+def test_gram_is_the_mean_of_squared_weighted_regressors(arm):
+    """Of more trajectories than are taken at once."""
+    body, trajectory = RigidBody(arm), Trajectory(arm.joints, 4, 8.0)
+    c, certainty = 0.2 * normal(100, *trajectory.shape, seed=4), np.linspace(0.5, 2, 7)
     y = body.base_regressor(*trajectory.roll_out(c, trajectory.grid(30))[1:])
-    rows = y if equal else certainty[:, None] * y
-    found = gram(body, trajectory, c, 30, None if equal else certainty)
+    rows = certainty[:, None] * y
+    found = gram(body, trajectory, c, 30, certainty)
     np.testing.assert_allclose(found, np.einsum("btjk,btjl->bkl", rows, rows) / 30, atol=1e-10, rtol=1e-10)
     assert gram(body, trajectory, c[:0]).shape == (0, 43, 43)
 

@@ -1,8 +1,5 @@
 """What the room refuses, and in which words."""
 
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 
@@ -82,8 +79,3 @@ REFUSALS = [
 def test_invalid_input_is_refused(words, call):
     with pytest.raises((ShapeError, RobotError), match=words):
         call()
-
-
-def test_numba_is_not_imported_before_it_is_needed():
-    code = "import sys, sidegan.pipeline.settings, sidegan.motion.dynamics; sys.exit('numba' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], env={**os.environ}, check=False).returncode == 0

@@ -1,21 +1,11 @@
-from collections.abc import Callable
-
 import numpy as np
-import pytest
 
-from sidegan.motion.trajectory import Motion, Trajectory
-from sidegan.robot import Arm
+from sidegan.motion.trajectory import Trajectory
 
 
-@pytest.fixture(scope="session")
-def motions() -> Callable[..., Motion]:
+def motions(arm, count=1, period=4.0, rate=1000.0):
     """Lively random motions (count, T, J) of an arm."""
-
-    def make(arm: Arm, count: int = 1, period: float = 4.0, rate: float = 1000.0, seed: int = 0) -> Motion:
-        home = ((arm.position_lower + arm.position_upper) / 2).tolist()
-        trajectory = Trajectory(arm.joints, 3, period, home)
-        random = np.random.default_rng(seed)
-        c = random.standard_normal((count, arm.joints, 3, 2))
-        return trajectory.roll_out(0.1 * arm.velocity_limit[:, None, None] * c, trajectory.times(rate))
-
-    return make
+    home = ((arm.position_lower + arm.position_upper) / 2).tolist()
+    trajectory = Trajectory(arm.joints, 3, period, home)
+    c = np.random.default_rng(0).standard_normal((count, arm.joints, 3, 2))
+    return trajectory.roll_out(0.1 * arm.velocity_limit[:, None, None] * c, trajectory.times(rate))

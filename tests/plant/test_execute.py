@@ -10,6 +10,7 @@ from sidegan.motion.trajectory import concatenate
 from sidegan.plant import IDEAL, Plant, PlantSettings, save_recording
 from sidegan.recording.load import load_recording
 from tests.chains import random_chain, real_links
+from tests.plant.conftest import motions
 from tests.recording.conftest import of_file
 
 RATE = 1000.0  # Hz
@@ -30,7 +31,7 @@ def rms(x):
 
 
 @pytest.mark.parametrize("joints", [1, 4, 7])
-def test_any_chain_obeys_its_equations_of_motion(motions, joints):
+def test_any_chain_obeys_its_equations_of_motion(joints):
     own = {"inertial_parameters": real_links(joints, 1), "torque_limit": np.full(joints, np.inf)}
     arm = replace(random_chain(joints, 1)[0], **own)
     settings = replace(IDEAL, viscous=[1.5], rotor_inertia=[0.3])
@@ -39,7 +40,7 @@ def test_any_chain_obeys_its_equations_of_motion(motions, joints):
     np.testing.assert_allclose(executed.torque[:-1], wanted, rtol=0, atol=1e-8)
 
 
-def test_a_saturated_drive_obeys_the_equations_of_motion(planar, motions):
+def test_a_saturated_drive_obeys_the_equations_of_motion(planar):
     motion = motions(planar)
     most = np.abs(Plant(planar, IDEAL).follow(motion).torque).max(0)
     weak = replace(planar, torque_limit=0.97 * most)
@@ -49,7 +50,7 @@ def test_a_saturated_drive_obeys_the_equations_of_motion(planar, motions):
     np.testing.assert_allclose(executed.torque[:-1], rigid(weak, executed), rtol=0, atol=1e-8)
 
 
-def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
+def test_coulomb_friction_is_constant_and_against_the_motion(arm):
     coulomb = np.linspace(0.3, 5.0, 7)
     settings = replace(IDEAL, coulomb=coulomb.tolist(), rotor_inertia=[0.5])
     executed = Plant(arm, settings).follow(motions(arm))
@@ -63,7 +64,7 @@ def test_coulomb_friction_is_constant_and_against_the_motion(arm, motions):
         np.testing.assert_allclose(friction[moving, j], sign * coulomb[j], rtol=0.01, atol=0)
 
 
-def test_less_feed_forward_means_worse_tracking(arm, motions):
+def test_less_feed_forward_means_worse_tracking(arm):
     motion = motions(arm, period=8.0)
     known = [replace(IDEAL, feed_forward=share) for share in (1.0, 0.9, 0.5)]
     exact, less, least, usual = (
@@ -74,7 +75,7 @@ def test_less_feed_forward_means_worse_tracking(arm, motions):
     assert rms(exact) < rms(less) < rms(least)
 
 
-def test_motions_are_executed_one_after_another(planar, motions):
+def test_motions_are_executed_one_after_another(planar):
     several = motions(planar, count=3, period=2.0)
     plant = Plant(planar, PlantSettings())
     executed = plant.follow(several)
@@ -84,7 +85,7 @@ def test_motions_are_executed_one_after_another(planar, motions):
         assert np.array_equal(mine, theirs)
 
 
-def test_a_saved_recording_is_read_back_by_the_recording_package(planar, motions, tmp_path):
+def test_a_saved_recording_is_read_back_by_the_recording_package(planar, tmp_path):
     executed = Plant(planar, IDEAL).execute(motions(planar, period=1.0), 0, 0.1)
     path = tmp_path / "plant.parquet"
     save_recording(executed, planar.joint_names, path)
@@ -94,7 +95,7 @@ def test_a_saved_recording_is_read_back_by_the_recording_package(planar, motions
         assert np.array_equal(getattr(read, name), values), name
 
 
-def test_torque_noise_has_the_stated_size_and_follows_the_seed(planar, motions):
+def test_torque_noise_has_the_stated_size_and_follows_the_seed(planar):
     plant, motion = Plant(planar, IDEAL), motions(planar, period=16.0)
     true = plant.follow(motion)
     first, same, other = (plant.execute(motion, seed, 0.5) for seed in (1, 1, 2))

@@ -7,6 +7,7 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
 from sidegan.plant import IDEAL, Plant, mujoco_model
+from tests.plant.conftest import motions
 
 
 def weak(arm):
@@ -51,13 +52,13 @@ EXECUTED = [  # the error, its words, and what is changed of arm, motion, rate [
 
 
 @pytest.mark.parametrize(("error", "words", "make", "change", "rate", "settings"), EXECUTED)
-def test_invalid_executions_are_refused(planar, motions, error, words, make, change, rate, settings):
+def test_invalid_executions_are_refused(planar, error, words, make, change, rate, settings):
     motion = change(motions(planar, rate=rate))
     with pytest.raises(error, match=words):
         Plant(make(planar), replace(IDEAL, **settings)).follow(motion)
 
 
-def test_a_motion_of_another_arm_is_refused(arm, planar, motions):
+def test_a_motion_of_another_arm_is_refused(arm, planar):
     with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
         Plant(arm, IDEAL).follow(motions(planar))
 

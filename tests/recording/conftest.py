@@ -63,19 +63,19 @@ def part_of(recording, rows):
     return replace(recording, time=recording.time[rows], **signals)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def clock():
     """20 s at about 100 Hz, with a tenth of a step of jitter."""
     rng = np.random.default_rng(1)
     return np.arange(2000) * 0.01 + rng.uniform(-0.001, 0.001, 2000)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recording(planar, clock):
     return recorded(planar, clock)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def made(recording):
     """Its first 200 samples."""
     return part_of(recording, slice(200))

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidegan.controllers import Course
-from sidegan.controllers.table import csv_text
+from sidegan.controllers.course import Course
+from sidegan.controllers.export import csv_text
 from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
@@ -87,11 +87,8 @@ def test_delay_noise_and_bandwidth_are_reported(planar, true, sent, delay):
     assert checked.delay.deviation < 1e-3
     assert checked.grid.source == "of the commands"
     said = "; ".join(checked.statements)
-    assert (
-        "found the commanded trajectories: 1 × 3, 2 × 3, 3 × 3" in said
-        and "± " in said
-        and "are -" not in said
-    )
+    assert "found the commanded trajectories: 1 × 3, 2 × 3, 3 × 3" in said
+    assert "± " in said and "are -" not in said
     assert ("earlier" if checked.delay.seconds < 0 else "later") + " than the motion" in said
     assert len(checked.segments) == 3 and checked.as_json()["repetitions"] == {"1": 3, "2": 3, "3": 3}
 
@@ -106,21 +103,16 @@ def test_the_newest_run_in_a_folder_is_used(planar, sent, tmp_path):
 
 def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
     recording, _ = logged(planar, true, (0, 1))
-    trajectories = load_commanded(sent, planar.joint_names)
+    names = planar.joint_names
+    trajectories = load_commanded(sent, names)
     slow = [replace(trajectory, time=2 * trajectory.time) for trajectory in trajectories]
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
     for words, use in (
-        (
-            "contains none of the commanded trajectories",
-            lambda: averaged(recording, trajectories[2:], 0.1),
-        ),
+        ("contains none of the commanded trajectories", lambda: averaged(recording, trajectories[2:], 0.1)),
         ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
-        (
-            "expected a table written by excite",
-            lambda: load_commanded(tmp_path / "nothing", planar.joint_names),
-        ),
-        ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", planar.joint_names)),
+        ("expected a table written by excite", lambda: load_commanded(tmp_path / "nothing", names)),
+        ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", names)),
     ):
         with pytest.raises(RecordingError, match=words):
             use()

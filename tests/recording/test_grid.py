@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sidegan.recording.grid import derivative, low_pass, runs
@@ -15,6 +15,7 @@ def stamps(count=400, seed=0):
     return np.arange(count) * 0.01 + rng.uniform(-0.003, 0.003, count)
 
 
+@settings(max_examples=30)
 @given(st.integers(10, 380), st.integers(0, 20))
 def test_the_grid_is_uniform_and_crosses_no_gap(at, duplicates):
     time = stamps()
