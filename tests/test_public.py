@@ -17,6 +17,7 @@ from sidegan.design.information import information_of
 
 SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
 SEARCH = {"evaluations": 60, "patience": 60}
+FAR = {"lower": [300, -300, 0], "upper": [500, 300, 500]}  # a box in millimetres
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +67,14 @@ def test_a_cell_reports_its_decisions_and_refuses_bad_input(cell):
     stated = sg.Cell("planar2", effort=0.5, clearance=0.01, home=np.array([0.1, 0.2]))
     assert (stated.effort, stated.home, stated.constraints.clearance) == (0.5, (0.1, 0.2), 0.01)
     assert "effort" not in " ".join(stated.notes)
-    for words, wrong in [("did you mean tip", {"tipp": "x"}), ("effort is 3", {"effort": 3})]:
+    far = {"regions": [{"sphere": {"centre": [0.5, 0, -2], "radius": 0.1}}, {"box": FAR}]}
+    (warning,) = sg.Cell("planar2", workspace=far).warnings
+    assert warning.startswith("workspace.regions[1] is 300 m away, and") and "millimetres?" in warning
+    for words, wrong in [
+        ("did you mean tip", {"tipp": "x"}),
+        ("effort is 3", {"effort": 3}),
+        ("are these degrees", {"workspace": {"regions": [{"mesh": {"file": "a.stl", "rpy": [90, 0, 0]}}]}}),
+    ]:
         with pytest.raises(sg.SideganError, match=words):
             sg.Cell("planar2", **wrong)
 

@@ -19,6 +19,7 @@ from sidegan.robot.mjcf_shapes import plane_of, turn_of, write_shape
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import Source, words
 
+_log = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 Lost = dict[str, list[str]]  # missing mesh files by body
 _KINDS = {

@@ -83,7 +83,7 @@ def test_obstacles_keep_the_default_floor_and_a_given_floor_replaces_it(stranger
     assert floor == Plane((0.0, 0.0, 1.0), -0.3) and isinstance(sphere, Sphere)
     assert "workspace=free removes it" in obstacle.notes(arm)
     assert len(workspace("{plane: {normal: [1, 0, 0], offset: -3}}", choice="desk").shapes(arm)) == 2
-    own = workspace("{plane: {normal: [0, 0, 2], offset: -1}}", BALL, choice="desk")
+    own = workspace("{plane: {normal: [0, 0, 1], offset: -1}}", BALL, choice="desk")
     assert own.shapes(arm)[0].offset == -1 and len(own.shapes(arm)) == 2 and own.notes(arm) == ""
     alone = workspace(BALL)
     assert [type(shape) for shape in alone.shapes(arm)] == [Sphere] and alone.notes(arm) == ""

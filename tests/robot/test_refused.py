@@ -124,6 +124,7 @@ REFUSED = {
         (one_joint(axis="0 0 0"), "has the axis 0 0 0, expected a direction"),
         (one_joint(axis="0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
         (one_joint(axis="0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
+        (two_joints(origin='xyz="0 0 360"'), "the links are 360 m long together: are these millimetres?"),
         # Shapes.
         (shape(""), "collision geometry of none, expected one of sphere"),
         (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
@@ -139,6 +140,10 @@ REFUSED = {
         (part(locked={"waist": 7.0}), "at 7, outside its range -1.5 to 2; … 'robot.locked={waist: 2}'"),
         (stated(velocity={"elbow": 1.0}), "no joint 'elbow' of robot.limits.velocity"),
         (stated(position=DEGREES), RADIANS),
+        (
+            lambda at: at.load(two_joints(), Setup(mount=(180.0, 0.0, 0.0))),
+            "are these degrees? … 'robot.mount=[3.14159, 0, 0]'",
+        ),
         (stated(position={"first": (1.0, 0.0)}), "limits.position is 1 to 0, expected lower < upper"),
         # Links that cannot exist.
         (body(0.0, *ROD[1:]), "link 'joint2': its mass is 0 kg"),

@@ -164,6 +164,14 @@ class TestMjcf:
         (said,) = (note for note in load_robot(mjcf, Setup(limits=SPEEDS)).notes if "gravcomp" in note)
         assert "gravity of b is compensated" in said
 
+    def test_a_warning_names_springs_and_a_medium_whose_drag_is_ignored(self, mjcf, caplog):
+        load_robot(mjcf, Setup(limits=SPEEDS))
+        assert "torques and their limits" not in caplog.text
+        text = MJCF.replace('<joint name="two"', '<joint name="two" stiffness="60"')
+        mjcf.write_text(text.replace("<worldbody>", '<option viscosity="5"/><worldbody>'))
+        load_robot(mjcf, Setup(limits=SPEEDS))
+        assert "do not include springs of two (stiffness) and drag of the medium" in caplog.text
+
     @pytest.mark.parametrize(("own", "more"), ACTUATORS)
     def test_torque_limits_are_what_mujocos_actuators_can_give(self, mjcf, own, more):
         """Pushed as hard as can be, both ways: actuators add up, and the joint's own range cuts their sum."""

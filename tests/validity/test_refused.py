@@ -68,6 +68,7 @@ REFUSED = {
         (lambda _: Plane((0.0, 0.0, 0.0), 0.1), A_PLANE),
         (lambda _: Plane((0.0, math.nan, 1.0), 0.1), A_PLANE),
         (lambda _: Plane((0.0, 0.0, 1.0), math.inf), A_PLANE),
+        (lambda _: Plane((1.0, 1.0, 0.0), -0.3), r"1\.414 long.*unit normal, \[0\.707107, 0\.707107, 0\]"),
         (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0, 0.0)), A_BOX),
         (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0)), A_BOX),
         (lambda _: Box((0.0, 0.0, -math.inf), (1.0, 1.0, 1.0)), A_BOX),

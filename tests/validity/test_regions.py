@@ -24,7 +24,7 @@ def margins(region, a, b):
 
 
 def test_plane_margin_is_that_of_the_lower_end() -> None:
-    plane = Plane((0.0, 3.0, 4.0), 2.0)  # the normal becomes (0, 0.6, 0.8)
+    plane = Plane((0.0, 0.6, 0.8), 2.0)
     a, b = (np.array([x]).T for x in ([1, 5, 0], [1, 0, 5]))
     assert margins(plane, a, b).tolist() == pytest.approx([0.6 * 5 - 2])
     a, b = random_segments(100)
