@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 from jinja2 import UndefinedError
 
@@ -11,28 +10,21 @@ from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle, paths
-from sidegan.report.viewer.page import write_view
-from sidegan.validity import Constraints
 
-FAMILY, LONG = Trajectory(2, harmonics=3, period=4.0), Trajectory(2, harmonics=5, period=12.0)
-TABLE = pd.DataFrame({"cond": ["7"]})
-NONE, ONE, TWO = (np.zeros((count, *FAMILY.shape)) for count in range(3))
+ANOTHER, LONG = np.zeros((1, 2, 3, 2)), Trajectory(2, harmonics=5, period=12.0)
 
 
 @pytest.fixture
 def there(planar, tmp_path):
     """Something to draw, and a template."""
     (template := tmp_path / "page.md.j2").write_text("{{ nothing }}")
-    view = tmp_path / "view.html", Constraints(planar), planar, FAMILY
-    return SimpleNamespace(arm=planar, view=view, folder=tmp_path, template=template)
+    return SimpleNamespace(arm=planar, folder=tmp_path, template=template)
 
 
 REFUSALS = [
     (lambda x: write_page(x.template, x.folder / "a.md", {}, {}), UndefinedError, "nothing"),
     (lambda x: paths(x.arm, []), ShapeError, "no sets"),
-    (lambda x: paths(x.arm, [Bundle("a", LONG, ONE)]), ShapeError, "coefficients are"),
-    (lambda x: write_view(*x.view, NONE, [], TABLE), ShapeError, "0 trajectories to show"),
-    (lambda x: write_view(*x.view, TWO, ["a"], TABLE), ShapeError, "2 .* and 1 titles"),
+    (lambda x: paths(x.arm, [Bundle("a", LONG, ANOTHER)]), ShapeError, "coefficients are"),
 ]
 
 
