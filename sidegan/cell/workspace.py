@@ -152,17 +152,17 @@ class Workspace:
                     return found
         return Constraints(arm, shapes, self.torque, 0.0, _USUALLY[0], tight)
 
-    def home_of(self, arm: Arm, described: Sequence[float] | None = None) -> tuple[float, ...] | None:
+    def home_of(self, arm: Arm) -> tuple[float, ...] | None:
         """The described home [rad or m], (J,), if feasible, or one with room to move; None for zeros.
 
         Raises:
             ConfigError: when a file cannot be read or has an invalid shape.
             InfeasibleError: when links cannot be kept apart, or out of a region, or no home is found.
         """
-        if described is not None:
+        if arm.home is not None:
             with suppress(InfeasibleError):
-                if rests_at(self.around(arm, described), described):
-                    return tuple(described)
+                if rests_at(self.around(arm, arm.home), arm.home):
+                    return tuple(arm.home)
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.points:
             return default_home(around)
@@ -181,7 +181,7 @@ class Workspace:
     def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
         """Distances [m] to keep between links that have no room for the default clearance."""
         room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
-        if home is not None and len(home) == arm.joints:
+        if home is not None:
             there = Constraints(arm).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
         return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
