@@ -28,7 +28,7 @@ Point = tuple[Number, Number, Number]
 _UPWARDS = 0.7  # cosine of the largest tilt of a floor
 _DROPPED = "workspace=free removes it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
-_USUALLY = (0.02, 0.01, 0.005, 0.0)  # [m] default clearances: the first that leaves room applies
+_USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
 _KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
 _BESIDE = 1 / _KEPT - 1  # that room as a share of the kept distance
 _STEPS = 1e3  # per metre; kept distances are whole steps
@@ -170,7 +170,7 @@ class Workspace:
 
     def _roomy_home(self, around: Constraints) -> tuple[float, ...] | None:
         """A home with the largest default clearance that leaves room anywhere."""
-        for most in _USUALLY[:-1]:
+        for most in _USUALLY:
             with suppress(InfeasibleError):
                 clearance = min(most, around.clearance)
                 kept = Constraints(around.arm, around.regions, self.torque, clearance, most, around.tight)
