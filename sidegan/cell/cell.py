@@ -135,7 +135,7 @@ class Cell:
         """Home [rad or m], (J,): as given, as described, or found; None for zeros."""
         if self.choices.home is not None:
             return self.choices.home
-        return self.workspace.home_of(self.arm, self.arm.home)
+        return self.workspace.home_of(self.arm)
 
     @property
     def home(self) -> tuple[float, ...]:
@@ -160,7 +160,7 @@ class Cell:
             InfeasibleError: when the arm cannot rest at home; says why.
         """
         refuse_degrees(self.arm, self.home, "trajectory.home")
-        around = self.workspace.around(self.arm, self._home or [0.0] * self.arm.joints)
+        around = self.workspace.around(self.arm, self.home)
         around.refuse_home(self.home)
         return around
 

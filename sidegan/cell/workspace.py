@@ -28,7 +28,7 @@ Point = tuple[Number, Number, Number]
 _UPWARDS = 0.7  # cosine of the largest tilt of a floor
 _DROPPED = "workspace=free removes it"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
-_USUALLY = (0.02, 0.01, 0.005, 0.0)  # [m] default clearances: the first that leaves room applies
+_USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
 _KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
 _BESIDE = 1 / _KEPT - 1  # that room as a share of the kept distance
 _STEPS = 1e3  # per metre; kept distances are whole steps
@@ -157,17 +157,17 @@ class Workspace:
                     return found
         return Constraints(arm, shapes, self.torque, 0.0, _USUALLY[0], tight)
 
-    def home_of(self, arm: Arm, described: Sequence[float] | None = None) -> tuple[float, ...] | None:
+    def home_of(self, arm: Arm) -> tuple[float, ...] | None:
         """The described home [rad or m], (J,), if feasible, or one with room to move; None for zeros.
 
         Raises:
             ConfigError: when a file cannot be read or has an invalid shape.
             InfeasibleError: when links cannot be kept apart, or out of a region, or no home is found.
         """
-        if described is not None:
+        if arm.home is not None:
             with suppress(InfeasibleError):
-                if rests_at(self.around(arm, described), described):
-                    return tuple(described)
+                if rests_at(self.around(arm, arm.home), arm.home):
+                    return tuple(arm.home)
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.points:
             return default_home(around)
@@ -175,7 +175,7 @@ class Workspace:
 
     def _roomy_home(self, around: Constraints) -> tuple[float, ...] | None:
         """A home with the largest default clearance that leaves room anywhere."""
-        for most in _USUALLY[:-1]:
+        for most in _USUALLY:
             with suppress(InfeasibleError):
                 clearance = min(most, around.clearance)
                 kept = Constraints(around.arm, around.regions, self.torque, clearance, most, around.tight)
@@ -186,7 +186,7 @@ class Workspace:
     def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
         """Distances [m] to keep between links that have no room for the default clearance."""
         room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
-        if home is not None and len(home) == arm.joints:
+        if home is not None:
             there = Constraints(arm).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
         return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}

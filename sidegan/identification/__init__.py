@@ -1,10 +1,9 @@
 """Identify an arm's model and its uncertainty from simulated or recorded measurements."""
 
-from sidegan.identification.estimate import METHODS, estimate
+from sidegan.identification.estimate import estimate
 from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
-from sidegan.identification.quality import quality
-from sidegan.identification.score import folds, score
+from sidegan.identification.score import score
 from sidegan.identification.settings import (
     EstimationSettings,
     GoalSettings,
@@ -15,7 +14,6 @@ from sidegan.identification.settings import (
 
 __all__ = [
     "FULL",
-    "METHODS",
     "RIGID",
     "EstimationSettings",
     "GoalSettings",
@@ -28,8 +26,6 @@ __all__ = [
     "TorqueModel",
     "disturbed",
     "estimate",
-    "folds",
     "measure",
-    "quality",
     "score",
 ]

@@ -182,7 +182,7 @@ def _load(
     sums = reduce(Sums.plus, (part.sums for part in parts))
     plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
     fit, before = reweighted(sums), reweighted(plain)
-    whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].samples, parts[k].reach)
+    whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].reach)
     deviation = float(np.sqrt(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD]))
     empty = np.concatenate([before.parameters, np.zeros(LOAD)])
     left, now = (with_load[k].sums.squares(x) for x in (empty, fit.parameters))

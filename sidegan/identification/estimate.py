@@ -73,7 +73,7 @@ def estimate(
         weights=fit.weights,
         inflation=errors.inflation,
         condition=condition(data.sums.weighted(fit.weights)[0]),
-        samples=data.samples,
+        samples=int(data.sums.weight),
         reach=data.reach,
         sums=data.sums,
         standard=fit.standard,

@@ -26,7 +26,6 @@ class Gathered:
     model: TorqueModel  # to be fitted
     sums: Sums  # over all samples
     pieces: list[Measurements]  # without gaps
-    samples: int  # number of samples, each of all joints
     reach: Reach  # of the motion
 
 
@@ -50,7 +49,7 @@ def gather(model: TorqueModel, measurements: Samples) -> Gathered:
     low = np.min([x.position.min(0) for x in parts], 0)
     high = np.max([x.position.max(0) for x in parts], 0)
     fastest = np.max([np.abs(x.velocity).max(0) for x in parts], 0)
-    return Gathered(model, sums, parts, sum(map(len, parts)), Reach(high - low, fastest))
+    return Gathered(model, sums, parts, Reach(high - low, fastest))
 
 
 def residual_of(model: TorqueModel, part: Measurements, parameters: Array) -> Array:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel, torques_of
@@ -76,7 +75,7 @@ class Unmodelled:
             if kinds := [f"{lack.share:.0%} {lack.kind}" for lack in self.found if lack.joint == j]:
                 kinds[0] = kinds[0].replace("%", "% of the residual is", 1)
                 sentences.append(
-                    f"{name}: {listed(kinds, _MOST)}, more than noise explains; torque errors in other "
+                    f"{name}: {', '.join(kinds)}, more than noise explains; torque errors in other "
                     f"motions: {self.error[j]:.1%} from unmodelled effects, {noise[j]:.1%} from noise: "
                     f"{BIASED if self.error[j] > noise[j] else 'noise dominates'}"
                 )

@@ -14,7 +14,6 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from sidegan.base.arrays import Array
-from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.report.style import DESK
 from sidegan.robot import Arm
@@ -39,8 +38,6 @@ class Bundle(NamedTuple):
 
 def paths(arm: Arm, bundles: Sequence[Bundle]) -> Figure:
     """The end effector's paths, a panel per bundle, to a common scale."""
-    if not bundles:
-        raise ShapeError("there are no sets to draw")
     drawn = [tip_paths(arm, bundle.family, bundle.coefficients) for bundle in bundles]
     figure = Figure()
     panels = _panels(figure, [bundle.title for bundle in bundles], bounds(drawn))

@@ -194,8 +194,9 @@ def check_recordings(
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
         training, validated = map(list, zip(*(split(checked, share) for checked in training)))
-    names = {"recordings": _shown(first, folder), "validation": _shown(held_out, folder)}
-    identification, excitation = _commands(cell, arm, names, share)
+    given = {"recordings": first, "validation": held_out}
+    identification, excitation = _commands(cell, arm, given, share)
+    identification = identification.replace(f"{folder}/", "")  # data frames are shown by their names
     more = [*changes("recording", settings), *([] if gains is None else [f"robot.gains={list(gains)}"])]
     commands = " ".join([identification, *more]), excitation
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
@@ -249,11 +250,6 @@ def _listed(given: object) -> list[Any]:
     return [given] if one or not isinstance(given, Iterable) else list(given)
 
 
-def _shown(recordings: Sequence[Recorded], folder: str) -> list[str]:
-    """Recordings as shown to people: data frames by their names without the folder that they were in."""
-    return [str(x).removeprefix(f"{folder}/") for x in recordings]
-
-
 def _named(given: Given, path: Path) -> Recorded:
     """A recording as in the settings; a data frame is written to ``path`` first."""
     if isinstance(given, pd.DataFrame):
@@ -273,10 +269,10 @@ def _named(given: Given, path: Path) -> Recorded:
 
 
 def _commands(
-    cell: Cell, arm: Arm, lists: Mapping[str, Sequence[str]], share: float | None
+    cell: Cell, arm: Arm, lists: Mapping[str, Sequence[Recorded]], share: float | None
 ) -> tuple[str, str]:
     """The commands that identify an arm from recordings, and that then excite uncertain parameters."""
-    files = " ".join(f"'{name}=[{','.join(group)}]'" for name, group in lists.items() if group)
+    files = " ".join(f"'{name}=[{','.join(map(str, group))}]'" for name, group in lists.items() if group)
     files += "" if share is None else f" validation={share:g}"
     locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
     robot, recorded = (

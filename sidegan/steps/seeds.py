@@ -1,7 +1,6 @@
 """The seed set: optimised trajectories that generators learn from."""
 
 from collections.abc import Mapping
-from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -49,13 +48,11 @@ def seeds(
     chosen = chosen if count is None else build(Seeds, {**asdict(chosen), "count": count})
     if chosen.method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
-    with ExitStack() as stack:
-        if folder is None:
-            work = Path(stack.enter_context(TemporaryDirectory()))
-        else:  # other calls have other folders in it
-            work = Path(folder, stamp_of(cell.identity(), asdict(chosen), seed))
-            with writing(work):
-                work.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory() as temporary:
+        # other calls have other folders beside this one
+        work = Path(temporary if folder is None else folder, stamp_of(cell.identity(), asdict(chosen), seed))
+        with writing(work):
+            work.mkdir(parents=True, exist_ok=True)
         made = optimised(cell, chosen, seed, work, workers)
     return TrajectorySet.of(cell, made.coefficients, chosen.method)
 

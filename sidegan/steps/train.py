@@ -180,8 +180,6 @@ def surrogates(
     _require_box(box)
     settings = build(SurrogateSettings, changes)
     c = coefficients_of(seeds, cell)
-    with writing(Path(folder)):
-        Path(folder).mkdir(parents=True, exist_ok=True)
     with random_kept():
         return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
 
@@ -197,10 +195,11 @@ def _from_vanilla(
 ) -> dict[str, float]:
     """Train a vanilla GAN, then surrogates from its samples and seeds (N, J, H, 2), into a folder."""
     ((name, variant),) = settings.negatives.items()
+    with writing(folder):  # before it is needed, since the training takes long
+        folder.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory() as work:
         run = Run(name, number(seed, f"gan {name}"), Path(work))
         vanilla = trained(cell, variant, c, run, box=box if variant.boxed else None).generator
-    folder.mkdir(parents=True, exist_ok=True)
     return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
 
 

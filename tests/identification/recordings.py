@@ -13,9 +13,9 @@ from sidegan.identification import (
     Terms,
     TorqueModel,
     estimate,
-    quality,
     score,
 )
+from sidegan.identification.quality import quality
 from sidegan.identification.settings import GoalSettings, StudySettings
 from sidegan.identification.workflow import identify_arm
 from sidegan.motion.dynamics import RigidBody

@@ -74,7 +74,6 @@ def drifting(made):
 CASES = [
     (None, GOOD, "the description is right"),
     (without_gravity, BAD, "contain no gravity"),
-    (scaled(*[0.25] * 7), USABLE, r"0\.25 \(joint_1\), 0\.25 \(joint_2\)"),
     (
         scaled(*[0.25] * 3, *[1.0] * 4),
         BAD,
@@ -122,7 +121,6 @@ def test_a_fault_of_the_recordings_comes_first_and_suppresses_advice(change, ver
 TILTED = (math.sqrt(0.5), 0.0, -math.sqrt(0.5))
 TURNED = [
     ((0, 0, 1), "along +z of the base, by the description along −z", [math.pi, 0, 0]),
-    ((0, -1, 0), "along −y of the base", [math.pi / 2, 0, 0]),
     (TILTED, "along (0.71, 0.00, -0.71) of the base", [0, math.pi / 4, 0]),
 ]
 
@@ -142,7 +140,7 @@ def test_gravity_along_another_direction_is_reported_with_the_mount_to_set(direc
 
 
 def test_reversed_torques_are_not_mistaken_for_reversed_gravity():
-    every, _ = recordings(change=scaled(*[-1] * 7))
+    every = recorded(2, lambda made: replace(made, torque=-made.torque))
     assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
 
 

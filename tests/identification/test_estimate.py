@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.signal import butter, sosfiltfilt
 
 from sidegan.base.arrays import split
-from sidegan.identification import METHODS, estimate
+from sidegan.identification.estimate import METHODS, estimate
 from sidegan.identification.fit import inflation_of
 from sidegan.robot import load_robot
 from tests.identification import recordings

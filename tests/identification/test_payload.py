@@ -34,9 +34,19 @@ def runs(arm, load, seed, noise, samples=1500, size=1.0):
     return Measurements(q, dq, ddq, torque + noise * white(torque.shape, seed, 5))
 
 
-def test_the_load_is_recovered_within_its_deviations(arm, load):
-    free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
-    found = identify_payload(model_of(arm), [free], [laden])
+@pytest.fixture(scope="module")
+def both(arm, load):
+    """A motion without the load, and another one with it."""
+    return runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
+
+
+@pytest.fixture(scope="module")
+def found(arm, both):
+    free, laden = both
+    return identify_payload(model_of(arm), [free], [laden])
+
+
+def test_the_load_is_recovered_within_its_deviations(load, found):
     (truth,) = values_of(load[None])
     np.testing.assert_allclose(truth[:4], [MASS, *CENTRE], atol=1e-12)
     np.testing.assert_allclose(truth[[4, 6, 9]], np.diag(INERTIA), atol=1e-12)
@@ -65,21 +75,20 @@ def test_the_identified_load_is_physical_despite_noise(arm, load):
     assert np.linalg.eigvalsh(pseudo_inertia(found.body))[0] > 0
 
 
-def test_sensors_may_be_tared_between_the_runs(arm, load):
-    free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
+def test_sensors_may_be_tared_between_the_runs(arm, both, found):
+    free, laden = both
     tared = Measurements(*laden.states, laden.torque + np.linspace(-3, 3, arm.joints))
-    plain, again = (identify_payload(model_of(arm), [free], [x]) for x in (laden, tared))
-    np.testing.assert_allclose(again.estimate, plain.estimate, atol=1e-3)
+    again = identify_payload(model_of(arm), [free], [tared])
+    np.testing.assert_allclose(again.estimate, found.estimate, atol=1e-3)
     assert abs(again.values[0] - MASS) < 4 * again.deviation[0] < 0.3
 
 
-def test_exchanged_runs_are_refused(arm, load):
-    free, laden = runs(arm, 0 * load, 0, 0.3), runs(arm, load, 1, 0.3)
+def test_exchanged_runs_are_refused(arm, both):
+    free, laden = both
     with pytest.raises(RecordingError, match=r"the load would be -1\.\d+ ± .* kg: .* exchanged\?"):
         identify_payload(model_of(arm), [laden], [free])
 
 
-def test_no_load_is_identified_as_none(arm, load):
-    free, again = runs(arm, 0 * load, 0, 0.3), runs(arm, 0 * load, 1, 0.3)
-    found = identify_payload(model_of(arm), [free], [again])
+def test_no_load_is_identified_as_none(arm, load, both):
+    found = identify_payload(model_of(arm), [both[0]], [runs(arm, 0 * load, 1, 0.3)])
     assert not found.certain and float(found.values[0]) < 0.1

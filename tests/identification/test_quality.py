@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidegan.identification import estimate, folds, score
-from sidegan.identification.score import Score
+from sidegan.identification import estimate
+from sidegan.identification.score import Score, folds, score
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
 from tests.identification.recordings import half_still, model_of, quality_of, recorded
 

@@ -1,6 +1,8 @@
 """Pages in Markdown, and tables as files and on the terminal."""
 
 import pandas as pd
+import pytest
+from jinja2 import UndefinedError
 
 from sidegan.report.canvas import blank
 from sidegan.report.document import write_page
@@ -38,6 +40,13 @@ def test_markdown_has_all_parts_in_order_and_their_files(tmp_path):
     assert beside.keys() == {"t.csv", "t.md", "line.png"}
     assert pd.read_csv(beside["t.csv"]).note.tolist() == TABLE.note.tolist()
     assert beside["t.md"].read_text("utf-8") == f"Table I: nMSE*.\n\n{markdown(TABLE.reset_index())}\n"
+
+
+def test_a_page_that_needs_an_unknown_value_is_refused_and_not_written(tmp_path):
+    (tmp_path / "page.md.j2").write_text("{{ nothing }}")
+    with pytest.raises(UndefinedError, match="nothing"):
+        write_page(tmp_path / "page.md.j2", tmp_path / "a.md", {}, {})
+    assert not (tmp_path / "a.md").exists()
 
 
 def test_tables_align_numbers_right_and_dash_missing_values():

@@ -78,8 +78,9 @@ def test_coefficients_share_one_scale_and_offsets_show():
     assert sizes[0] == 0 and sizes[1] < 0.1 and sizes[2] == pytest.approx(0.5 * np.sqrt(12), rel=0.1)
 
 
-@pytest.mark.parametrize("words", ["$a$", "a < b & c", "肩", "x 1.23456"])
-def test_an_svg_has_text_unique_ids_and_reproducible_bytes(words, recwarn):
+def test_an_svg_has_text_unique_ids_and_reproducible_bytes(recwarn):
+    words = "$a$ < b & 肩 1.23456"
+
     def drawn(name):
         figure = blank(2, 2)
         figure.subplots().plot([0, 1.23456], "o-", label=words)

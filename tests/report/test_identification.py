@@ -5,21 +5,34 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sidegan.report.identification import results
 from sidegan.report.identification.content import Origin, parameter_table
 from sidegan.report.identification.results import number, report_html
-from tests.report.builders import identification
+from tests.identification import recordings
 from tests.report.pages import Page
 
 HOSTILE = '<script>alert("x")</script>&'
 ORIGIN = Origin(f"sidegan.run identify {HOSTILE}", HOSTILE, {"model": {"method": "x", HOSTILE: HOSTILE}})
 
 
+def interrupted(made):
+    """A recording that misses a second in the middle."""
+    return replace(made, time=made.time + (np.arange(len(made.time)) >= len(made.time) // 2))
+
+
+def checked(arm, seed, name, **changes):
+    recording = recordings.checked(arm, seed, change=interrupted, rate=50)
+    return replace(recording, statistics=replace(recording.statistics, name=name), **changes)
+
+
 @pytest.fixture(scope="module")
 def identified(planar):
-    """An arm whose names, and those of its recordings, are not to be trusted."""
+    """An arm with a joint that slides, whose names, and those of its recordings, are not to be trusted."""
     names = {"name": f"planar2{HOSTILE}", "joint_names": (f"shoulder{HOSTILE}", "$elbow")}
-    arm = replace(planar, **names, link_names=(HOSTILE, "forearm"))
-    return identification(arm, f"a.csv{HOSTILE}", f"b.csv{HOSTILE}")
+    names["link_names"] = HOSTILE, "forearm"
+    arm = replace(planar, **names, prismatic=np.array([False, True]))
+    training = checked(arm, 0, f"a.csv{HOSTILE}")
+    return recordings.identified(arm, [training], [checked(arm, 1, f"b.csv{HOSTILE}", role="validation")])
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +62,7 @@ def test_every_plot_is_drawn_with_its_words(read):
     names = ("torques-1", "torques-2", "friction")
     assert [name for name in read.ids if name.startswith("plot-")] == [f"plot-{name}" for name in names]
     assert read.tags.count("svg") == len(names)
-    for words in ("measured", "identified", "velocity [rad/s]", "$elbow [N·m]"):
+    for words in ("measured", "identified", "velocity [rad/s]", "[N·m]", "$elbow [N]"):
         assert words in read.text, words
 
 
@@ -64,10 +77,11 @@ def test_names_are_escaped_in_the_page(html, read):
     assert HOSTILE not in html and HOSTILE in read.text
 
 
-def test_empty_sections_are_left_out(identified):
+def test_empty_sections_are_left_out(identified, monkeypatch):
+    monkeypatch.setattr(results, "_RECORDINGS", 1)
     pulled = replace(identified.quality, other_gravity=True)
-    many = {"training": 12 * identified.training, "tested": identified.trained}
-    text = Page(report_html(replace(identified, quality=pulled, **many), ORIGIN).decode()).text
+    changed = replace(identified, quality=pulled, tested=identified.trained)
+    text = Page(report_html(changed, ORIGIN).decode()).text
     assert "nMSE, validation" not in text
     assert "1 more recordings are not shown" in text and "Use none of these models" in text
 
@@ -80,7 +94,6 @@ def test_numbers_are_rounded_for_reading(value, text):
     assert number(value) == text
 
 
-def test_parameters_of_sliding_joints_have_their_units(planar):
-    arm = replace(planar, prismatic=np.array([False, True]))
-    unit = parameter_table(identification(arm, "a.csv", "b.csv")).set_index("name").unit
+def test_parameters_of_sliding_joints_have_their_units(identified):
+    unit = parameter_table(identified).set_index("name").unit
     assert unit[["fv1", "fc1", "fv2", "fc2"]].tolist() == ["N·m·s/rad", "N·m", "N·s/m", "N"]

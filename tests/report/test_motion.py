@@ -12,11 +12,15 @@ from sidegan.report.canvas import save
 from sidegan.report.motion import Bundle, bounds, paths, poses, tip_paths
 from sidegan.robot.visuals import capsule_surface
 from tests.oracle import chain_model
-from tests.report.builders import some
 
 FAMILY, LONG = Trajectory(2, harmonics=3, period=4.0), Trajectory(2, harmonics=5, period=12.0)
 SEVEN = Trajectory(7)
 POINTS = arrays(float, 3, elements=st.floats(-2, 2, width=16))
+
+
+def some(family, count):
+    """Coefficients [rad/s], (count, J, H, 2)."""
+    return 0.3 * np.random.default_rng(count).standard_normal((count, *family.shape))
 
 
 def test_a_path_is_where_pinocchio_has_the_end_effector(arm):
@@ -66,11 +70,11 @@ def test_bounds_hold_all_points_and_the_foot_of_the_arm_on_the_desk():
 
 
 def test_bundles_share_one_scale_and_render_reproducibly(planar, tmp_path):
-    traces = [Bundle(f"trajectory {k}", FAMILY, c[None]) for k, c in enumerate(some(FAMILY, 5))]
-    long = Bundle("long\n12 s", LONG, some(LONG, 1), "#b2182b")
-    for bundles in (traces, [long, Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")]):
-        figure = paths(planar, bundles)
-        assert [axis.get_title() for axis in figure.axes] == [bundle.title for bundle in bundles]
-        assert len({axis.get_xlim() + axis.get_zlim() for axis in figure.axes}) == 1
-        first, second = save(figure, tmp_path / "a"), save(paths(planar, bundles), tmp_path / "b")
-        assert first.read_bytes() == second.read_bytes() and np.ptp(imread(first)[..., :3]) > 0.5
+    bundles = [Bundle(f"trajectory {k}", FAMILY, c[None]) for k, c in enumerate(some(FAMILY, 3))]
+    bundles += [Bundle("long\n12 s", LONG, some(LONG, 1), "#b2182b")]
+    bundles += [Bundle("eigen", FAMILY, some(FAMILY, 3), "#1f77b4")]
+    figure = paths(planar, bundles)
+    assert [axis.get_title() for axis in figure.axes] == [bundle.title for bundle in bundles]
+    assert len({axis.get_xlim() + axis.get_zlim() for axis in figure.axes}) == 1
+    first, second = save(figure, tmp_path / "a"), save(paths(planar, bundles), tmp_path / "b")
+    assert first.read_bytes() == second.read_bytes() and np.ptp(imread(first)[..., :3]) > 0.5

@@ -18,7 +18,6 @@ from sidegan.report.viewer.page import write_view
 from sidegan.report.viewer.surfaces import fewer, region_surface
 from sidegan.robot.visuals import Part
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
-from tests.report.builders import some
 from tests.report.pages import Page
 
 FAMILY = Trajectory(2, 3, 8.0)
@@ -29,7 +28,7 @@ EVIL = "</script><script>alert('joint & more')</script><!--"
 
 @pytest.fixture(scope="module")
 def coefficients():
-    return some(FAMILY, 3)
+    return 0.3 * np.random.default_rng(3).standard_normal((3, *FAMILY.shape))
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +127,6 @@ def test_region_surfaces_face_outwards_and_enclose_the_region():
         a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
         found = float((np.cross(a, b) * c).sum() / 6)
         assert found > 0 and (volume is None or found == pytest.approx(volume, rel=0.02))
-    assert region_surface(REGIONS[0]) is None
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs a browser")

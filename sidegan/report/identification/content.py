@@ -9,14 +9,13 @@ import pandas as pd
 
 from sidegan.base.names import listed
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
+from sidegan.identification.payload import VALUES, values_of
 from sidegan.identification.score import shown
 from sidegan.identification.verdict import BAD, Quality, joint_of
 from sidegan.recording.check import CheckedRecording
-from sidegan.robot.consistency import about_the_centre
 
 _NAMED = 6  # joints or parameters in a sentence, at most
 _NAMES = {EQUAL_WEIGHTS: "equal weights"}  # labels of methods
-_INERTIA = {"Ixx": (0, 0), "Ixy": (0, 1), "Iyy": (1, 1), "Ixz": (0, 2), "Iyz": (1, 2), "Izz": (2, 2)}
 _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
@@ -202,9 +201,6 @@ def _unit(kind: str, slides: bool) -> str:
 def link_table(identified: IdentifiedArm) -> pd.DataFrame:
     """Mass, centre of mass and inertia about it, for every link of the consistent model."""
     arm = identified.model.arm
-    links = identified.links
-    centre, inertia = about_the_centre(links)
-    columns = {"m": links[:, 0], **dict(zip(("cx", "cy", "cz"), centre.T))}
-    columns |= {name: inertia[:, i, j] for name, (i, j) in _INERTIA.items()}
-    columns["urdf_m"] = arm.inertial_parameters[:, 0]
-    return pd.DataFrame({"link": arm.link_names, **{name: x.tolist() for name, x in columns.items()}})
+    table = pd.DataFrame(values_of(identified.links), columns=["m", *VALUES[1:]])
+    table.insert(0, "link", arm.link_names)
+    return table.assign(urdf_m=arm.inertial_parameters[:, 0])

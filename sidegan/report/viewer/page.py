@@ -4,11 +4,9 @@ It contains plain values, packed arrays of four-byte numbers, the 3D library and
 """
 
 import base64
-import json
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
-from functools import cache
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
@@ -21,7 +19,7 @@ from numpy.typing import NDArray
 
 from sidegan.base.arrays import Array, flatten
 from sidegan.base.storage import write_bytes
-from sidegan.errors import ArtifactError, ShapeError
+from sidegan.errors import ArtifactError
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.document import web_page
 from sidegan.report.style import PALETTE
@@ -59,11 +57,8 @@ def write_view(
         steps: instructions, a sentence and a command each.
 
     Raises:
-        ShapeError: when there is no trajectory, or the number of titles differs.
         ArtifactError: when trimesh has no three.js.
     """
-    if len(coefficients) == 0 or len(titles) != len(coefficients):
-        raise ShapeError(f"there are {len(coefficients)} trajectories to show and {len(titles)} titles")
     samples = int(min(max(family.period * _RATE, _FEWEST), _MOST))
     motion = family.roll_out(coefficients, np.linspace(0.0, family.period, samples + 1))
     head: dict[str, Any] = {
@@ -94,7 +89,7 @@ def write_view(
         view=head,
         table=table.reset_index(),
         steps=steps,
-        data=Markup(_script_json(head | {"arrays": places})),
+        data=head | {"arrays": places},
         arrays=Markup(packed),
         library=Markup(_three_js()),
     )
@@ -139,9 +134,8 @@ def _closest(constraints: Constraints, motion: Motion) -> Content:
 def _surfaces(constraints: Constraints) -> Content:
     """Surfaces of the arm, its capsules, and obstacles."""
     looks, shapes = arm_parts(constraints.arm)
-    regions = [region_surface(region) for region in constraints.regions]
     planes = [region for region in constraints.regions if isinstance(region, Plane)]
-    obstacles = [part for part in regions if part is not None]
+    obstacles = [region_surface(region) for region in constraints.regions if not isinstance(region, Plane)]
     head: dict[str, Any] = {"planes": [{"normal": plane.unit, "offset": plane.offset} for plane in planes]}
     arrays: dict[str, NDArray[Any]] = {}
     for kind, parts in (("arm", looks), ("shapes", shapes), ("obstacles", obstacles)):
@@ -163,13 +157,6 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], s
     return places, base64.b64encode(zlib.compress(data, 9)).decode()
 
 
-def _script_json(value: object) -> str:
-    """JSON that is safe inside a script element, for any names."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
-
-
-@cache
 def _three_js() -> str:
     """The library three.js with its licence, from trimesh's viewer."""
     try:
