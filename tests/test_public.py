@@ -13,7 +13,7 @@ import torch
 
 import sidegan as sg
 from sidegan.base.arrays import flatten
-from sidegan.design.information import information_of
+from sidegan.design.excitation import information_of
 
 SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
 SEARCH = {"evaluations": 60, "patience": 60}

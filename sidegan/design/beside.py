@@ -14,16 +14,16 @@ _begun: list[subprocess.Popen[bytes]] = []  # kept: dropping a running process c
 
 
 @cache
-def compile_beside(descent: bool = False) -> None:
+def compile_beside() -> None:
     """Start compiling in another process, unless the kernels are already compiled.
 
     At most once per process, only with a second core, and never from a frozen program, which would start
-    itself. Without ``descent``, this process is about to compile the kernels of the descent itself.
+    itself. The other process begins with what this one needs last, and waits for what this one compiles.
     """
     python = "" if getattr(sys, "frozen", False) else sys.executable or ""
-    missing = (descend if descent else visit).to_be_compiled()
+    missing = visit.to_be_compiled() or descend.to_be_compiled()
     if "python" in python.rpartition("/")[2] and cores(None) > 1 and missing:
-        command = [python, "-m", "sidegan.design.precompile", *(["descent"] if descent else [])]
+        command = [python, "-m", "sidegan.design.precompile"]
         alone = {**os.environ, "LOKY_MAX_CPU_COUNT": "1"}  # that process starts no other
         quiet = subprocess.DEVNULL
         with suppress(OSError):  # the kernels then compile when they are needed

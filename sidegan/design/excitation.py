@@ -1,12 +1,16 @@
-"""Excitation of trajectories: spectrum and diagonal of YᵀY."""
+"""Excitation of trajectories, and their information on the identifiable parameters."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, split
+from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
+
+_AT_ONCE = 1000  # trajectories per batch of Gram matrices
 
 
 @dataclass(frozen=True)
@@ -46,3 +50,29 @@ def excite(body: RigidBody, trajectory: Trajectory, c: Array, samples: int = 80)
     """Excitation of trajectories with coefficients [rad/s], (B, J, H, 2)."""
     trajectory.check(c)
     return excitation_of(body, gram(body, trajectory, c, samples))
+
+
+def information_of(
+    body: RigidBody, trajectory: Trajectory, c: Array, noise: Sequence[float] | None = None
+) -> Array:
+    """Information per sample on the identifiable parameters, in their orthonormal basis, (N, q, q).
+
+    ``noise`` is the standard deviation of each joint's torque [N·m or N], J values; ones when None.
+    """
+    trajectory.check(c)
+    certainty = None
+    if noise is not None:
+        if len(noise) != body.joints or not all(x > 0 for x in noise):
+            raise ShapeError(f"noise is {list(noise)}, expected {body.joints} positive deviations")
+        certainty = 1 / np.array(noise)
+    subspace = body.base.subspace
+    grams = (gram(body, trajectory, part, certainty=certainty) for part in split(c, _AT_ONCE))
+    return np.concatenate([subspace.T @ x @ subspace for x in grams])
+
+
+def condition_of(information: Array) -> float:
+    """Condition number of an information matrix, (q, q); infinite if it is singular."""
+    if not np.isfinite(information).all():
+        raise ShapeError("information is not finite")
+    eigenvalues = np.linalg.eigvalsh(information)
+    return _ratio(eigenvalues[-1:], eigenvalues[:1], len(eigenvalues)).item()

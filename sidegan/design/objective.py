@@ -33,11 +33,6 @@ class Penalty:
     torque: float = 0.05  # share of torque limits kept in reserve
     distance: float = 0.1  # share of 0.25 m kept in reserve
 
-    @classmethod
-    def reserving(cls, weight: float, reserve: float) -> "Penalty":
-        """A penalty with a share of each limit, and twice that share of 0.25 m, in reserve."""
-        return cls(weight, limits=reserve, torque=reserve, distance=2 * reserve)
-
     @property
     def reach(self) -> float:
         """Smallest distance without cost [m]."""
@@ -77,7 +72,7 @@ class Objective:
         middle, room = (upper + lower) / 2, (upper - lower) / 2
         torque = np.maximum(arm.torque_limit - drives.coulomb, _LEAST * arm.torque_limit)
         torque = torque if constraints.torque else np.full(joints, np.inf)
-        parameters = array(arm.inertial_parameters.reshape(1, 1, -1))
+        parameters = array(arm.inertial_parameters.ravel())
         higher = array(constraints.higher_rows).reshape(-1, joints)
         if matrix is None:
             matrix = np.tile(np.eye(2 * harmonics), (joints, 1, 1))
@@ -127,20 +122,20 @@ class Objective:
         return kernel.objective(self.plan, x, gradient, self.scratch)
 
 
-def evaluator(problem: Problem, distance: float) -> Callable[[Array], Array]:
+def evaluator(problem: Problem) -> Callable[[Array], Array]:
     """Function that evaluates fitness and margins for an optimiser without gradients; not thread-safe.
 
     It maps contiguous coefficients [rad/s], (B, J, H, 2), to log fitness and the negated worst relative
-    margin of each constraint, in the order of labels, (B, 1 + G). ``distance`` is the clearance equivalent
-    to a whole limit [m].
+    margin of each constraint, in the order of labels, (B, 1 + G). A metre of distance counts like a whole
+    limit.
     """
     objective = Objective(problem, Goal())
-    measure = kernel.Measure(weakest=problem.weakest, distance=distance)
     kept = [0, *(1 + NAMES.index(name) for name in problem.constraints.labels)]
 
     def evaluate(c: Array) -> Array:
         numbers = np.empty((len(c), kernel.NUMBERS))
-        kernel.evaluate(objective.plan, measure, c.reshape(*c.shape[:2], -1), numbers, objective.scratch)
+        x = c.reshape(*c.shape[:2], -1)
+        kernel.evaluate(objective.plan, problem.weakest, x, numbers, objective.scratch)
         return numbers[:, kept]
 
     return evaluate

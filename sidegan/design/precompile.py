@@ -1,6 +1,4 @@
-"""Compile kernels of a search for this processor: ``python -m sidegan.design.precompile [descent]``."""
-
-import sys
+"""Compile kernels of a search for this processor: ``python -m sidegan.design.precompile``."""
 
 import numpy as np
 
@@ -16,8 +14,8 @@ from sidegan.robot import load_robot
 from sidegan.validity import Constraints, check
 
 
-def compile_kernels(descent: bool = False) -> None:
-    """Compile the kernels of the proof, of Gram matrices, and of a descent: those called last, or all."""
+def compile_kernels() -> None:
+    """Compile the kernels of the proof, of Gram matrices, and last those that a search compiles first."""
     unit = np.eye(2)
     goal = goals.GoalArrays(goals.CONDITION, unit, 1.0, unit, unit, 1.0)
     goals.goal_of.compile_for(goal, unit, unit, goals.scratch(goal))
@@ -26,12 +24,11 @@ def compile_kernels(descent: bool = False) -> None:
     problem = Problem(constraints, family)
     objective = Objective(problem, Goal())
     slopes.compile_for(objective.plan, 1, objective.scratch)
-    if descent:
-        search(problem, Goal(), SearchSettings(evaluations=10, patience=10))
     still = np.zeros((1, *family.shape))
     check(constraints, family, still)
     gram(constraints.body, family, still)
+    search(problem, Goal(), SearchSettings(evaluations=10, patience=10))
 
 
 if __name__ == "__main__":
-    compile_kernels(descent="descent" in sys.argv)
+    compile_kernels()

@@ -5,9 +5,8 @@ Example, the best proven trajectory within 50 ms: ``search(problem, Goal(), sett
 
 import logging
 import math
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from time import perf_counter as clock
 from typing import Protocol
 
 import numpy as np
@@ -30,7 +29,6 @@ _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: a small weight first le
 _ROUGH_SHARE = 0.7  # share of evaluations with the small weight
 _DENSE = 12  # least points per period of the highest harmonic for limits on motion and distances
 _REFINE = 3  # finer points per sample, if the samples are fewer
-_RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shortest=1e-6)
 _MEMORY = 25  # pairs of steps and gradient changes of L-BFGS
 _REACH = 0.7  # share of its tightest limit that each joint of a start uses
 _FULL = 0.99  # largest share of the limits on motion at the end of a descent
@@ -66,10 +64,10 @@ class Descent:
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
         self.problem = problem
         self.coordinates = Coordinates.of(problem)
-        rough, strict = (Penalty.reserving(weight, reserve) for weight in (_ROUGH, _STRICT))
+        rough = Penalty(_ROUGH, limits=reserve, torque=reserve, distance=2 * reserve)
         refine = 1 if problem.samples >= _DENSE * problem.trajectory.harmonics else _REFINE
         self._objective = Objective(problem, goal, rough, refine, self.coordinates.matrix)
-        self._strict = self._objective.penalised(self._objective.plan, strict)
+        self._strict = self._objective.penalised(self._objective.plan, replace(rough, weight=_STRICT))
         joints, harmonics, _ = problem.trajectory.shape
         self._state = descent.search(joints, 2 * harmonics, _MEMORY)
 
@@ -95,7 +93,7 @@ class Descent:
     def _descend(self, plan: Plan, evaluations: int) -> None:
         """Continue the descent for a number of evaluations, the first at the current point."""
         self._state.numbers[descent.STARTED] = 0.0
-        descent.descend(plan, _RULES, self._state, self._objective.scratch, evaluations)
+        descent.descend(plan, self._state, self._objective.scratch, evaluations)
 
 
 def proven(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, Validity]:
@@ -121,7 +119,6 @@ def search(
     settings: SearchSettings,
     seed: int = 0,
     deadline: float | None = None,
-    clock: Callable[[], float] = time.perf_counter,
 ) -> Found:
     """The best proven trajectory after the settings' evaluations, or within a deadline [s].
 

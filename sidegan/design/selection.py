@@ -12,7 +12,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array, split
 from sidegan.base.typed import Count, Positive
-from sidegan.design.information import condition_of, information_of
+from sidegan.design.excitation import condition_of, information_of
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory

@@ -53,7 +53,7 @@ def _place(j: Joint, state: Array, block: Block, base: Lanes, frame: Lanes) -> N
     i, start, count = block
     for n in range(min(count, LANES)):
         at = start + n
-        r, shift = placement(j, state[SIN, 0, i, at], state[COS, 0, i, at], state[Q, 0, i, at])
+        r, shift = placement(j, state[SIN, i, at], state[COS, i, at], state[Q, i, at])
         turn = load_turn(base, n)
         world = product(turn, r)
         store(frame, 0, n, world[0])
@@ -142,16 +142,6 @@ def _regions(
 
 
 @kernel
-def _place_all(chain: Chain, shapes: Shapes, states: Array, span: Span, work: Scratch) -> None:
-    """Write frames and capsules in the world for a block of samples."""
-    start, count = span
-    for i in range(states.shape[2]):
-        _place(joint(chain, i), states, (i, start, count), work.world[i], work.world[i + 1])
-    for k in range(len(shapes.frame)):
-        _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], count)
-
-
-@kernel
 def keep_apart(
     chain: Chain, shapes: Shapes, states: Array, asked: tuple[float, float], push: Array, work: Scratch
 ) -> tuple[float, float, float]:
@@ -159,16 +149,20 @@ def keep_apart(
 
     ``asked`` holds ``reach`` and the weight of the squared shortfall of distances below it. The gradient in
     the positions is added to push, (J, S). With weight zero, only the smallest distances are computed. States
-    are (5, 1, J, S).
+    are (4, J, S), without accelerations.
     """
-    samples, total, (reach, weight) = states.shape[3], 0.0, asked
+    samples, total, (reach, weight) = states.shape[2], 0.0, asked
     near, clear = reach, reach
     if len(shapes.pairs) + len(shapes.guarded) == 0:
         return total, near, clear
     step = step_of(samples)
     for start in range(0, samples, step):
-        span = start, min(step, samples - start)
-        _place_all(chain, shapes, states, span, work)
+        count = min(step, samples - start)
+        span = start, count
+        for i in range(states.shape[1]):
+            _place(joint(chain, i), states, (i, start, count), work.world[i], work.world[i + 1])
+        for k in range(len(shapes.frame)):
+            _place_capsule(shapes, k, work.world[shapes.frame[k]], work.ends[k], count)
         cost, least = _pairs(chain, shapes, span, (reach if weight > 0 else near, weight), push, work)
         total, near = total + cost, min(near, least)
         cost, least = _regions(chain, shapes, span, (reach if weight > 0 else clear, weight), push, work)

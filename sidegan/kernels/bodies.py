@@ -10,7 +10,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.kernels.chain import Chain, Shapes
-from sidegan.kernels.distances import near_segment
+from sidegan.kernels.distances import near_region, near_segment
 from sidegan.kernels.formulas import (
     Matrix,
     Vector,
@@ -94,6 +94,24 @@ def near_pair(shapes: Shapes, ends: Array, p: int) -> tuple[float, Vector, Vecto
     i, k = shapes.pairs[p, 0], shapes.pairs[p, 1]
     distance, one, two = near_segment(row(ends[0], i), row(ends[1], i), row(ends[0], k), row(ends[1], k))
     return distance - (shapes.radius[i] + shapes.radius[k]) + shapes.closer[p], one, two
+
+
+@kernel
+def clearances(chain: Chain, shapes: Shapes, q: Array, pairs: Array, regions: Array, at: Place) -> None:
+    """Write signed distances [m] of capsule pairs, (N, P), and of guarded capsules from regions, (N, K).
+
+    Negative distances are overlaps. Positions [rad or m] are (N, J).
+    """
+    for n in range(len(q)):
+        place_joints(chain, q[n], at)
+        for c in range(len(shapes.frame)):
+            place_capsule(shapes, c, at)
+        for p in range(len(shapes.pairs)):
+            pairs[n, p], _, _ = near_pair(shapes, at.ends, p)
+        for k in range(len(shapes.guarded)):
+            r, c = shapes.guarded[k, 0], shapes.guarded[k, 1]
+            height, _, _ = near_region(shapes, r, row(at.ends[0], c), row(at.ends[1], c))
+            regions[n, k] = height - shapes.radius[c]
 
 
 @inline

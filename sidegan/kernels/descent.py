@@ -17,14 +17,11 @@ from sidegan.kernels.objective import Plan, Scratch, objective_of
 GOAL, COST, LENGTH, USED, HEAD, STARTED, NUMBERS = range(7)
 
 
-class Rules(NamedTuple):
-    """Parameters of the search."""
-
-    step: float  # length of a steepest-descent step before backtracking, in the norm of x
-    armijo: float  # required share of the expected decrease
-    shrink: float  # factor on the length of a rejected step
-    curvature: float  # pairs below this relative curvature are not stored
-    shortest: float  # restart from steepest descent below this relative step length
+STEP = 0.3  # length of a steepest-descent step before backtracking, in the norm of x
+_ARMIJO = 1e-4  # required share of the expected decrease
+_SHRINK = 0.3  # factor on the length of a rejected step
+_CURVATURE = 1e-10  # pairs below this relative curvature are not stored
+_SHORTEST = 1e-6  # restart from steepest descent below this relative step length
 
 
 class Search(NamedTuple):
@@ -58,17 +55,17 @@ def _length(x: Array) -> float:
 
 
 @kernel
-def _begin_anew(rules: Rules, state: Search) -> None:
+def _begin_anew(state: Search) -> None:
     """Start, or restart, from steepest descent with an empty memory."""
     state.numbers[USED] = 0.0
     state.numbers[LENGTH] = 1.0
-    factor = -rules.step / _length(state.gradient)
+    factor = -STEP / _length(state.gradient)
     for i in range(len(state.x)):
         state.direction[i] = factor * state.gradient[i]
 
 
 @kernel
-def remember(rules: Rules, state: Search) -> None:
+def remember(state: Search) -> None:
     """Store the step and its change of the gradient, if the curvature is large enough."""
     head, size = (int(state.numbers[HEAD]) + 1) % len(state.rho), len(state.x)
     s, y = state.s[head], state.y[head]
@@ -76,14 +73,14 @@ def remember(rules: Rules, state: Search) -> None:
         s[i] = state.trial[i] - state.x[i]
         y[i] = state.slope[i] - state.gradient[i]
     sy, ss, yy = product(s, y, size), product(s, s, size), product(y, y, size)
-    if sy > rules.curvature * math.sqrt(ss * yy):
+    if sy > _CURVATURE * math.sqrt(ss * yy):
         state.numbers[HEAD] = head
         state.numbers[USED] = min(state.numbers[USED] + 1, len(state.rho) - 1)
         state.rho[head] = 1 / sy
 
 
 @kernel
-def two_loops(rules: Rules, state: Search) -> None:
+def two_loops(state: Search) -> None:
     """Write the L-BFGS direction. Source: Nocedal and Wright 2006, algorithm 7.4."""
     d, slots, size = state.direction, len(state.rho), len(state.x)
     head, used = int(state.numbers[HEAD]), int(state.numbers[USED])
@@ -99,7 +96,7 @@ def two_loops(rules: Rules, state: Search) -> None:
     for m in range(used - 1, -1, -1):
         at = (head - m) % slots
         add_to(d, state.alpha[at] - state.rho[at] * product(state.y[at], d, size), state.s[at], size)
-    factor = min(1.0, 4 * rules.step / _length(d))
+    factor = min(1.0, 4 * STEP / _length(d))
     for i in range(size):
         d[i] *= factor
 
@@ -113,26 +110,26 @@ def _accept(state: Search, goal: float, cost: float) -> None:
 
 
 @kernel
-def _judge(rules: Rules, state: Search, expected: float, goal: float, cost: float) -> None:
+def _judge(state: Search, expected: float, goal: float, cost: float) -> None:
     """Accept or reject the trial point, and choose the next direction or step length."""
     numbers, size = state.numbers, len(state.x)
-    enough = numbers[GOAL] + numbers[COST] + rules.armijo * expected
+    enough = numbers[GOAL] + numbers[COST] + _ARMIJO * expected
     if not (goal + cost <= enough and math.isfinite(product(state.slope, state.slope, size))):
-        if numbers[LENGTH] < rules.shortest:
-            _begin_anew(rules, state)
+        if numbers[LENGTH] < _SHORTEST:
+            _begin_anew(state)
         else:
-            numbers[LENGTH] *= rules.shrink
+            numbers[LENGTH] *= _SHRINK
         return
-    remember(rules, state)
+    remember(state)
     _accept(state, goal, cost)
     if numbers[USED] > 0:
-        two_loops(rules, state)
+        two_loops(state)
     if not (numbers[USED] > 0 and product(state.direction, state.gradient, size) < 0):
-        _begin_anew(rules, state)
+        _begin_anew(state)
 
 
 @kernel
-def descend(plan: Plan, rules: Rules, state: Search, work: Scratch, evaluations: int) -> None:
+def descend(plan: Plan, state: Search, work: Scratch, evaluations: int) -> None:
     """Run a number of evaluations; a new search spends the first one on its start point."""
     for _ in range(evaluations):
         fresh = state.numbers[STARTED] == 0
@@ -142,8 +139,8 @@ def descend(plan: Plan, rules: Rules, state: Search, work: Scratch, evaluations:
         goal, cost = objective_of(plan, state.rows[0], state.rows[1], work)
         if fresh:
             _accept(state, goal, cost)
-            _begin_anew(rules, state)
+            _begin_anew(state)
             state.numbers[STARTED] = 1.0
         else:
             expected = length * product(state.direction, state.gradient, len(state.x))
-            _judge(rules, state, expected, goal, cost)
+            _judge(state, expected, goal, cost)

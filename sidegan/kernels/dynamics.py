@@ -68,7 +68,7 @@ class Limits(NamedTuple):
     room: Array  # half width of the position range [rad or m], (J,)
     speed: Array  # velocity limit [rad/s or m/s], (J,)
     torque: Array  # torque limit minus dry friction [N·m or N], (J,); infinite where unlimited
-    parameters: Array  # inertial parameters for the torques, (1, 1, 10 J)
+    parameters: Array  # inertial parameters for the torques, (10 J,)
     viscous: Array  # viscous friction coefficient [N·m·s/rad or N·s/m], (J,)
     rotor: Array  # rotor inertia on the joint side [kg·m² or kg], (J,)
 
@@ -238,19 +238,17 @@ def forces(chain: Chain, v: Array, work: Scratch, width: int) -> None:
 
 
 @kernel
-def torques(chain: Chain, states: Array, sets: Array, torque: Array, work: Scratch) -> None:
-    """Write the torques (B, K, J, T) for states (5, B, J, T) and parameter sets (B, K, 10 J)."""
-    joints, count = states.shape[2], states.shape[3]
+def torques(chain: Chain, states: Array, parameters: Array, torque: Array, work: Scratch) -> None:
+    """Write the torques (J, T) for states (5, 1, J, T) and inertial parameters (10 J,)."""
+    count = states.shape[3]
     step = step_of(count)
-    for b in range(states.shape[1]):
-        for start in range(0, count, step):
-            lanes = min(step, count - start)
-            enter(chain, states, (b, start, lanes), step, work)
-            for k in range(sets.shape[1]):
-                forces(chain, sets[b, k], work, step)
-                for j in range(joints):
-                    for n in range(min(lanes, LANES)):
-                        torque[b, k, j, start + n] = work.torque[j, n]
+    for start in range(0, count, step):
+        lanes = min(step, count - start)
+        enter(chain, states, (0, start, lanes), step, work)
+        forces(chain, parameters, work, step)
+        for j in range(len(torque)):
+            for n in range(min(lanes, LANES)):
+                torque[j, start + n] = work.torque[j, n]
 
 
 @kernel
@@ -338,13 +336,13 @@ def push(chain: Chain, v: Array, work: Scratch, width: int) -> None:
 def pull(chain: Chain, work: Scratch, slope: Array, block: Block, width: int) -> None:
     """Propagate the adjoints to the base; write a block's gradient with respect to q, dq and ddq."""
     links, adjoints = work.links, work.adjoints
-    b, start, lanes = block
+    _, start, lanes = block
     for i in range(len(chain.prismatic) - 1, -1, -1):
         adjoint = adjoints[i + 1]
         _unmove(joint(chain, i), work.state[i], links[i], links[i + 1], adjoints[i], adjoint, width)
         for r in range(3):
             for n in range(min(lanes, LANES)):
-                slope[r, b, i, start + n] = adjoint[(SQ + r) * LANES + n]
+                slope[r, i, start + n] = adjoint[(SQ + r) * LANES + n]
 
 
 @inline

@@ -181,28 +181,24 @@ def ends(matrix: Array, first: int, values: Array, rows: Array, shifts: Array) -
 
 
 @kernel
-def extremes(
-    a: Array, low: int, values: Array, vectors: Array, sound: Array, rows: Array, shifts: Array
-) -> None:
+def extremes(matrix: Array, low: int, values: Array, vectors: Array, rows: Array, shifts: Array) -> bool:
     """Write the ``low`` smallest and the K − ``low`` largest eigenvalues, ascending, and their eigenvectors.
 
-    The symmetric matrices (B, p, p), with elements up to one, are overwritten. Outputs: values, (B, K), unit
-    eigenvectors as rows, (B, K, p), and whether they are reliable, (B,). The rest is ``scratch``.
+    The symmetric matrix (p, p), with elements up to one, is overwritten. Outputs: values, (K,), and unit
+    eigenvectors as rows, (K, p). Returns whether they are reliable. The rest is ``scratch``.
     """
     d, e, tau, w, up = rows[0], rows[1], rows[2], rows[3], rows[4]
-    size = a.shape[1]
-    for b in range(len(a)):
-        matrix = a[b]
-        _tridiagonal(matrix, d, e, tau, w)
-        _close_in(d, e, low, 0, values[b], shifts)
-        for k in range(values.shape[1]):
-            _vector(d, e, values[b, k], vectors[b, k], w, up)
-        sound[b] = _sound(d, e, values[b], vectors[b])
-        for m in range(values.shape[1]):
-            for k in range(size - 2, -1, -1):
-                part, v = vectors[b, m, k + 1 :], matrix[k, k + 1 :]
-                if tau[k] != 0:
-                    add_to(part, -tau[k] * product(v, part, len(v)), v, len(v))
+    _tridiagonal(matrix, d, e, tau, w)
+    _close_in(d, e, low, 0, values, shifts)
+    for k in range(len(values)):
+        _vector(d, e, values[k], vectors[k], w, up)
+    sound = _sound(d, e, values, vectors)
+    for m in range(len(values)):
+        for k in range(len(matrix) - 2, -1, -1):
+            part, v = vectors[m, k + 1 :], matrix[k, k + 1 :]
+            if tau[k] != 0:
+                add_to(part, -tau[k] * product(v, part, len(v)), v, len(v))
+    return sound
 
 
 _SWEEPS = 30

@@ -40,11 +40,10 @@ class Scratch(NamedTuple):
 
     product: Array  # (p, p)
     inner: Array  # G in the orthonormal basis, (p, p)
-    whole: Array  # (1, p, p)
-    values: Array  # eigenvalues in the smooth ratio, ascending, (1, K)
+    whole: Array  # (p, p)
+    values: Array  # eigenvalues in the smooth ratio, ascending, (K,)
     slopes: Array  # (K,)
-    vectors: Array  # (1, K, p)
-    sound: Array  # (1,)
+    vectors: Array  # (K, p)
     rows: Array  # for ``eigen``
     shifts: Array  # for ``eigen``
     halves: Array  # (R, p)
@@ -61,11 +60,10 @@ def scratch(goal: GoalArrays) -> Scratch:
     return Scratch(
         product=np.zeros((size, size)),
         inner=np.zeros((size, size)),
-        whole=np.zeros((1, size, size)),
-        values=np.zeros((1, count)),
+        whole=np.zeros((size, size)),
+        values=np.zeros(count),
         slopes=np.zeros(count),
-        vectors=np.zeros((1, count, size)),
-        sound=np.zeros(1, bool),
+        vectors=np.zeros((count, size)),
         rows=rows,
         shifts=shifts,
         halves=np.zeros((targets, size)),
@@ -141,10 +139,10 @@ def _end_of(matrix: Array, count: int, k: int) -> int:
 @part
 def _ends(work: Scratch) -> None:
     """Eigenpairs at both ends of the spectrum of the inner matrix; ``whole`` holds a copy."""
-    size, whole, count = len(work.inner), work.whole[0], len(work.values[0])
+    size, whole, count = len(work.inner), work.whole, len(work.values)
     if size > count:
-        eigen.extremes(work.whole, LOWEST, work.values, work.vectors, work.sound, work.rows, work.shifts)
-        if work.sound[0]:
+        sound = eigen.extremes(whole, LOWEST, work.values, work.vectors, work.rows, work.shifts)
+        if sound:
             return
         for i in range(size):
             for j in range(size):
@@ -152,15 +150,15 @@ def _ends(work: Scratch) -> None:
     all_eigenpairs(whole, work.product)
     for k in range(count):
         i = _end_of(whole, count, k)
-        work.values[0][k] = whole[i, i]
+        work.values[k] = whole[i, i]
         for m in range(size):
-            work.vectors[0, k, m] = work.product[i, m]
+            work.vectors[k, m] = work.product[i, m]
 
 
 @kernel
 def _condition(goal: GoalArrays, subspace: Array, work: Scratch) -> float:
     """Smooth log condition number of the whole matrix; writes its directions."""
-    size, scale, whole = len(subspace), 0.0, work.whole[0]
+    size, scale, whole = len(subspace), 0.0, work.whole
     for i in range(size):
         scale = max(scale, whole[i, i])
     for i in range(size):
@@ -168,10 +166,10 @@ def _condition(goal: GoalArrays, subspace: Array, work: Scratch) -> float:
             whole[i, j] /= scale
             work.inner[i, j] = whole[i, j]
     _ends(work)
-    value = _smooth_ratio(work.values[0], work.slopes)
-    for k in range(len(work.values[0])):
+    value = _smooth_ratio(work.values, work.slopes)
+    for k in range(len(work.values)):
         work.weights[k] = goal.amount * work.slopes[k] / scale
-        _times(subspace, work.vectors[0, k], work.base[k])
+        _times(subspace, work.vectors[k], work.base[k])
     return value
 
 
@@ -274,10 +272,10 @@ def goal_of(goal: GoalArrays, subspace: Array, gram: Array, work: Scratch) -> tu
     runs = goal.runs if goal.kind == TOOL else 1.0
     for i in range(len(gram)):
         for j in range(len(gram)):
-            work.whole[0, i, j] = goal.prior[i, j] + runs * goal.amount * work.inner[i, j]
+            work.whole[i, j] = goal.prior[i, j] + runs * goal.amount * work.inner[i, j]
     if goal.kind == CONDITION:
-        return _condition(goal, subspace, work), len(work.values[0])
-    if not factorise(work.whole[0]):
+        return _condition(goal, subspace, work), len(work.values)
+    if not factorise(work.whole):
         return np.inf, 0
-    invert_factor(work.whole[0], work.product)
+    invert_factor(work.whole, work.product)
     return _tool(goal, subspace, work) if goal.kind == TOOL else _covariance(goal, subspace, work)

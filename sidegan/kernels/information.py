@@ -137,10 +137,10 @@ def push_terms(terms: JointTerms, signals: Signals, k: int, block: Block, torque
 
 @kernel
 def pull_terms(terms: JointTerms, signals: Signals, slope: Array) -> None:
-    """Add to the gradient in dq and ddq, (3, 1, J, T), the part that the terms' values contribute."""
+    """Add to the gradient in q, dq and ddq, (3, J, T), the part that the terms' values contribute."""
     for j in range(len(terms.first) - 1):
         for e in range(terms.first[j], terms.first[j + 1]):
-            to = slope[2 if terms.kinds[e] == _ROTOR else 1, 0, j]
+            to = slope[2 if terms.kinds[e] == _ROTOR else 1, j]
             rates, pushes = signals.rates[e], signals.pushes[e]
             for n in range(len(to)):
                 to[n] += rates[n] * pushes[n]
@@ -201,7 +201,7 @@ def weighted_slopes(
     slope: Array,
     work: Lanes,
 ) -> float:
-    """Torque penalty; writes the gradient of it plus an energy in q, dq and ddq, (3, 1, J, T).
+    """Torque penalty; writes the gradient of it plus an energy in q, dq and ddq, (3, J, T).
 
     The energy is Σ weight · w τ², summed over parameter sets (K, 10 J) with their terms, joints and time, for
     the sets' weights (K,) and the joints' weights w. The signals must be those of the states.
@@ -225,9 +225,9 @@ def weighted_slopes(
             push(chain, sets[k], work, step)
             push_terms(terms[0], terms[1], k, block, work.torque)
         if limits.torque_weight > 0:
-            forces(chain, limits.parameters[0, 0], work, step)
+            forces(chain, limits.parameters, work, step)
             cost += keep(limits, work, block[2])
-            push(chain, limits.parameters[0, 0], work, step)
+            push(chain, limits.parameters, work, step)
         pull(chain, work, slope, block, step)
     pull_terms(terms[0], terms[1], slope)
     return cost

@@ -45,7 +45,7 @@ class Scratch(NamedTuple):
 
     c: Array  # coefficients, (J, K)
     states: Array  # (5, 1, J, T)
-    fine: Array  # states at the finer samples, without accelerations, (5, 1, J, S)
+    fine: Array  # states at the finer samples, without accelerations, (4, J, S)
     line: Array  # one derivative at the finer samples, (J, S)
     lanes: dynamics.Scratch
     y: Array  # regressor
@@ -53,8 +53,8 @@ class Scratch(NamedTuple):
     goal: goals.Scratch
     sets: Array  # inertial parameters of the directions, (D, 10 J)
     signals: information.Signals
-    slope: Array  # gradient in positions, velocities and accelerations, (3, 1, J, T)
-    push: Array  # gradient in the derivatives limited at the finer samples, (2 + L, 1, J, S)
+    slope: Array  # gradient in positions, velocities and accelerations, (3, J, T)
+    push: Array  # gradient in the derivatives limited at the finer samples, (2 + L, J, S)
     near: apart.Scratch
     back: Array  # gradient in the coefficients, (J, K)
     ends: Array  # smallest and largest eigenvalue, (2,)
@@ -69,7 +69,7 @@ def scratch(plan: Plan) -> Scratch:
     return Scratch(
         np.zeros((joints, functions)),
         dynamics.aligned(5, 1, joints, samples),
-        dynamics.aligned(5, 1, joints, finer),
+        dynamics.aligned(4, joints, finer),
         dynamics.aligned(joints, finer),
         dynamics.scratch(plan.chain),
         dynamics.aligned(size, joints * regressor.SPAN),
@@ -77,8 +77,8 @@ def scratch(plan: Plan) -> Scratch:
         goal,
         np.zeros((sets, 10 * joints)),
         information.signals_for(plan.extra, samples, sets),
-        dynamics.aligned(3, 1, joints, samples),
-        dynamics.aligned(len(plan.fine), 1, joints, finer),
+        dynamics.aligned(3, joints, samples),
+        dynamics.aligned(len(plan.fine), joints, finer),
         apart.scratch(len(plan.shapes.frame), joints),
         np.zeros((joints, functions)),
         np.zeros(2),
@@ -111,23 +111,23 @@ def _move(plan: Plan, x: Array, work: Scratch) -> None:
 def roll_out(plan: Plan, work: Scratch) -> None:
     """Write the states that the coefficients give on both sample grids."""
     fine, states = work.fine, work.states
-    joints, samples, finer = len(plan.home), states.shape[3], fine.shape[3]
+    joints, samples, finer = len(plan.home), states.shape[3], fine.shape[2]
     every = finer // samples
     for j in range(joints):
         for n in range(finer):
-            fine[Q, 0, j, n], fine[DQ, 0, j, n] = plan.home[j], 0.0
+            fine[Q, j, n], fine[DQ, j, n] = plan.home[j], 0.0
         clear(states[DDQ, 0, j])
-    _combine(work.c, plan.fine[0], fine[Q, 0])
-    _combine(work.c, plan.fine[1], fine[DQ, 0])
+    _combine(work.c, plan.fine[0], fine[Q])
+    _combine(work.c, plan.fine[1], fine[DQ])
     _combine(work.c, plan.basis[2], states[DDQ, 0])
     for j in range(joints):
         for n in range(finer):
-            fine[SIN, 0, j, n] = math.sin(fine[Q, 0, j, n])
-            fine[COS, 0, j, n] = math.cos(fine[Q, 0, j, n])
+            fine[SIN, j, n] = math.sin(fine[Q, j, n])
+            fine[COS, j, n] = math.cos(fine[Q, j, n])
         for n in range(samples):
             at = every * n + every // 2
-            states[SIN, 0, j, n], states[COS, 0, j, n] = fine[SIN, 0, j, at], fine[COS, 0, j, at]
-            states[Q, 0, j, n], states[DQ, 0, j, n] = fine[Q, 0, j, at], fine[DQ, 0, j, at]
+            for r in range(len(fine)):
+                states[r, 0, j, n] = fine[r, j, at]
 
 
 @kernel
@@ -147,14 +147,14 @@ def _bound(plan: Plan, work: Scratch) -> float:
     bounds, fine, push, total = plan.limits, work.fine, work.push, 0.0
     weight, reserve = bounds.weight, bounds.reserve
     for j in range(len(bounds.room)):
-        total += _cost_of(fine[Q, 0, j], bounds.middle[j], bounds.room[j], reserve, weight, push[0, 0, j])
-        total += _cost_of(fine[DQ, 0, j], 0.0, bounds.speed[j], reserve, weight, push[1, 0, j])
+        total += _cost_of(fine[Q, j], bounds.middle[j], bounds.room[j], reserve, weight, push[0, j])
+        total += _cost_of(fine[DQ, j], 0.0, bounds.speed[j], reserve, weight, push[1, j])
     for r in range(len(plan.higher)):
         for j in range(len(work.line)):
             clear(work.line[j])
         _combine(work.c, plan.fine[2 + r], work.line)
         for j in range(len(work.line)):
-            total += _cost_of(work.line[j], 0.0, plan.higher[r, j], reserve, weight, push[2 + r, 0, j])
+            total += _cost_of(work.line[j], 0.0, plan.higher[r, j], reserve, weight, push[2 + r, j])
     return total
 
 
@@ -162,14 +162,14 @@ def _bound(plan: Plan, work: Scratch) -> float:
 def _pull_back(plan: Plan, gradient: Array, work: Scratch) -> None:
     """Propagate the gradients on both sample grids back to the point."""
     joints, functions = work.back.shape
-    samples, finer = work.states.shape[3], work.fine.shape[3]
+    samples, finer = work.states.shape[3], work.fine.shape[2]
     for j in range(joints):
         for k in range(functions):
             total = 0.0
             for r in range(3):
-                total += product(work.slope[r, 0, j], plan.basis[r, k], samples)
+                total += product(work.slope[r, j], plan.basis[r, k], samples)
             for r in range(len(plan.fine)):
-                total += product(work.push[r, 0, j], plan.fine[r, k], finer)
+                total += product(work.push[r, j], plan.fine[r, k], finer)
             work.back[j, k] = total
     for j in range(joints):
         clear(gradient[j])
@@ -198,7 +198,7 @@ def _penalised(plan: Plan, count: int, gradient: Array, work: Scratch) -> float:
     cost = slopes(plan, count, work) + _bound(plan, work)
     if plan.close > 0:
         asked = plan.reach, plan.close
-        cost += keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0, 0], work.near)[0]
+        cost += keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0], work.near)[0]
     _pull_back(plan, gradient, work)
     return cost
 
@@ -245,13 +245,6 @@ FITNESS, POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK, NU
 _EPS = float(np.finfo(np.float64).eps)
 
 
-class Measure(NamedTuple):
-    """Conventions for fitness and distance violations."""
-
-    weakest: int  # ascending rank of the eigenvalue in the denominator of the condition number
-    distance: float  # penetration that counts as a violation of one [m]
-
-
 @kernel
 def _beyond_most(x: Array, middle: float, limit: float) -> float:
     """Largest excess of a signal over its limit, relative to the limit; negative if it never exceeds it."""
@@ -264,12 +257,12 @@ def _beyond_most(x: Array, middle: float, limit: float) -> float:
 @kernel
 def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
     """Write the violations of positions, velocities, torques and higher derivatives."""
-    limits, torque = plan.limits, work.slope[0, 0]
+    limits, torque = plan.limits, work.slope[0]
     limited = False
     for j in range(len(plan.home)):
         limited |= math.isfinite(limits.torque[j])
     if limited:
-        dynamics.torques(plan.chain, work.states, limits.parameters, work.slope[:1], work.lanes)
+        dynamics.torques(plan.chain, work.states, limits.parameters, torque, work.lanes)
         for j in range(len(plan.home)):
             for n in range(len(torque[j])):
                 own = limits.viscous[j] * work.states[DQ, 0, j, n]
@@ -279,9 +272,9 @@ def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
             clear(work.line[j])
         _combine(work.c, plan.fine[3], work.line)
     for j in range(len(plan.home)):
-        position = _beyond_most(work.fine[Q, 0, j], limits.middle[j], limits.room[j])
+        position = _beyond_most(work.fine[Q, j], limits.middle[j], limits.room[j])
         numbers[POSITION] = max(numbers[POSITION], position)
-        numbers[VELOCITY] = max(numbers[VELOCITY], _beyond_most(work.fine[DQ, 0, j], 0.0, limits.speed[j]))
+        numbers[VELOCITY] = max(numbers[VELOCITY], _beyond_most(work.fine[DQ, j], 0.0, limits.speed[j]))
         if limited:
             numbers[TORQUE] = max(numbers[TORQUE], _beyond_most(torque[j], 0.0, limits.torque[j]))
         if len(plan.higher) > 0:
@@ -291,8 +284,8 @@ def _limits(plan: Plan, numbers: Array, work: Scratch) -> None:
 
 
 @kernel
-def _ratio(plan: Plan, measure: Measure, work: Scratch) -> float:
-    """Largest over weakest eigenvalue of YᵀWY; infinite if the weakest is rounding noise."""
+def _ratio(plan: Plan, weakest: int, work: Scratch) -> float:
+    """Largest eigenvalue of YᵀWY over that of ascending rank ``weakest``; infinite if that is noise."""
     extra, size = (plan.extra, work.signals), len(plan.subspace)
     weighted_grams(plan.chain, work.states, plan.columns, extra, work.gram, work.lanes, work.y)
     inner = work.goal.inner
@@ -302,17 +295,18 @@ def _ratio(plan: Plan, measure: Measure, work: Scratch) -> float:
     for i in range(size):
         for j in range(size):
             inner[i, j] /= scale
-    eigen.ends(inner, measure.weakest, work.ends, work.goal.rows, work.goal.shifts)
+    eigen.ends(inner, weakest, work.ends, work.goal.rows, work.goal.shifts)
     low, high = work.ends[0], work.ends[1]
     return high / low if low > size * _EPS * high else np.inf
 
 
 @kernel
-def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Scratch) -> None:
+def evaluate(plan: Plan, weakest: int, c: Array, numbers: Array, work: Scratch) -> None:
     """Write log fitness and violations, (B, NUMBERS), of trajectories with coefficients (B, J, K) [rad/s].
 
-    A violation is the negated worst relative margin: positive where the constraint is violated. Both sample
-    grids of the plan must be the same.
+    Fitness is the ratio of the largest eigenvalue of YᵀWY to that of ascending rank ``weakest``. A violation
+    is the negated worst relative margin, in metres for distances: positive where the constraint is violated.
+    Both sample grids of the plan must be the same.
     """
     for b in range(len(c)):
         for n in range(NUMBERS):
@@ -323,8 +317,7 @@ def evaluate(plan: Plan, measure: Measure, c: Array, numbers: Array, work: Scrat
         roll_out(plan, work)
         _limits(plan, numbers[b], work)
         asked = np.inf, 0.0
-        found = keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0, 0], work.near)
-        numbers[b, COLLISION] = -found[1] / measure.distance
-        numbers[b, KEEP_OUT] = -found[2] / measure.distance
-        ratio = _ratio(plan, measure, work)
+        found = keep_apart(plan.chain, plan.shapes, work.fine, asked, work.push[0], work.near)
+        numbers[b, COLLISION], numbers[b, KEEP_OUT] = -found[1], -found[2]
+        ratio = _ratio(plan, weakest, work)
         numbers[b, FITNESS] = math.log(ratio if ratio < HOPELESS else HOPELESS)

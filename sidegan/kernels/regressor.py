@@ -131,19 +131,19 @@ def sums(
 ) -> None:
     """Write each joint's sums of products of base columns and torque, (J, p + 1, p + 1), initially zero.
 
-    The torque, (B, J, T), is the last column. y is scratch for both, (p + 1, J · SPAN).
+    The states are (5, 1, J, T); the torque, (J, T), is the last column. y is scratch for both,
+    (p + 1, J · SPAN).
     """
     joints, count, size = states.shape[2], states.shape[3], len(columns.kinds)
-    for b in range(states.shape[1]):
-        for start in range(0, count, SPAN):
-            lanes = min(SPAN, count - start)
-            span = rows_of(chain, states, (b, start, lanes), columns, work, y)
-            for j in range(joints):
-                for n in range(span):
-                    y[size, j * span + n] = torque[b, j, start + n] if n < lanes else 0.0
-            for j in range(joints):
-                for p in range(columns.first[j], size + 1, 4):
-                    for q in range(p, size + 1, 4):
-                        tile(y, (p, size + 1), (q, size + 1), j * span, (j + 1) * span, products[j])
+    for start in range(0, count, SPAN):
+        lanes = min(SPAN, count - start)
+        span = rows_of(chain, states, (0, start, lanes), columns, work, y)
+        for j in range(joints):
+            for n in range(span):
+                y[size, j * span + n] = torque[j, start + n] if n < lanes else 0.0
+        for j in range(joints):
+            for p in range(columns.first[j], size + 1, 4):
+                for q in range(p, size + 1, 4):
+                    tile(y, (p, size + 1), (q, size + 1), j * span, (j + 1) * span, products[j])
     for j in range(joints):
         mirror(products[j], 1.0)

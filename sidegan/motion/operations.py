@@ -55,10 +55,10 @@ def gram(chain: Chain, columns: Array, states: States, certainty: Array | None) 
 def torques(chain: Chain, states: States, parameters: Array) -> Array:
     """Torques (S, J) at states (S, J) of an arm with inertial parameters (J, 10)."""
     count, joints = states[0].shape
-    torque = np.empty((1, 1, joints, count))
-    sets = array(parameters.reshape(1, 1, -1))
-    dynamics.torques(chain, _states(*(x[None] for x in states)), sets, torque, dynamics.scratch(chain))
-    return torque[0, 0].T
+    torque = np.empty((joints, count))
+    motion = _states(*(x[None] for x in states))
+    dynamics.torques(chain, motion, array(parameters.ravel()), torque, dynamics.scratch(chain))
+    return torque.T
 
 
 def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
@@ -73,7 +73,7 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
     def work(k: int) -> None:
         motion = _states(*(x[k][None] for x in parts[:3]))
         y = dynamics.aligned(size, joints * regressor.SPAN)
-        pulled = array(parts[3][k].T)[None]
+        pulled = array(parts[3][k].T)
         regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.scratch(chain), y)
 
     each(work, threads)

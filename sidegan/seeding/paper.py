@@ -18,7 +18,6 @@ from sidegan.seeding.result import Optimiser
 if TYPE_CHECKING:
     import pygmo
 
-_DISTANCE = 1.0  # [m] distance that counts like a whole limit
 # First and last step of the compass search, as shares of the box; inferred from the authors' seeds.
 _COMPASS_STEP, _COMPASS_STOP = 0.5, 0.2
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
@@ -34,7 +33,7 @@ class ConditionProblem:
     def __init__(self, problem: Problem, box: float) -> None:
         from sidegan.design.objective import evaluator  # imports compiled code
 
-        self.evaluate = evaluator(problem, _DISTANCE)
+        self.evaluate = evaluator(problem)
         self.constraints = len(problem.constraints.labels)
         self.box = box
         self.shape = problem.trajectory.shape

@@ -16,7 +16,7 @@ from sidegan.base.names import plain
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.controllers import ExportSettings, export_set, require_exportable, slower
-from sidegan.design.information import condition_of, information_of
+from sidegan.design.excitation import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.design.selection import Selection, choose
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError

@@ -30,11 +30,10 @@ def clearances(chain: Chain, shapes: Shapes, q: Array) -> tuple[Array, Array]:
 
     Distances of two nearly coincident segments are accurate to 1e-7 of a length in the worst case.
     """
-    from sidegan.kernels import bodies
-    from sidegan.kernels import clearances as kernel
+    from sidegan.kernels import bodies as kernel
 
     found = tuple(np.empty((len(q), len(x))) for x in (shapes.pairs, shapes.guarded))
-    kernel.clearances(chain, shapes, array(q), *found, bodies.place_for(shapes, q.shape[1]))
+    kernel.clearances(chain, shapes, array(q), *found, kernel.place_for(shapes, q.shape[1]))
     return found[0], found[1]
 
 

@@ -20,7 +20,7 @@ from tests.validity.critical import BALL, BOX, HULL, drawn
 
 
 def test_kernels_compiled_for_the_planar_arm_serve_every_arm(arm):
-    compile_kernels(descent=True)
+    compile_kernels()
     family = Trajectory(7)
     for regions in ([], [BOX, BALL, HULL]):
         for size in (0.01, 0.03, 0.1):  # some of which are looked at in finer cells
@@ -36,16 +36,13 @@ def test_kernels_compiled_for_the_planar_arm_serve_every_arm(arm):
         assert part.inner.signatures == [tuple(map(typeof, arguments))], part
 
 
-@pytest.mark.parametrize("descent", [False, True])
 @pytest.mark.parametrize(("open_", "processes", "started"), [(True, 2, 1), (True, 1, 0), (False, 2, 0)])
-def test_compilation_starts_if_a_core_is_free_and_it_is_not_done(
-    open_, processes, started, descent, monkeypatch
-):
+def test_compilation_starts_once_if_a_core_is_free_and_it_is_not_done(open_, processes, started, monkeypatch):
     calls = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **_: calls.append(command))
     monkeypatch.setattr(beside, "cores", lambda _: processes)
     monkeypatch.setattr(type(visit), "to_be_compiled", lambda self: open_)
     beside.compile_beside.cache_clear()
-    beside.compile_beside(descent)
-    beside.compile_beside(descent)
-    assert len(calls) == started and all(("descent" in command) == descent for command in calls)
+    beside.compile_beside()
+    beside.compile_beside()
+    assert len(calls) == started

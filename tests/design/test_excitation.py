@@ -1,15 +1,15 @@
-"""Excitation: the full YᵀY and closed forms as oracles."""
+"""Excitation and information: the full YᵀY and closed forms as oracles."""
 
 import math
 
 import numpy as np
 import pytest
 
-from sidegan.design.excitation import Excitation, excite
+from sidegan.design.excitation import Excitation, condition_of, excite, information_of
 from sidegan.motion.dynamics import RigidBody
 from tests.chains import random_chain
 
-from .conftest import trajectories
+from .conftest import semidefinite, trajectories
 
 
 @pytest.mark.parametrize("joints", [0, 1, 2, 4])
@@ -25,6 +25,18 @@ def test_spectrum_trace_and_diagonal_are_those_of_the_full_regressor(joints, arm
     assert (np.abs(excitation.spectrum - eigenvalues[:, -p:]) <= noise + 1e-9 * eigenvalues[:, -p:]).all()
     np.testing.assert_allclose(excitation.spectrum.sum(1), diagonal.sum(1))
     np.testing.assert_allclose(excitation.diagonal, diagonal[:, body.base.columns])
+    for noise in (None, np.linspace(0.5, 2.5, arm.joints).tolist()):
+        rows = y if noise is None else y / np.tile(noise, 80)[:, None]
+        expected = np.linalg.eigvalsh(rows.mT @ rows / 80)[:, -p:]
+        found = np.linalg.eigvalsh(information_of(body, trajectory, c, noise=noise))
+        assert (np.abs(found - expected) <= 1e-9 * expected + 1e-12 * expected[:, -1:]).all()
+
+
+def test_the_condition_number_is_numpys_or_infinite_if_unexcited():
+    for matrix in semidefinite(0, 5):
+        assert condition_of(matrix) == pytest.approx(float(np.linalg.cond(matrix)), rel=1e-6)
+    for matrix in (np.ones((3, 3)), np.zeros((3, 3))):
+        assert condition_of(matrix) == math.inf
 
 
 def test_fitness_is_the_ratio_of_largest_to_smallest():

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sidegan.design.goal import Goal
@@ -19,7 +19,6 @@ from tests.validity.critical import limited
 DESK = Plane((0.0, 0.0, 1.0), 0.1)
 ROUND = (Sphere((0.5, 0.2, 0.3), 0.25), Convex.between((-0.5, -0.5, 0.0), (-0.4, -0.3, 0.6), 0.1))
 REGIONS = ((), (DESK,), (DESK, Box((0.3, -0.4, -0.6), (0.8, 0.3, 0.4))), ROUND)
-DISTANCE = 1.0
 
 
 def states_of(problem, c):
@@ -40,14 +39,14 @@ def by_definition(problem, c):
     """Log fitness and violations, (B, 1 + G), from the problem's own."""
     constraints = problem.constraints
     margins = constraints.margins(*(part.reshape(-1, part.shape[2]) for part in states_of(problem, c)))
-    shares = constraints.relative(margins, DISTANCE).values()
+    shares = constraints.relative(margins, 1.0).values()
     violations = [-share.reshape(len(c), -1).min(1) for share in shares]
     return np.stack([np.log(problem.fitness(c)), *violations], 1)
 
 
 def assert_same(problem, c):
     """Both give the same numbers; violations are positive for the same trajectories."""
-    numbers, expected = evaluator(problem, DISTANCE)(c), by_definition(problem, c)
+    numbers, expected = evaluator(problem)(c), by_definition(problem, c)
     assert numbers.shape == expected.shape == (len(c), 1 + len(problem.constraints.labels))
     # The smallest eigenvalue is known to so many rounding errors of the largest.
     known = np.exp(expected[:, 0]) * 1e-13
@@ -86,11 +85,13 @@ def test_compiled_evaluation_agrees_on_random_arms(
     home = 0.3 * (arm.position_lower + arm.position_upper)
     trajectory = Trajectory(joints, 3, 7.0, home.tolist())
     problem = Problem(constrained(arm, regions, torque), trajectory, samples, strongest)
+    # Parameters of which some can hardly be told apart: in an orthonormal basis nobody's digits are right.
+    assume(np.linalg.cond(problem.body.base.subspace) < 1e5)
     assert_same(problem, candidates(problem, 4, seed))
 
 
 def test_an_arm_at_rest_has_a_hopeless_fitness(lwr_problem):
-    evaluation, still = evaluator(lwr_problem, DISTANCE), np.zeros((1, *lwr_problem.trajectory.shape))
+    evaluation, still = evaluator(lwr_problem), np.zeros((1, *lwr_problem.trajectory.shape))
     np.testing.assert_allclose(evaluation(still), by_definition(lwr_problem, still), atol=1e-9)
     assert evaluation(still)[0, 0] == pytest.approx(np.log(HOPELESS))
 

@@ -7,9 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from sidegan.design.excitation import excite
+from sidegan.design.excitation import condition_of, excite, information_of
 from sidegan.design.fidelity import effective_rank, mean_cosine, mean_distance, nearest_distance
-from sidegan.design.information import condition_of, information_of
 from sidegan.design.selection import Selection, a_optimal, d_optimal, greedy
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody

@@ -80,7 +80,7 @@ def pretrained(constraints, family, seeds, wild, tmp_path_factory):
     labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
     assert 0.15 < labelled.valid.mean() < 0.85  # or there would be nothing to learn
     report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))
-    for name in ("spectrum", "diagonal", "energies"):
+    for name in ("diagonal", "energies"):
         report |= made.train_features(name, labelled, folder, 0, lambda *_: None)
     return folder, report, told[-1]
 

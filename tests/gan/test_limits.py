@@ -71,9 +71,3 @@ def test_the_box_holds_for_any_input_and_is_inverted_inside(size, scale, seed):
     assert (again - c).abs().max() <= 0.031 * size  # what is nearly on the box moves a little into it
     within = c.abs() < 0.96 * size
     torch.testing.assert_close(again[within], c[within], rtol=1e-3, atol=1e-5 * size)
-
-
-def test_motion_limits_hold_in_the_box():
-    family = Trajectory(2, 4, 30.0)
-    c = array(LimitLayer(ARM, family)(Box(2.0)(normal(family, 0, 100.0))))
-    assert hold(ARM, family, c, []) and np.abs(c).max() <= 2

@@ -22,11 +22,8 @@ def test_seeds_are_valid_and_diverse(constraints, family, seeds):
     assert abs(metrics["cosine"]) < 0.05 and metrics["beyond"] == 0
 
 
-def test_offsets_and_small_motions_are_detected(constraints, family, seeds):
+def test_small_motions_are_detected(constraints, family, seeds):
     plain = measure(constraints, family, 0.5 * seeds)
-    offset = measure(constraints, family, 0.5 * seeds + 0.5 * seeds[:1])
-    assert [offset[key] for key in ("distance", "rank")] == pytest.approx([plain["distance"], plain["rank"]])
-    assert offset["cosine"] > 0.3 and offset["rank_uncentred"] < 0.8 * offset["rank"]
     small = measure(constraints, family, 0.1 * seeds)
     assert small["success"] == 1 and small["error_constant"] > 10 * plain["error_constant"]
     assert plain["error_geometric"] < plain["error"]

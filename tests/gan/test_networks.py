@@ -11,7 +11,7 @@ def images_of(count, shape, rank=None):
     return (x @ mixing.T + torch.linspace(-2, 2, size)).view(count, *shape)
 
 
-@pytest.mark.parametrize(("noise", "rank"), [(30, None), (12, None), (4, 4)])
+@pytest.mark.parametrize(("noise", "rank"), [(30, None), (4, 4)])
 def test_a_gaussian_start_has_mean_and_covariance_of_the_images(noise, rank):
     torch.manual_seed(0)
     images = images_of(400, (2, 2, 3), rank)

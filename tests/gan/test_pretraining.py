@@ -14,10 +14,10 @@ def test_surrogates_learn_validity_and_features(pretrained):
     _, report, last = pretrained
     assert last == (440, 440)  # 40 epochs of 1020 samples
     assert report["accuracy_broad"] > 0.9 and report["accuracy_paper"] > 0.9
-    assert report["r2_diagonal"] > 0.8 and report["r2_energies"] > 0.8 and 0.5 < report["r2_spectrum"] < 1
+    assert report["r2_diagonal"] > 0.8 and report["r2_energies"] > 0.8
 
 
-@pytest.mark.parametrize("kind", ["Eigen", "Diagonal", "Predicting"])
+@pytest.mark.parametrize("kind", ["Diagonal", "Predicting"])
 def test_trained_surrogates_load_frozen_and_identical(pretrained, planar, family, seeds, full, kind):
     reward = Reward(proportional=1.0, constant=1.0) if kind == "Predicting" else None
     variant, c = replace(full, variant=kind, reward=reward), tensor(seeds[:5]).float()

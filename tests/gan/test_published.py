@@ -72,10 +72,8 @@ def surrogates(pretraining, tmp_path_factory):
     """Folder of surrogates that learnt from the vanilla GAN's samples, and their report."""
     made = tmp_path_factory.mktemp("surrogates")
     report = pretraining.train_success(made, 0, None, lambda *_: None)
-    for name, count in {"spectrum": 5, "diagonal": 4}.items():
-        features = np.random.default_rng(0).uniform(1, 2, (60, count))
-        report |= pretraining.train_features(name, features, made, 0, lambda *_: None)
-    return made, report
+    features = np.random.default_rng(0).uniform(1, 2, (60, 5))
+    return made, report | pretraining.train_features("spectrum", features, made, 0, lambda *_: None)
 
 
 def test_given_weights_are_kept_and_evaluated(pretraining, tmp_path):
@@ -86,11 +84,10 @@ def test_given_weights_are_kept_and_evaluated(pretraining, tmp_path):
     assert 0 <= report["accuracy_paper"] <= 1
 
 
-@pytest.mark.parametrize("name", ["eigen", "diagonal"])
-def test_a_variant_trains_on_its_surrogates_and_reloads(papers, variants, surrogates, tmp_path, arm, name):
+def test_a_variant_trains_on_its_surrogates_and_reloads(papers, variants, surrogates, tmp_path, arm):
     made, report = surrogates
-    assert 0 <= report["accuracy_broad"] <= 1 and report[f"error_{variants[name].features}"] < 1
-    generator = trained(papers, variants[name], tmp_path / "work", made).generator
+    assert 0 <= report["accuracy_broad"] <= 1 and report["error_spectrum"] < 1
+    generator = trained(papers, variants["eigen"], tmp_path / "work", made).generator
     generator.save(tmp_path / "generator.pt")
     again, c = TrajectoryGenerator.load(tmp_path / "generator.pt", arm), generator.sample(23, 5)
     assert np.array_equal(again.sample(23, 5), c) and c.shape == (23, *FAMILY.shape)

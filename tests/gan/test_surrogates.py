@@ -37,7 +37,7 @@ def test_input_channels_are_the_exact_motion(arm):
     ("name", "higher"),
     [
         ("kuka_lwr4", []),
-        *(("planar2", x) for x in ([], ["acceleration"], ["jerk"], ["acceleration", "jerk"])),
+        *(("planar2", x) for x in (["acceleration"], ["jerk"], ["acceleration", "jerk"])),
     ],
 )
 def test_margins_of_linear_constraints_are_exact(name, higher):

@@ -19,9 +19,8 @@ import torch
 
 from sidegan.base.arrays import Array, flatten
 from sidegan.base.typed import build
-from sidegan.design.excitation import excitation_of
+from sidegan.design.excitation import excitation_of, information_of
 from sidegan.design.goal import Goal
-from sidegan.design.information import information_of
 from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.design.selection import a_optimal, d_optimal, greedy
@@ -93,7 +92,7 @@ def numbers(problem: Problem, c: Array) -> dict[str, np.ndarray]:
     body, trajectory = problem.body, problem.trajectory
     grams, sides = problem.gram(c), draw(1, body.parameters_count + 1, 3)
     found = {"gram": grams @ sides[1:], "spectrum": excitation_of(body, grams).spectrum}
-    for kind, penalty in (("plain", None), ("penalised", Penalty.reserving(1e2, 0.05))):
+    for kind, penalty in (("plain", None), ("penalised", Penalty(1e2))):
         found[f"{kind}_value"], found[f"{kind}_slopes"] = _slopes(problem, c, penalty)
     x = torch.from_numpy(c).clone().requires_grad_(True)
     goal = _volume(problem, x)

@@ -4,7 +4,6 @@ import numpy as np
 
 from sidegan.kernels import descent
 
-RULES = descent.Rules(step=0.3, armijo=1e-4, shrink=0.3, curvature=1e-10, shortest=1e-6)
 CURVATURE = np.array([1.0, 4.0, 9.0, 2.0, 3.0, 5.0])  # of a quadratic
 
 
@@ -13,7 +12,7 @@ def test_the_direction_uses_the_newest_steps_of_positive_curvature(memory=3):
     for curvature in (*6 * [CURVATURE], -CURVATURE, CURVATURE, -CURVATURE):
         step = random.normal(size=6)
         state.trial[:], state.slope[:] = state.x + step, state.gradient + curvature * step
-        descent.remember(RULES, state)
+        descent.remember(state)
         state.x[:], state.gradient[:] = state.trial, state.slope
         if curvature[0] > 0:
             kept.append((step, curvature * step))
@@ -22,7 +21,7 @@ def test_the_direction_uses_the_newest_steps_of_positive_curvature(memory=3):
     for step, change in kept[-memory:]:
         turn = eye - np.outer(step, change) / (step @ change)
         inverse = turn @ inverse @ turn.T + np.outer(step, step) / (step @ change)
-    descent.two_loops(RULES, state)
+    descent.two_loops(state)
     expected = -inverse @ state.gradient
-    expected *= min(1.0, 4 * RULES.step / np.linalg.norm(expected))
+    expected *= min(1.0, 4 * descent.STEP / np.linalg.norm(expected))
     np.testing.assert_allclose(state.direction, expected, rtol=1e-10)

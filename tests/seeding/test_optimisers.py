@@ -22,10 +22,9 @@ def compared(problem, method, count, seed):
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_seeds_are_valid_better_than_random_and_reproducible(planar_problem, name):
-    (first, start), (two, _), (other, _) = (compared(planar_problem, METHODS[name], 2, k) for k in (1, 1, 6))
+def test_seeds_are_valid_better_than_random_and_differ(planar_problem, name):
+    (first, start), (other, _) = (compared(planar_problem, METHODS[name], 2, k) for k in (1, 6))
     assert np.median(first.fitness) < start
-    assert np.array_equal(first.coefficients, two.coefficients)
     assert not np.array_equal(first.coefficients, other.coefficients)
 
 
@@ -52,7 +51,7 @@ def test_the_papers_optimiser_finds_valid_lwr_seeds(lwr_problem):
     constraints = Constraints(lwr_problem.constraints.arm, lwr_problem.constraints.regions, torque=False)
     problem = replace(lwr_problem, constraints=constraints, samples=60)
     problem = replace(problem, trajectory=Trajectory(7, 6, 2 * np.pi / 0.4), strongest=35)
-    batch, _ = compared(problem, Paper(5, ants=50, evaluations=20_000, box=0.2, attempts=10), 2, 0)
+    batch, _ = compared(problem, Paper(5, ants=50, evaluations=20_000, box=0.2, attempts=10), 1, 0)
     drawn = np.random.default_rng(0).uniform(-0.2, 0.2, (300, *problem.trajectory.shape))
     assert batch.fitness.max() < np.median(problem.fitness(drawn))  # of which hardly one is valid
     assert (np.abs(batch.coefficients[..., 0]) > 0.1999).mean() > 0.4  # on the box

@@ -167,7 +167,7 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
 def _compile_searches(run: RunContext) -> None:
     """Start compiling what missing searches need, while other stages run."""
     if any(run.store.find(searched_set(run, evaluations)) is None for evaluations in _EVALUATIONS):
-        compile_beside(descent=True)
+        compile_beside()
 
 
 STAGES = {
