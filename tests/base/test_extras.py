@@ -30,7 +30,10 @@ for name in ("train", "surrogates", "Generator"):
         getattr(sidegan, name)
     except ConfigError as error:
         print(error)
+from importlib import import_module
 from sidegan.pipeline.stages import STAGES, stage
+for name in ("excite", "identify", "seeds", "trajectories"):
+    import_module(f"sidegan.steps.{name}")
 for name in STAGES:
     stage(name)
 from sidegan.run import main
@@ -51,6 +54,7 @@ def bare(tmp_path_factory):
 
 
 def test_without_torch_only_training_is_unavailable(bare):
+    """No settings, stage or other step imports it; it takes longer to import than all else."""
     assert bare[0].stdout.splitlines() == 3 * [MISSING("torch", "paper")]
 
 
