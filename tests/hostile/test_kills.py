@@ -37,7 +37,9 @@ def run(outputs):
 def start():
     """Starts a run in a new process: a fork of one that has imported everything and run nothing."""
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__, "sidegan.steps.train", "sidegan.gan.training"])
+    context.set_forkserver_preload(
+        ["sidegan.pipeline.context", "sidegan.steps.train", "sidegan.gan.training"]
+    )
 
     def started(outputs):
         process = context.Process(target=run, args=(outputs,))
