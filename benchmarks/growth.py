@@ -21,14 +21,14 @@ from sidegan.identification.fit import least_squares
 from sidegan.identification.gather import gather
 from sidegan.library.draw import Expansion, draw_valid
 from sidegan.library.measure import measured
-from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
 
-_COUNT, _SAMPLES, _HARMONICS = 400, 80, 6  # trajectories of a small size, and what is not varied
+_COUNT, _SAMPLES = 400, 80  # trajectories of a small size, and their samples
 _REACH, _BATCH = 0.5, 1000  # of random draws of a library
 _PICKED = 35
 _AT_ONCE = 1_000  # of a pool's trajectories
@@ -37,8 +37,10 @@ _PIECE = 100.0  # [s] of motion that is held at once, at 100 Hz
 Costs = dict[str, float]
 
 
-def _lwr() -> Constraints:
-    return Constraints(load_robot("kuka_lwr4"), [Plane((0.0, 0.0, 1.0), 0.10)])
+def _lwr(**family: float) -> Problem:
+    """Trajectories of the LWR on its desk."""
+    constraints = Constraints(load_robot("kuka_lwr4"), [Plane((0.0, 0.0, 1.0), 0.10)])
+    return Problem(constraints, Trajectory(constraints.arm.joints, **family))
 
 
 def _peak() -> float:
@@ -53,13 +55,12 @@ def _spent(work: Callable[[], object]) -> float:
     return time.process_time() - start
 
 
-def _small(constraints: Constraints, harmonics: int = _HARMONICS, samples: int = _SAMPLES) -> Costs:
+def _small(problem: Problem, samples: int = _SAMPLES) -> Costs:
     """CPU time [µs] of a trajectory: YᵀY, and validity."""
-    family = Trajectory(constraints.arm.joints, harmonics)
-    c = Problem(constraints, family).start(_COUNT, np.random.default_rng(0))
+    c = problem.start(_COUNT, np.random.default_rng(0))
     works = {
-        "regressor": lambda: gram(constraints.body, family, c, samples),
-        "validity": lambda: check(constraints, family, c),
+        "regressor": lambda: gram(problem.body, problem.trajectory, c, samples),
+        "validity": lambda: check(problem.constraints, problem.trajectory, c),
     }
     for work in works.values():
         work()
@@ -70,7 +71,7 @@ def joints(size: int) -> Costs:
     """A random chain of so many joints."""
     from tests.chains import random_chain
 
-    return _small(Constraints(random_chain(size, 0)[0], [], torque=False))
+    return _small(Problem(Constraints(random_chain(size, 0)[0], [], torque=False), Trajectory(size)))
 
 
 def samples(size: int) -> Costs:
@@ -80,15 +81,14 @@ def samples(size: int) -> Costs:
 
 def harmonics(size: int) -> Costs:
     """So many harmonics."""
-    return _small(_lwr(), harmonics=size)
+    return _small(_lwr(harmonics=size))
 
 
 def library(size: int) -> Costs:
     """A library of random valid trajectories."""
-    constraints = _lwr()
+    problem = _lwr()
+    constraints, family = problem.constraints, problem.trajectory
     noise = np.random.default_rng(0)
-    family = Trajectory(constraints.arm.joints)
-    problem = Problem(constraints, family)
     settings = Expansion(count=size, batch=_BATCH, draws=20 * size, least=size)
     found = Costs()
     start = time.process_time()
@@ -108,15 +108,15 @@ def library(size: int) -> Costs:
 
 
 def _pick(method: str, size: int) -> Costs:
-    constraints = _lwr()
+    problem = _lwr()
     noise = np.random.default_rng(0)
-    family = Trajectory(constraints.arm.joints)
-    problem = Problem(constraints, family)
     c = np.concatenate([problem.start(_AT_ONCE, noise) for _ in range(size // _AT_ONCE)])
-    diagonal = noise.random((size, constraints.body.parameters_count))
+    diagonal = noise.random((size, problem.body.parameters_count))
     picked = list[Array]()
     settings = Selection(count=_PICKED, method=method)
-    found = {"pick": _spent(lambda: picked.append(choose(settings, constraints.body, family, c, diagonal)))}
+    found = {
+        "pick": _spent(lambda: picked.append(choose(settings, problem.body, problem.trajectory, c, diagonal)))
+    }
     assert len(set(picked[0].tolist())) == _PICKED
     return found
 
@@ -133,10 +133,9 @@ def d_optimal(size: int) -> Costs:
 
 def rls(size: int) -> Costs:
     """Least squares of so many seconds of motion at 100 Hz, read piece by piece."""
-    constraints = _lwr()
-    body = RigidBody(constraints.arm)
-    family = Trajectory(constraints.arm.joints, period=_PIECE)
-    c = Problem(constraints, family).start(1, np.random.default_rng(0))
+    problem = _lwr(period=_PIECE)
+    body, family = problem.body, problem.trajectory
+    c = problem.start(1, np.random.default_rng(0))
     motion = family.roll_out(c, family.grid(round(100 * _PIECE)))
     part = Measurements(*(x[0] for x in motion[1:]), body.torque(*motion[1:])[0])
     model = TorqueModel(body, RIGID)

@@ -20,6 +20,7 @@ import pytest
 from matplotlib.ticker import NullFormatter
 
 from benchmarks.growth import POINTS, workers
+from sidegan.pipeline.stages.timing import processor
 
 _DOCS = Path(__file__).parents[1] / "docs"
 _NUMBERS, _PAGE, _FIGURE = _DOCS / "benchmarks.json", _DOCS / "benchmarks.md", _DOCS / "images" / "growth.png"
@@ -120,10 +121,8 @@ def _versions() -> str:
     return ", ".join(found)
 
 
-def _processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
-    name = next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "processor")
-    return f"{name}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
+def _machine() -> str:
+    return f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
 
 
 def _write(numbers: dict[str, Any]) -> None:
@@ -151,7 +150,7 @@ def main(words: list[str]) -> None:
     elif words and words[0].endswith(".json"):
         numbers["device"] = json.loads(Path(words[0]).read_text())
     else:
-        numbers |= {"versions": _versions(), "processor": _processor()}
+        numbers |= {"versions": _versions(), "processor": _machine()}
         for group, parts in (_rates(*words) if words or not numbers["rates"] else {}).items():
             numbers["rates"].setdefault(group, {}).update(parts)
         if not words:

@@ -41,10 +41,8 @@ def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
         numbers: dict[str, object] = {}
         for finding in findings.values():
             numbers = finding.numbers | numbers
-        formatted = {part: words[part].format(**numbers) for part in ("criterion", "why")}
-        text = words["claim"].format(**numbers)
-        cited = {part: words[part] for part in ("where", "paper")}
-        judged.append(Claim(key, text, findings=findings, **cited, **formatted))
+        text, criterion, why = (words[part].format(**numbers) for part in ("claim", "criterion", "why"))
+        judged.append(Claim(key, text, words["where"], words["paper"], criterion, why, findings))
     return judged
 
 

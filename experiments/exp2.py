@@ -24,6 +24,7 @@ READINGS = {
     "torques": "torques",
     "seeds_states": "all torques, and states of the seeds",
 }
+_FITTED = "‖diag (s Σ + I/p₀)⁻¹‖, p₀ = {:g}, s = {:.3g}".format(*FITTED)
 READINGS_CAPTION = "Improvement [%] over repeated measurements of the seeds, by where the paper's noise acts"
 
 collect = Artifacts
@@ -126,15 +127,10 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
         rows[tables.title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(TRAINING).covariance_norm.mean()),
             "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
-            _fitted(): plain(part.fitted_norm.mean()),
+            _FITTED: plain(part.fitted_norm.mean()),
             "paper": PAPER["table3"].get(name, "—"),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("set")
-
-
-def _fitted() -> str:
-    prior, scale = FITTED
-    return f"‖diag (s Σ + I/p₀)⁻¹‖, p₀ = {prior:g}, s = {scale:.3g}"
 
 
 def errors(results: pd.DataFrame) -> pd.DataFrame:

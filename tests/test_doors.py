@@ -2,8 +2,6 @@
 
 import ast
 import re
-import subprocess
-import sys
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -82,27 +80,6 @@ def test_kernels_depend_on_arrays_only():
     known = {name.split(".")[0] for path, name in IMPORTS if room_of(path) == "kernels"}
     assert not known & {"scipy", "mujoco"}
     assert all(rooms(path) <= {"kernels", "base"} for path in FILES if room_of(path) == "kernels")
-
-
-def test_torch_is_imported_only_for_training():
-    """Not by settings, any stage or the steps beside; it takes longer to import than all else.
-
-    Nor is numba imported by settings, or before dynamics are computed.
-    """
-    steps = ("excite", "identify", "seeds", "trajectories")
-    code = f"""
-import sys
-import sidegan.motion.dynamics, sidegan.pipeline.settings
-assert "numba" not in sys.modules
-from importlib import import_module
-from sidegan.pipeline.stages import STAGES, stage
-for name in {steps}:
-    import_module(f"sidegan.steps.{{name}}")
-for name in STAGES:
-    stage(name)
-assert "torch" not in sys.modules
-"""
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize("room", ORDER)

@@ -10,16 +10,16 @@ _DIGEST = 8  # characters of the digest that replaces the rest
 _LARGE = 1e6  # from which numbers have an exponent
 
 
-def folder_name(text: str, longest: int = _LONGEST) -> str:
-    """Text as the name of a file or folder: without separators, not hidden, at most ``longest`` bytes.
+def folder_name(text: str) -> str:
+    """Text as the name of a file or folder: without separators, not hidden, at most 100 bytes.
 
     A digest replaces what does not fit. Valid names are unchanged.
     """
     name = re.sub(r"[^\w.,=+-]+", "_", text).strip("_.") or "_"
-    if len(name.encode()) <= longest:
+    if len(name.encode()) <= _LONGEST:
         return name
     digest = hashlib.sha256(text.encode()).hexdigest()[:_DIGEST]
-    return f"{name.encode()[: longest - _DIGEST - 1].decode(errors='ignore')}-{digest}"
+    return f"{name.encode()[: _LONGEST - _DIGEST - 1].decode(errors='ignore')}-{digest}"
 
 
 def stamp_of(*values: object) -> str:

@@ -50,7 +50,7 @@ class Artifact:
     @property
     def folder(self) -> Path:
         """Folder below the outputs: maker / label with the first digits of the digest."""
-        return Path(folder_name(self.maker), f"{folder_name(self.label)}-{self.digest[:8]}")
+        return Path(self.maker, f"{folder_name(self.label)}-{self.digest[:8]}")
 
     @cached_property
     def params(self) -> dict[str, Any]:

@@ -2,14 +2,14 @@
 
 import math
 import re
-from collections.abc import Sequence
+from contextlib import nullcontext
 from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, OverrideParseException
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.names import folder_name
@@ -38,17 +38,12 @@ def composed(*overrides: str) -> "Config":
     """The settings of a command with these overrides; within a run, with that run's search path."""
     from sidegan.pipeline.settings import validate  # imports every room
 
+    within = GlobalHydra.instance().is_initialized()
     try:
-        return validate(_compose(overrides))
+        with nullcontext() if within else hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            return validate(hydra.compose("config", overrides=list(overrides)))
     except HydraException as error:
         raise ConfigError(str(error).partition("\n")[0]) from error
-
-
-def _compose(overrides: Sequence[str]) -> DictConfig:
-    if GlobalHydra.instance().is_initialized():
-        return hydra.compose("config", overrides=list(overrides))
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return hydra.compose("config", overrides=list(overrides))
 
 
 def explain(error: Exception) -> str:

@@ -28,6 +28,14 @@ GENERATOR, HISTORY, REPORT = "generator.pt", "history.json", "report.json"
 RESULTS, FACTS, EXPECTED = "results.parquet", "facts.parquet", "expected.parquet"
 
 
+def report_and_history(folder: Path) -> Metrics:
+    """Numbers and series in an artifact's report, and the series of its history, if it has these files."""
+    report = read_json(folder / REPORT) if (folder / REPORT).exists() else {}
+    rows = read_json(folder / HISTORY) if (folder / HISTORY).exists() else []
+    recorded = {key: x for key, x in report.items() if isinstance(x, int | float | list)}
+    return recorded | ({key: [row[key] for row in rows] for key in rows[0]} if rows else {})
+
+
 @dataclass(frozen=True)
 class RunContext:
     """Context of a run: settings, random numbers, the arm in its cell, and artifacts."""
@@ -86,7 +94,10 @@ class RunContext:
         make: Callable[["RunContext", Build], None],
         settings: Any,
         inputs: Mapping[str, Artifact | str] | None = None,
-        **options: Any,
+        training: int | None = None,
+        title: str | None = None,
+        metrics: Callable[[Path], Metrics] = report_and_history,
+        alone: bool = False,
     ) -> Artifact:
         """An artifact that depends on the arm in its workspace, the trajectory family, and ``settings``.
 
@@ -96,30 +107,31 @@ class RunContext:
             make: fills its folder, ``make(run, build)``.
             settings: further settings that it depends on, a dataclass or a mapping of plain values.
             inputs: what it is made from, in addition to the arm.
-            options: ``training`` if there are several; ``metrics``, ``alone`` and ``title`` of ``Artifact``
-                (default title: maker, label and, among several, the training).
+            training: of a variant; None for other artifacts.
+            title: as in ``Artifact``; None: maker, label and, among several, the training.
+            metrics: as in ``Artifact``.
+            alone: as in ``Artifact``.
         """
         values = settings if isinstance(settings, Mapping) else asdict(settings)
         arm = self.cell.arm
         parts = [arm.name, label, f"seed{self.cfg.seed}"]
-        title = f"{maker}/{label}"
-        numbered = {}
-        if (training := options.get("training")) is not None:
-            parts.append(f"training{training}")
-            numbered = {"training": training}
-            title += f"-{training}" if len(self.cfg.trainings) > 1 else ""
+        numbered = {} if training is None else {"training": training}
+        parts += [f"{name}{number}" for name, number in numbered.items()]
+        if title is None:
+            several = training is not None and len(self.cfg.trainings) > 1
+            title = f"{maker}/{label}-{training}" if several else f"{maker}/{label}"
         if values.get("subset") is not None:
             parts.append(f"of{values['subset']}")
         return Artifact(
             maker=maker,
             label=folder_name("-".join(parts)),
-            title=options.get("title", title),
+            title=title,
             settings={**self.cell.stamped(), **numbered, maker: values},
             inputs={"robot": arm.digest, **(inputs or {})},
             seed=self.cfg.seed,
             make=partial(make, self),
-            metrics=options.get("metrics", report_and_history),
-            alone=options.get("alone", False),
+            metrics=metrics,
+            alone=alone,
         )
 
     def report(self, artifact: Artifact) -> dict[str, Any]:
@@ -138,11 +150,3 @@ class RunContext:
     def frame(self, artifact: Artifact, file: str = RESULTS) -> pd.DataFrame:
         """Table of an artifact, which must exist."""
         return pd.read_parquet(self.store.require(artifact) / file)
-
-
-def report_and_history(folder: Path) -> Metrics:
-    """Numbers and series in an artifact's report, and the series of its history, if it has these files."""
-    report = read_json(folder / REPORT) if (folder / REPORT).exists() else {}
-    rows = read_json(folder / HISTORY) if (folder / HISTORY).exists() else []
-    recorded = {key: x for key, x in report.items() if isinstance(x, int | float | list)}
-    return recorded | ({key: [row[key] for row in rows] for key in rows[0]} if rows else {})

@@ -26,9 +26,7 @@ log = logging.getLogger(__name__)
 PARENT, SWEPT = "SIDEGAN_PARENT_RUN", "SIDEGAN_SWEPT"
 STATUS = "status.json"
 RESULTS = "results.csv"
-_TABLE = "sweep"  # name of the table's files
 _OVERRIDES = Path(".hydra", "overrides.yaml")  # of a job, in its folder
-_SEED = "seed"
 
 _parent: Tracker | None = None
 
@@ -66,7 +64,7 @@ class SweepCallback(Callback):
                 from sidegan.report.export import publish
 
                 caption = f"{config.experiment}, all jobs: mean ± standard deviation over seeds"
-                publish(table, sweep / _TABLE, caption, _parent)
+                publish(table, sweep / "sweep", caption, _parent)
         except Exception:
             log.exception("the table over all jobs could not be made")
             worst = max(worst, 1)
@@ -126,7 +124,7 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
         return None
     settings = {key for folder in folders for key in _overrides(folder)}
     table = pd.concat(jobs, ignore_index=True)
-    swept = [key for key in sorted(settings - {_SEED}) if table[key].nunique(dropna=False) > 1]
+    swept = [key for key in sorted(settings - {"seed"}) if table[key].nunique(dropna=False) > 1]
     keys = [*swept, "name"]
     numbers = [key for key in table.columns if key not in settings and key != "name"]
     rows = [

@@ -6,6 +6,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 from tests.tiny import TINY
 
 ROOT = Path(__file__).parents[2]
@@ -17,43 +19,51 @@ class Bare:  # a finder: importing these fails as where they are not installed
             raise ModuleNotFoundError(name=name)
 sys.meta_path.insert(0, Bare())
 """
-COMMAND = BARE + "from sidegan.run import main; sys.exit(main())"
 MISSING = "{} is not installed; it comes with pip install 'sidegan[{}]'".format
 
 
-def bare(folder, code, *arguments):
-    """Code in a process that has none of the packages that extras bring."""
-    command = [sys.executable, "-c", code, *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
-
-
-def test_a_run_without_mlflow_continues_with_one_warning(tmp_path):
-    settings = [setting for setting in TINY if not setting.startswith("tracking")]
-    done = bare(tmp_path, COMMAND, "+experiment=exp1", "stages=[seeds,random]", "seeds.count=4", *settings)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr.count(MISSING("mlflow", "tracking")) == 1
-    assert "continues without MLflow" in done.stderr and not list(tmp_path.rglob("mlflow.db"))
-    assert list(tmp_path.glob("outputs/seeds/planar2-*")) and list(tmp_path.glob("outputs/random/planar2-*"))
-
-
 DOORS = """
-import sidegan
+import sidegan.motion.dynamics, sidegan.pipeline.settings
+assert "numba" not in sys.modules  # before dynamics are computed
 from sidegan.errors import ConfigError
 for name in ("train", "surrogates", "Generator"):
     try:
         getattr(sidegan, name)
     except ConfigError as error:
         print(error)
+from importlib import import_module
 from sidegan.pipeline.stages import STAGES, stage
+for name in ("excite", "identify", "seeds", "trajectories"):
+    import_module(f"sidegan.steps.{name}")
 for name in STAGES:
     stage(name)
+from sidegan.run import main
+sys.exit(main())
 """
 
 
-def test_without_torch_only_training_is_unavailable(tmp_path):
-    done = bare(tmp_path, BARE + DOORS)
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory):
+    """A process that has none of the packages that extras bring, and the folder in which it makes seeds."""
+    folder = tmp_path_factory.mktemp("bare")
+    settings = [setting for setting in TINY if not setting.startswith("tracking")]
+    words = "+experiment=exp1", *settings, "stages=[seeds]", "seeds.count=4"
+    command = [sys.executable, "-c", BARE + DOORS, *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines() == 3 * [MISSING("torch", "paper")]
+    return done, folder
+
+
+def test_without_torch_only_training_is_unavailable(bare):
+    """No settings, stage or other step imports it; it takes longer to import than all else."""
+    assert bare[0].stdout.splitlines() == 3 * [MISSING("torch", "paper")]
+
+
+def test_a_run_without_mlflow_continues_with_one_warning(bare):
+    done, folder = bare
+    assert done.stderr.count(MISSING("mlflow", "tracking")) == 1
+    assert "continues without MLflow" in done.stderr and not list(folder.rglob("mlflow.db"))
+    assert list(folder.glob("outputs/seeds/planar2-*"))
 
 
 def test_every_extra_that_is_mentioned_exists():

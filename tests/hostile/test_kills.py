@@ -1,22 +1,20 @@
 """A run that is killed at three points, with its whole group, leaves the files of one that is not."""
 
+import multiprocessing
 import os
 import random
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
 
 from sidegan.pipeline.run import run_stages
-from tests.tiny import TINY, tiny
+from tests.tiny import tiny
 
 STAGES = "stages=[seeds,surrogates,gan]", "gan=eigen"
-COMMAND = (sys.executable, "-m", "sidegan.run", "+experiment=exp1", *STAGES, *TINY)
 KILLS, SEED = 3, 0
-UNEQUAL = {".locks", "costs", "runs"}  # folders that tell of times and processes
+UNEQUAL = {".locks", "costs", "run"}  # folders that tell of times and processes
 
 
 def files(outputs):
@@ -29,28 +27,41 @@ def contents(outputs):
     return {str(path.relative_to(outputs)): path.read_bytes() for path in files(outputs)}
 
 
-def start(outputs):
-    return subprocess.Popen(
-        [*COMMAND, f"outputs={outputs}"],
-        cwd=Path(__file__).parents[2],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
+def run(outputs):
+    """A whole run in a group of processes of its own."""
+    os.setsid()
+    run_stages(tiny(*STAGES, f"outputs={outputs}"), outputs / "run", "run")
+
+
+@pytest.fixture
+def start():
+    """Starts a run in a new process: a fork of one that has imported everything and run nothing."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(
+        ["sidegan.pipeline.context", "sidegan.steps.train", "sidegan.gan.training"]
     )
+
+    def started(outputs):
+        process = context.Process(target=run, args=(outputs,))
+        process.start()
+        return process
+
+    return started
 
 
 @pytest.mark.slow
-def test_a_run_killed_three_times_ends_like_an_undisturbed_one(tmp_path):
+def test_a_run_killed_three_times_ends_like_an_undisturbed_one(tmp_path, start):
     whole, torn, seen = tmp_path / "whole", tmp_path / "torn", set()
-    run_stages(tiny(*STAGES, f"outputs={whole}"), tmp_path, "whole")
+    run_stages(tiny(*STAGES, f"outputs={whole}"), whole / "run", "run")
     expected = contents(whole)
     for point in sorted(random.Random(SEED).sample(range(1, len(expected) - 1), KILLS)):
         process = start(torn)
-        while len(seen) < point and process.poll() is None:  # as many files, of whatever it has written
+        while len(seen) < point and process.is_alive():  # as many files, of whatever it has written
             seen |= files(torn)
             time.sleep(0.005)
-        assert process.poll() is None, "it ended before its kill"
+        assert process.is_alive(), "it ended before its kill"
         os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-    assert start(torn).wait() == 0
-    assert contents(torn) == expected
+        process.join()
+    last = start(torn)
+    last.join()
+    assert last.exitcode == 0 and contents(torn) == expected

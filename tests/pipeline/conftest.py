@@ -1,13 +1,16 @@
 """Tasks at a small size, the command within this process, and a tracking database for all tests."""
 
+import shutil
 import signal
 import sys
 
 import pytest
+from filelock import FileLock
 
 from sidegan.pipeline.artifact import Build
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.store import Store
+from sidegan.pipeline.tracking import _database as make_database
 from sidegan.run import main
 from tests.tiny import tiny
 
@@ -55,9 +58,21 @@ def command(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def root(tmp_path_factory):
+def database(outputs):
+    """An empty database of MLflow, which takes seconds to make: one for all processes."""
+    folder = outputs.parent / "database"
+    folder.mkdir(exist_ok=True)
+    with FileLock(folder / "lock"):
+        make_database(folder)
+    return folder / "mlflow.db"
+
+
+@pytest.fixture(scope="session")
+def root(database, tmp_path_factory):
     """Outputs in which tests record."""
-    return tmp_path_factory.mktemp("outputs")
+    folder = tmp_path_factory.mktemp("outputs")
+    shutil.copy(database, folder)
+    return folder
 
 
 def client_of(root):

@@ -1,5 +1,6 @@
 """What goes wrong on real machines, at a small size: nothing is lost, and what happened is said."""
 
+import json
 import os
 import shutil
 import signal
@@ -16,18 +17,47 @@ import numpy as np
 import pytest
 
 from sidegan.base import parallel
-from sidegan.base.storage import read_arrays
+from sidegan.base.storage import read_arrays, write_arrays, write_json
+from sidegan.design.problem import Problem
 from sidegan.design.search import Descent
 from sidegan.errors import SideganError, StorageError
-from tests.pipeline import small_job
+from sidegan.motion.trajectory import Trajectory
+from sidegan.pipeline.artifact import Artifact
+from sidegan.pipeline.store import Store
+from sidegan.robot import load_robot
+from sidegan.seeding import Gradient, make_seeds
+from sidegan.validity import Constraints
 
-ROOT = Path(__file__).parents[2]
+METHOD = Gradient(steps=10, attempts=5, reserve=0.2)
+COUNT, BATCH = 12, 2
+
+
+def made_by(root, method=METHOD, workers=1):
+    """Folder of an artifact made in the manner of a stage: seeds of planar2 by tasks."""
+    problem = Problem(Constraints(load_robot("planar2"), []), Trajectory(2, 3, 8.0), samples=20)
+
+    def make(build):
+        tasks = {"batch": BATCH, "work": build.work, "workers": workers}
+        batch = make_seeds(problem, method, COUNT, np.random.SeedSequence(4), **tasks)
+        write_arrays(build.folder / "seeds.npz", {"c": batch.coefficients, "fitness": batch.fitness})
+        write_json(build.folder / "report.json", {"attempts": batch.attempts, "failed": batch.failed})
+
+    named = {"maker": "seeds", "label": "planar2", "title": "seeds", "metrics": lambda folder: {}}
+    artifact = Artifact(**named, settings={"count": COUNT}, inputs={}, seed=4, make=make)
+    return Store(Path(root)).produce(artifact)
+
+
+def same(first, other):
+    """Whether two artifacts hold the same to the last bit."""
+    left, right = read_arrays(first / "seeds.npz"), read_arrays(other / "seeds.npz")
+    reports = [json.loads((folder / "report.json").read_text()) for folder in (first, other)]
+    return all(np.array_equal(left[key], right[key]) for key in right) and reports[0] == reports[1]
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
     """The artifact of a run in which nothing went wrong."""
-    return small_job.run(tmp_path_factory.mktemp("undisturbed"))
+    return made_by(tmp_path_factory.mktemp("undisturbed"))
 
 
 @dataclass(frozen=True)
@@ -38,7 +68,7 @@ class Watched:
 
     def optimise(self, problem, count, seed):
         self.before(seed.spawn_key[-1])
-        return small_job.METHOD.optimise(problem, count, seed)
+        return METHOD.optimise(problem, count, seed)
 
 
 def die_once(marker, task):
@@ -51,10 +81,10 @@ def die_once(marker, task):
 def test_a_killed_worker_is_reported_and_a_rerun_continues(tmp_path, undisturbed):
     deadly, redone = Watched(partial(die_once, tmp_path / "died")), []
     with pytest.raises(SideganError, match=r"seeds: a worker process was killed.*the same command continues"):
-        small_job.run(tmp_path, deadly, workers=2)
+        made_by(tmp_path, deadly, workers=2)
     done = list(tmp_path.glob("seeds/*.work/seeds-*.npz"))
-    assert done and small_job.same(small_job.run(tmp_path, Watched(redone.append)), undisturbed)
-    assert len(redone) == small_job.COUNT // small_job.BATCH - len(done)
+    assert done and same(made_by(tmp_path, Watched(redone.append)), undisturbed)
+    assert len(redone) == COUNT // BATCH - len(done)
 
 
 def test_an_interrupt_stops_the_workers_quietly(monkeypatch, recwarn):
@@ -99,13 +129,13 @@ def test_a_full_disk_is_reported_and_a_rerun_continues(disk, undisturbed):
         filled.append(task)
 
     with pytest.raises(StorageError, match=r"cannot write .*seeds-00003\.npz: No space left on device"):
-        small_job.run(disk, Watched(fill))
+        made_by(disk, Watched(fill))
     done = sorted(path.name for path in disk.glob("seeds/*.work/*"))
     assert done == [f"seeds-{number:05d}.npz" for number in range(3)]
     with pytest.raises(StorageError, match=r"output folder .* No space left"):
-        small_job.run(disk)
+        made_by(disk)
     ballast.unlink()
-    assert small_job.same(small_job.run(disk, Watched(fill)), undisturbed)
+    assert same(made_by(disk, Watched(fill)), undisturbed)
     assert filled == [0, 1, 2, 3, 3, 4, 5]
     assert shutil.disk_usage(disk).free > free - 2**16
 
@@ -118,6 +148,6 @@ def test_a_search_that_ends_at_nan_is_started_again(tmp_path, monkeypatch):
         return run(self, *start) * (np.nan if len(runs) % 2 else 1.0)
 
     monkeypatch.setattr(Descent, "run", half)
-    made = read_arrays(small_job.run(tmp_path) / "seeds.npz")
-    assert len(made["c"]) == small_job.COUNT
+    made = read_arrays(made_by(tmp_path) / "seeds.npz")
+    assert len(made["c"]) == COUNT
     assert np.isfinite(made["c"]).all() and np.isfinite(made["fitness"]).all()

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -23,9 +24,8 @@ def write_seeds(build):
 
 def seeds_of(context):
     """A small artifact in the place of the seed set."""
-    settings = {"count": context.cfg.seeds.count}
     named = {"maker": "seeds", "label": context.cfg.robot.name, "title": "seeds", "seed": context.cfg.seed}
-    return Artifact(**named, settings=settings, inputs={}, make=write_seeds, metrics=print)
+    return Artifact(**named, settings={}, inputs={}, make=write_seeds, metrics=print)
 
 
 def fail_on_odd_seeds(context, tracker):
@@ -68,6 +68,12 @@ STAGES = {
 }
 
 
+@pytest.fixture
+def command(command):
+    """The command of an experiment with few settings, which are composed faster."""
+    return partial(command, "+experiment=gains", "robot=kuka_lwr4")
+
+
 @pytest.fixture(autouse=True)
 def small_stages(monkeypatch):
     """Stages that do one thing each, in place of the real ones."""
@@ -86,7 +92,7 @@ def test_stages_run_in_order_and_a_second_run_reuses_the_artifact(command, tmp_p
     assert command("stages=[seeds,use]", f"outputs={where}") == 0
     assert "else/where/seeds/kuka_lwr4-" in capsys.readouterr().err.partition("seeds: reused from")[2]
     assert [path.name for path in tmp_path.iterdir()] == ["else"]
-    logs = [path.read_text() for path in where.glob("runs/exp1/*/run.log")]
+    logs = [path.read_text() for path in where.glob("runs/gains/*/run.log")]
     assert len(logs) == 2 and all("use: done in" in text for text in logs)
     assert statuses(tmp_path) == [{"code": 0, "error": None}] * 2
 
@@ -128,13 +134,13 @@ def test_an_interrupt_says_how_to_continue(command, capsys, tmp_path, words):
 
 
 def test_a_sweep_continues_after_a_failed_job(command, capsys, tmp_path):
-    assert command("-m", "stages=[seeds,odd]", "seed=0,1", "gan=vanilla,eigen") == 1
-    sweep = next((tmp_path / "outputs" / "runs" / "exp1").glob("sweep_*"))
-    names = "0_gan=vanilla,seed=0", "1_gan=eigen,seed=0", "2_gan=vanilla,seed=1", "3_gan=eigen,seed=1"
+    assert command("-m", "stages=[seeds,odd]", "seed=0,1", "load.mass=1,2") == 1
+    sweep = next((tmp_path / "outputs" / "runs" / "gains").glob("sweep_*"))
+    names = [f"{k}_load.mass={k % 2 + 1},robot=kuka_lwr4,seed={k // 2}" for k in range(4)]
     codes = {folder.name: code for folder, code in job_codes(sweep).items()}
     assert codes == dict(zip(names, (0, 0, 1, 1)))
     error = capsys.readouterr().err
-    assert "error: job 2_gan=vanilla,seed=1 failed" in error and "Traceback" not in error
+    assert "error: job 2_load.mass=1,robot=kuka_lwr4,seed=1 failed" in error and "Traceback" not in error
     assert len(list((tmp_path / "outputs" / "seeds").iterdir())) == 2, "one for each seed, none twice"
 
 

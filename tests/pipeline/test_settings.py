@@ -1,6 +1,7 @@
 """Every option of conf/ is valid, and settings reach the groups that refer to them."""
 
 import shlex
+from itertools import zip_longest
 
 import pytest
 
@@ -28,28 +29,42 @@ def options(group):
 
 
 EXPERIMENTS = options("experiment")
-COMPOSED = {name: composed(experiment=name).keys() for name in EXPERIMENTS}
-OPTIONS = [  # each in the smallest experiment that has its group
-    (min((x for x in EXPERIMENTS if group in COMPOSED[x]), key=lambda x: len(COMPOSED[x])), group, option)
-    for group in sorted(path.name for path in CONF.iterdir() if path.is_dir())
-    if group not in ("hydra", "experiment", "base", "recorded")
-    for option in options(group)
+SCALES = options("scale")
+GROUPS = {  # options of groups, in an experiment that has them
+    "training": ["gan", "seeds", "surrogates"],
+    "payload": ["robot", "recording", "model"],
+    "exp1": ["selection", "plants"],
+    "excite": ["workspace"],
+}
+TOGETHER = [("training", (f"condition={name}",)) for name in options("condition")] + [
+    (experiment, tuple(f"{group}={option}" for group, option in zip(groups, chosen) if option))
+    for experiment, groups in GROUPS.items()
+    for chosen in zip_longest(*map(options, groups))
 ]
 
 
-@pytest.mark.parametrize(("experiment", "group", "option"), OPTIONS)
-def test_every_option_of_every_group_is_valid(experiment, group, option):
-    folder = ["seeds.folder=there"] if "published" in option else []
-    assert isinstance(configured(f"{group}={option}", *folder, experiment=experiment), Config)
+@pytest.mark.parametrize(("experiment", "overrides"), TOGETHER)
+def test_every_option_of_every_group_is_valid(experiment, overrides):
+    folder = ["seeds.folder=there"] if "published" in " ".join(overrides) else []
+    assert isinstance(configured(*overrides, *folder, experiment=experiment), Config)
+
+
+def test_every_group_has_its_options_tested():
+    tested = {group for groups in GROUPS.values() for group in groups} | {"condition", "scale", "experiment"}
+    folders = {path.name for path in CONF.iterdir() if path.is_dir()}
+    assert folders == tested | {"hydra", "base", "recorded"}
 
 
 @pytest.mark.parametrize("experiment", EXPERIMENTS)
-def test_every_experiment_is_valid_at_every_scale(experiment):
-    scales = options("scale") if "scale" in COMPOSED[experiment] else [None]
-    for scale in scales:
-        config = configured(*([f"scale={scale}"] if scale else []), experiment=experiment)
-        assert config.experiment == experiment and config.stages
-        assert scale is None or config.scale["name"] == scale
+def test_every_experiment_is_valid(experiment):
+    config = configured(experiment=experiment)
+    assert config.experiment == experiment and config.stages
+
+
+@pytest.mark.parametrize("scale", SCALES)
+def test_every_scale_is_valid_and_has_what_the_experiments_take_from_one(scale):
+    config = configured(f"scale={scale}")
+    assert config.scale["name"] == scale and config.scale.keys() == configured().scale.keys()
 
 
 DEFAULTS = [

@@ -3,6 +3,7 @@
 import json
 import logging
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -106,15 +107,22 @@ def test_the_recorded_status_is_that_of_the_run(root, error, status):
     assert client_of(root).get_run(tracker.run_id).info.status == status
 
 
-def test_an_interrupt_while_the_database_is_made_leaves_no_half_of_it(tmp_path, monkeypatch):
+def test_an_interrupt_while_the_database_is_made_leaves_no_half_of_it(tmp_path, database, monkeypatch):
     def interrupted(uri):
         Path(uri.removeprefix("sqlite:///")).write_text("half")
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch:
-        patch.setattr("mlflow.MlflowClient", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            Tracker(tmp_path, "exp1", "first")
+    def made(uri):
+        file = Path(uri.removeprefix("sqlite:///"))
+        if file.name != "mlflow.db":
+            assert not file.exists(), "half a database would be taken for a whole one"
+            shutil.copy(database, file)
+        return MlflowClient(uri)
+
+    monkeypatch.setattr("mlflow.MlflowClient", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        Tracker(tmp_path, "exp1", "first")
+    monkeypatch.setattr("mlflow.MlflowClient", made)
     assert Tracker(tmp_path, "exp1", "second").run_id
 
 

@@ -126,8 +126,7 @@ def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) ->
 def _make_random(run: RunContext, build: Build) -> None:
     count = run.cfg.library.count
     draws = random_valid(run, count, "random set")
-    share = {"drawn": draws.drawn, "valid_share": count / draws.drawn}
-    _save(run, build, draws.coefficients, "random", **share)
+    _save(run, build, draws.coefficients, "random", drawn=draws.drawn, valid_share=count / draws.drawn)
 
 
 def long_family(run: RunContext, harmonics: int) -> Trajectory:
@@ -160,8 +159,9 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     library = measured(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = made.cpu_seconds
-    report = {"condition": float(library.fitness[0]), "starts": made.attempts}
-    write_json(build.folder / REPORT, report | {"evaluations": settings.steps})
+    condition = float(library.fitness[0])
+    report = {"condition": condition, "starts": made.attempts, "evaluations": settings.steps}
+    write_json(build.folder / REPORT, report)
 
 
 def _compile_searches(run: RunContext) -> None:

@@ -31,21 +31,19 @@ def _make(run: RunContext, build: Build) -> None:
     from scipy.stats import gaussian_kde
 
     seeds = training_seeds(run).coefficients
-    rows = []
     if len(seeds) <= seeds[0].size:
         raise ConfigError(
             f"a density estimate needs more seeds than coefficients: {len(seeds)} and {seeds[0].size}"
         )
     estimate = gaussian_kde(flatten(seeds, 1).T)
+    rows = []
     for bandwidth in run.cfg.discussion.bandwidths:
         estimate.set_bandwidth(bandwidth * estimate.scotts_factor())
         random = np.random.default_rng(run.random(f"density {bandwidth}"))
         drawn = estimate.resample(run.cfg.discussion.draws, random)
         c = np.ascontiguousarray(drawn.T).reshape(-1, *seeds.shape[1:])
-        factor = float(estimate.factor)
-        distance = distance_to(c, seeds)
-        estimated = {"bandwidth": bandwidth, "factor": factor, "from_seed": distance}
-        rows.append(estimated | measure(run.cell.constraints, run.cell.trajectory, c, seeds))
+        row = {"bandwidth": bandwidth, "factor": float(estimate.factor), "from_seed": distance_to(c, seeds)}
+        rows.append(row | measure(run.cell.constraints, run.cell.trajectory, c, seeds))
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows)))
 
 

@@ -47,10 +47,15 @@ def plant(run: RunContext, excitation: ExcitationSet) -> Artifact:
 def _of_set(
     maker: str, run: RunContext, excitation: ExcitationSet, make: Callable[..., None], values: dict[str, Any]
 ) -> Artifact:
-    source = excitation.source
-    options = {"training": excitation.training, "metrics": _mean_errors}
-    make = partial(make, excitation=excitation)
-    return run.artifact(maker, excitation.name, make, values, {source.maker: source}, **options)
+    return run.artifact(
+        maker,
+        excitation.name,
+        partial(make, excitation=excitation),
+        values,
+        {excitation.source.maker: excitation.source},
+        training=excitation.training,
+        metrics=_mean_errors,
+    )
 
 
 def _mean_errors(folder: Path) -> Metrics:

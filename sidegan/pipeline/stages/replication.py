@@ -45,9 +45,11 @@ class Replication:
     @property
     def mark(self) -> str:
         """Suffix of the artifact's label; empty if everything is noisy."""
-        noisy = (self.noise.state and "states", self.noise.torque and "torques")
-        named = [] if self.noise.exact else [name for name in noisy if name]
-        return "" if len(named) == len(noisy) else f"-{named[0] if named else 'exact'}"
+        if self.noise.exact:
+            return "-exact"
+        if self.noise.state and self.noise.torque:
+            return ""
+        return "-states" if self.noise.state else "-torques"
 
 
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:

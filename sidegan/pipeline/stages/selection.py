@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import partial
 
-from sidegan.base.arrays import Array
 from sidegan.design.selection import choose
 from sidegan.library import LIBRARY, Library
 from sidegan.motion.trajectory import Trajectory
@@ -85,16 +84,10 @@ def excitation_sets(run: RunContext) -> list[ExcitationSet]:
     return [*long, *picked]
 
 
-def pick(run: RunContext, library: Library) -> Array:
-    """Indices, (count,), of the configured selection from a library, in the order of choice."""
-    return choose(
-        run.cfg.selection, run.cell.body, run.cell.trajectory, library.coefficients, library.diagonal
-    )
-
-
 def _make(run: RunContext, build: Build, pool: Pool) -> None:
-    library = pool.load(run)
-    library.take(pick(run, library)).save(build.folder / LIBRARY)
+    cell, library = run.cell, pool.load(run)
+    order = choose(run.cfg.selection, cell.body, cell.trajectory, library.coefficients, library.diagonal)
+    library.take(order).save(build.folder / LIBRARY)
 
 
 STAGES = {"selection": Stage(lambda run: [selection(run, pool) for pool in pools(run)])}

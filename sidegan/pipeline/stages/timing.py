@@ -37,7 +37,7 @@ def _make(run: RunContext, build: Build, seconds: float) -> None:
     valid = _rate(lambda: int(run.cell.check(draw(_BATCH)).valid.sum()), seconds)
     build.costs["growth"] = _growth(run, _SHARE * seconds)
     build.costs |= {"generation_seconds": 1 / generated, "valid_per_second": valid}
-    build.costs |= {"machine": _processor(), "cores": os.cpu_count() or 1, "torch": version("torch")}
+    build.costs |= {"machine": processor(), "cores": os.cpu_count() or 1, "torch": version("torch")}
 
 
 def _rate(work: Callable[[], int], seconds: float) -> float:
@@ -61,7 +61,7 @@ def _growth(run: RunContext, seconds: float) -> float:
     return -float(np.polyfit(np.log(_LENGTHS), np.log([*map(rate, _LENGTHS)]), 1)[0])
 
 
-def _processor() -> str:
+def processor() -> str:
     """Name of the processor, if the system provides it."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
