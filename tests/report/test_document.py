@@ -68,3 +68,17 @@ def test_a_table_is_printed_in_full(capsys):
     out, err = capsys.readouterr()
     assert all(text in out for text in ("Table [I]", "time [s]", "a|b", "set", "q", "1 ± 2", "<b>"))
     assert not err and "\x1b" not in out
+
+
+def test_a_wide_table_is_printed_in_parts_with_whole_numbers_and_words(capsys):
+    cells = {f"column of set {k}": ["1.234 ± 0.56", f"word {k} " * 9] for k in range(12)}
+    show(pd.DataFrame(cells, index=pd.Index(["first-row", "second-row"], name="name")), "Wide")
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert max(map(len, lines)) <= 150 and all(
+        line[0] + line[-1] in ("┏┓", "┃┃", "┡┩", "││", "└┘") for line in lines
+    )
+    parts = sum("first-row" in line for line in lines)
+    assert parts > 1 and sum("second-row" in line for line in lines) == parts
+    words = " ".join(lines).split()
+    assert words.count("±") == 12 and words.count("1.234") == words.count("0.56") == 12
+    assert {f"{k}" for k in range(12)} <= {*words}
