@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sidegan.robot import Arm
+from sidegan.robot import Arm, solids
 from sidegan.robot.visuals import Part, capsule_surface, visual_parts
 from sidegan.validity import Box, Convex, Sphere
 
 _TRIANGLES = 120_000  # most triangles of an arm
 _FINEST, _COARSER = 5e-4, 1.4  # smallest grid cell for merging vertices [m], and factor to the next size
+_CELLS = 2**20  # most grid cells along an axis
 
 
 def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
@@ -24,15 +26,15 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
 
 def region_surface(region: Box | Sphere | Convex) -> Part:
     """The surface of a bounded keep-out region."""
-    import trimesh  # slow to import
-
     if isinstance(region, Sphere):
-        surface = trimesh.creation.icosphere(radius=region.radius).apply_translation(region.centre)
-    elif isinstance(region, Convex):
-        surface = trimesh.convex.convex_hull(region.points)
-    else:
-        surface = trimesh.creation.box(bounds=[region.lower, region.upper])
-    return Part(-1, np.asarray(surface.vertices), np.asarray(surface.faces))
+        vertices, faces = solids.capsule(region.radius, 0)
+        return Part(-1, vertices + region.centre, faces)
+    if isinstance(region, Convex):
+        import trimesh  # slow to import
+
+        hull = trimesh.convex.convex_hull(region.points)
+        return Part(-1, np.asarray(hull.vertices), np.asarray(hull.faces))
+    return Part(-1, *solids.box(region.lower, region.upper))
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:
@@ -49,11 +51,19 @@ def fewer(parts: Sequence[Part]) -> list[Part]:
 
 
 def _clustered(part: Part, size: float) -> Part:
-    from trimesh.grouping import unique_rows  # slow to import
-
-    _, index = unique_rows(np.floor(part.vertices / size).astype(np.int64))
+    size = max(size, np.ptp(part.vertices) / _CELLS)
+    _, index = _distinct(np.floor(part.vertices / size).astype(np.int64))
     count = np.bincount(index)
     means = np.stack([np.bincount(index, column) for column in part.vertices.T], 1) / count[:, None]
     faces = index[part.faces]
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
-    return Part(part.link, means, faces[unique_rows(np.sort(faces, axis=1))[0]])
+    return Part(part.link, means, faces[_distinct(np.sort(faces, axis=1))[0]])
+
+
+def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First of the equal rows, and for each row the number of its value."""
+    if not len(rows):
+        return np.arange(0), np.arange(0)
+    numbers = np.ravel_multi_index((rows - rows.min(0)).T, np.ptp(rows, 0) + 1)
+    _, first, index = np.unique(numbers, return_index=True, return_inverse=True)
+    return first, index
