@@ -67,6 +67,7 @@ def test_a_cell_reports_its_decisions_and_refuses_bad_input(cell):
     stated = sg.Cell("planar2", effort=0.5, clearance=0.01, home=np.array([0.1, 0.2]))
     assert (stated.effort, stated.home, stated.constraints.clearance) == (0.5, (0.1, 0.2), 0.01)
     assert "effort" not in " ".join(stated.notes)
+    assert sg.Cell("planar2", limits="joint_limits.yaml").setup.limits.file == "joint_limits.yaml"
     far = {"regions": [{"sphere": {"centre": [0.5, 0, -2], "radius": 0.1}}, {"box": FAR}]}
     (warning,) = sg.Cell("planar2", workspace=far).warnings
     assert warning.startswith("workspace.regions[1] is 300 m away, and") and "millimetres?" in warning

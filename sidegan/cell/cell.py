@@ -91,6 +91,8 @@ class Cell:
         self.robot = str(robot)
         # The same file for each use, wherever the process goes in between.
         self._description = str(Path(robot).absolute()) if Path(robot).is_file() else self.robot
+        if isinstance(setup.get("limits"), str | Path):
+            setup["limits"] = {"file": setup["limits"]}
         self.setup = build(Setup, setup)
         own = {"home": home, "effort": effort, "clearance": clearance}
         self.choices = build(Choices, {**own, "harmonics": harmonics, "period": period})

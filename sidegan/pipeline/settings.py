@@ -280,6 +280,9 @@ def validate(cfg: DictConfig) -> Config:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise ConfigError(dangling(error)) from error
+    robot = values.get("robot")
+    if isinstance(robot, dict) and isinstance(robot.get("limits"), str):  # robot.limits=joint_limits.yaml
+        robot["limits"] = {"file": robot["limits"]}
     return build(Config, values)
 
 

@@ -5,9 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from itertools import chain
 from shlex import quote
-from typing import Annotated, Any
-
-from pydantic import BeforeValidator
+from typing import Any
 
 from sidegan.base.typed import Number, Positive, Text
 
@@ -35,13 +33,6 @@ class Limits:
         return replace(self, **changed)
 
 
-def _of_file(given: object) -> object:
-    return {"file": given} if isinstance(given, str) else given
-
-
-StatedLimits = Annotated[Limits, BeforeValidator(_of_file)]  # may be given as the path of such a file
-
-
 @dataclass(frozen=True)
 class Setup:
     """Which part of a description is the arm, positions of the other joints, mounting, and limits."""
@@ -52,7 +43,7 @@ class Setup:
     # roll, pitch and yaw [rad] of the first link in a world whose z points up; null: upright, or as an MJCF's
     # gravity says
     mount: Mount | None = None
-    limits: StatedLimits = Limits()
+    limits: Limits = Limits()
     may_touch: list[tuple[str, str]] | None = None  # pairs of links not checked for collision
     friction: bool = True  # whether the description's friction and rotors count in torques
 
