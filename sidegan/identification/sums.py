@@ -42,8 +42,10 @@ class Sums(NamedTuple):
         return np.maximum(squares, 0)
 
     def nmse(self, parameters: Array) -> Array:
-        """Mean squared residual over the torque's variance, (J,)."""
-        return self.squares(parameters) / self.weight / self.variance
+        """Mean squared residual over the torque's variance, (J,); infinite where the torque is constant."""
+        squares = self.squares(parameters) / self.weight
+        variance = self.variance
+        return np.divide(squares, variance, out=np.full_like(squares, np.inf), where=variance > 0)
 
 
 def no_sums(joints: int, parameters: int) -> Sums:
