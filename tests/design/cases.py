@@ -36,7 +36,7 @@ def _lwr(period=16.0, home=HOME):
 CASES = {  # of the LWR
     "desk": lambda arm: (Constraints(arm, [DESK]), Trajectory(7)),
     "no torque": lambda arm: (Constraints(slow(arm), [DESK], torque=False), _lwr(14.0)),
-    "tilted floor": lambda arm: (Constraints(arm, [Plane((0.0, 0.1, 1.0), 0.15)]), Trajectory(7)),
+    "tilted floor": lambda arm: (Constraints(arm, [Plane((0.0, 0.0995037, 0.995037), 0.15)]), Trajectory(7)),
     "box": lambda arm: (Constraints(slow(arm), [DESK, BOX]), _lwr()),
     "walls": lambda arm: (Constraints(arm, [DESK, *WALLS]), _lwr(12.0, None)),
     "all": lambda arm: (Constraints(slow(arm, 0.7, 0.8), [DESK, BOX, *WALLS, BEHIND]), _lwr(20.0)),

@@ -10,7 +10,7 @@ from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.regions import tables
 
 REGIONS = {
-    "plane": Plane((0.2, -0.3, 0.9), 0.4),
+    "plane": Plane((0.206284, -0.309426, 0.928279), 0.4),
     "box": Box((-0.4, -0.3, 0.2), (0.3, 0.4, 0.9)),
     "ball": Sphere((0.2, 0.1, 0.5), 0.3),
     "body": Convex.between((-0.3, -0.2, 0.3), (0.2, 0.3, 0.8), 0.2),

@@ -22,7 +22,7 @@ REGIONS = {
     "desk": (DESK,),
     "box": (BOX,),
     "round": (BALL, HULL),
-    "all": (Plane((0.3, -0.2, 0.9), -0.5), BOX, DESK, BLOCK),
+    "all": (Plane((0.309426, -0.206284, 0.928279), -0.5), BOX, DESK, BLOCK),
 }
 EPS = 1e-9  # margin at the centre of a cell, so that nothing is settled
 RATE = 200.0  # [Hz]
@@ -153,7 +153,7 @@ def test_margins_fall_no_further_within_a_cell_than_their_bound(arm: Arm, joints
         acceleration_limit=8.0 * limited.velocity_limit,
         jerk_limit=60.0 * limited.velocity_limit,
     )
-    constraints = Constraints(limited, [Plane((0.2, -0.1, 1.0), -0.6), *REGIONS["round"]])
+    constraints = Constraints(limited, [Plane((0.19518, -0.09759, 0.9759), -0.6), *REGIONS["round"]])
     trajectory = Trajectory(joints, 5, 3.0, ((limited.position_lower + limited.position_upper) / 2).tolist())
     seen = assert_bounded(constraints, trajectory, moderate(limited, trajectory, 8, joints), half)
     assert seen == set(constraints.labels)
