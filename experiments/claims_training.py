@@ -219,7 +219,7 @@ def other_bases(body: RigidBody) -> tuple[Array, Array]:
 
 def _other_arms(made: Artifacts) -> Judgement:
     """Whether the same recipe works on other arms, by the page on generality."""
-    arms = generality.of_arms()
+    arms = generality.of_arms(made.run)
     needed = {"reliable": RELIABLE, "comparable": _COMPARABLE}
     if arms is None:
         return Judgement(UNKNOWN, UNKNOWN, needed)
@@ -235,7 +235,7 @@ def _other_arms(made: Artifacts) -> Judgement:
 
 def _no_transfer(made: Artifacts) -> Judgement:
     """Whether trajectories of an arm are hardly ever valid on another, by the page on generality."""
-    shares_of = generality.of_others()
+    shares_of = generality.of_others(made.run)
     needed = {"carried": _CARRIED}
     if shares_of is None:
         return Judgement(UNKNOWN, UNKNOWN, needed)

@@ -149,12 +149,18 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch):
     text = "| arm | generator | valid | mean distance | … geometric |\n| --- | --- | --- | --- | --- |\n"
     text += "| a | eigen | 0.9 | 1 | 0.5 |\n| b | eigen | 0.9 | 1 | 2 |\n"
     others = "\n| generated for | a | b |\n| --- | --- | --- |\n| a | 1 | 0.005 |\n| b | — | 1 |\n"
-    arm = SimpleNamespace(name="c")
-    made = SimpleNamespace(run=SimpleNamespace(cell=SimpleNamespace(arm=arm)))
     monkeypatch.setattr(generality, "page", lambda: text + others)
-    assert CRITERIA["other_arms"](made).verdict == MIXED and CRITERIA["no_transfer"](made).verdict == HOLDS
+
+    def verdicts_on(arm, scale):
+        cell = SimpleNamespace(arm=SimpleNamespace(name=arm))
+        made = SimpleNamespace(run=SimpleNamespace(cfg=SimpleNamespace(scale={"name": scale}), cell=cell))
+        return [CRITERIA[key](made).verdict for key in ("other_arms", "no_transfer")]
+
+    assert verdicts_on("a", "paper") == [MIXED, HOLDS]
+    for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
+        assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
     monkeypatch.setattr(generality, "page", lambda: None)
-    assert CRITERIA["other_arms"](made).verdict == CRITERIA["no_transfer"](made).verdict == UNKNOWN
+    assert verdicts_on("a", "paper") == [UNKNOWN, UNKNOWN]
 
 
 def test_a_share_of_draws_has_an_exact_interval():
