@@ -42,6 +42,15 @@ def test_the_page_has_the_tables_and_figures_that_it_links_to(page, artifacts):
     assert norms["seeds ×1"] / norms["seeds ×10"] == pytest.approx(10, rel=0.1)  # as many samples more
 
 
+def test_a_run_lists_its_artifacts_those_on_fewer_seeds_apart(page, outputs):
+    made = json.loads((page.parent / "artifacts.json").read_text(encoding="utf-8"))
+    assert {"seeds", "surrogates", "gan/eigen-0", "gan/eigen-of20", "library/eigen-1"} <= made.keys()
+    assert "planar2-eigen-seed0-training0-of20-" in made["gan/eigen-of20"] and len(set(made.values())) == len(
+        made
+    )
+    assert all((outputs / folder / "params.json").is_file() for folder in made.values())
+
+
 @pytest.fixture(scope="module")
 def usual(artifacts):
     """Every claim as the run has it."""
