@@ -24,7 +24,7 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
-from sidegan.report.style import colour
+from sidegan.report.style import colours
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -230,8 +230,8 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
     for name in (SEEDS, "eigen"):
         sets[name] = family, artifacts.selected(name, first).coefficients
     stacked = [
-        Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, colour(name))
-        for name, bundle in sets.items()
+        Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, shade)
+        for (name, bundle), shade in zip(sets.items(), colours(sets))
     ]
     return {
         "traces": motion.paths(run.cell.arm, traces),
