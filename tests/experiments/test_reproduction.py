@@ -1,6 +1,7 @@
 """The page on the paper: made from what a run left, with verdicts that follow from the numbers."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 
 from experiments.artifacts import Artifacts
 from experiments.claims import claims
+from experiments.pages import DOCS
 from experiments.reference import PAPER
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN
 from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages
+from sidegan.pipeline.stages import stage
 from tests.tiny import tiny
 
 
@@ -49,6 +52,17 @@ def test_a_run_lists_its_artifacts_those_on_fewer_seeds_apart(page, outputs):
         made
     )
     assert all((outputs / folder / "params.json").is_file() for folder in made.values())
+
+
+def test_every_number_that_a_run_records_is_explained(artifacts):
+    text = (DOCS / "usage.md").read_text(encoding="utf-8").partition("### Names of numbers")[2]
+    explained = set(re.findall(r"`(\w+)`", text.partition("\n## ")[0]))
+    run, names = artifacts.run, set()
+    for made in (made for name in run.cfg.stages for made in stage(name).artifacts(run)):
+        costs = {key for key, x in run.store.costs(made).items() if isinstance(x, int | float)}
+        names |= costs | made.metrics(run.store.require(made)).keys()
+    others = {name.rpartition("/")[2] for name in names} - explained
+    assert len(names) > 50 and {re.sub("^union_|_diagonal$|_geometric$", "", x) for x in others} <= explained
 
 
 @pytest.fixture(scope="module")
