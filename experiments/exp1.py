@@ -56,10 +56,8 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Table I, its supporting tables, and its figures."""
     config, raw = artifacts.cfg, artifacts.errors
     trainings = len(config.trainings)
-    draws_of = counted(config.identification.repeats, "noise draw")
-    over = (
-        f"mean ± standard deviation over {draws_of}, on plants over {counted(config.plants.count, 'plant')}"
-    )
+    over = f"mean ± standard deviation over {counted(config.identification.repeats, 'noise draw')}"
+    over += f", in rows of plants over {counted(config.plants.count, 'plant')}"
     over += f", and over {trainings} trainings" if trainings > 1 else ""
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
     of_draws = _DRAWS.format(config.selection.count) + finding(artifacts.draws)
