@@ -29,6 +29,7 @@ from experiments.verdicts import (
     of_several,
     words,
 )
+from sidegan.base.names import counted
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import figures, tables
 
@@ -55,8 +56,9 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
     """Print, write and record Table I, its supporting tables, and its figures."""
     config, raw = artifacts.cfg, artifacts.errors
     trainings = len(config.trainings)
-    over = f"mean ± standard deviation over {config.identification.repeats} noise draws"
-    over += f" and {trainings} trainings" if trainings > 1 else ""
+    over = f"mean ± standard deviation over {counted(config.identification.repeats, 'noise draw')}"
+    over += f", in rows of plants over {counted(config.plants.count, 'plant')}"
+    over += f", and over {trainings} trainings" if trainings > 1 else ""
     caption = f"Table I: nMSE of torque prediction, mean over joints ({over}, seed {config.seed})"
     of_draws = _DRAWS.format(config.selection.count) + finding(artifacts.draws)
     shown = {
@@ -80,7 +82,7 @@ def present(artifacts: Artifacts, folder: Path, tracker: Tracker) -> None:
 def table1(
     raw: pd.DataFrame, plant: pd.DataFrame, expected: pd.DataFrame, constant: pd.DataFrame
 ) -> pd.DataFrame:
-    """Table I with our rows and the paper's; the spread is over trainings and noise draws.
+    """Table I with our rows and the paper's; the spread is over trainings and noise draws or plants.
 
     Errors from noise draws come first, then expected ones if available, those under constant noise, and those
     on plants; some also as geometric means, since a single joint can have most of the error.

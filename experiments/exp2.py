@@ -115,7 +115,7 @@ def readings(made: Artifacts) -> pd.DataFrame:
             kinds[name] = "; ".join(plain(x.improvement.mean(), ".0f") for x in gains)
             kinds[f"{name}, geometric"] = "; ".join(plain(percent(x.gain.mean()), ".0f") for x in gains)
     paper = {name: [x.split(" ")[0] for x in row.values()] for name, row in PAPER["table2"].items()}
-    rows["the paper"] = {name: "; ".join(row) for name, row in paper.items() if name in made.cfg.gan}
+    rows["Paper"] = {name: "; ".join(row) for name, row in paper.items() if name in made.cfg.gan}
     return pd.DataFrame.from_dict(rows, orient="index").fillna("—").rename_axis("noise on")
 
 

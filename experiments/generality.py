@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.pages import leave
+from experiments.pages import DOCS, leave
 from sidegan.base.names import plain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.arms import of_arms as tasks_of_arms
@@ -17,6 +17,7 @@ from sidegan.report.document import write_page
 from sidegan.report.export import read_tables
 
 NAME = "generality"  # of the page and its template
+FULL = "paper"  # scale of the reproduction that the published page belongs to
 _TRIED = 200  # trajectories of an arm to try on another
 _BASELINES = ("natural", "search-10", "search-160")
 _ARMS = "Generators and baselines; all but valid share and cosine relative to the arm's own seeds"
@@ -77,15 +78,15 @@ def beside_seeds(frame: pd.DataFrame, trained: Collection[str]) -> pd.DataFrame:
     return table.loc[order].rename_axis("generator")
 
 
-def of_arms() -> pd.DataFrame | None:
-    """The published numbers by arm and generator; None without the page."""
-    table = _published("arm")
+def of_arms(run: RunContext) -> pd.DataFrame | None:
+    """The published numbers by arm and generator; None where the page says nothing about a run."""
+    table = _published("arm", run)
     return None if table is None else table.set_index(["arm", "generator"]).astype(float)
 
 
-def of_others() -> pd.Series | None:
-    """Published valid shares of an arm's trajectories on another arm; None without the page."""
-    table = _published("generated for")
+def of_others(run: RunContext) -> pd.Series | None:
+    """Published valid shares of an arm's trajectories on another arm; None as in ``of_arms``."""
+    table = _published("generated for", run)
     if table is None:
         return None
     long = table.melt("generated for", var_name="on").dropna()
@@ -94,15 +95,20 @@ def of_others() -> pd.Series | None:
 
 def page() -> str | None:
     """Text of the published page, if it exists."""
-    path = Path(__file__).parent.parent / "docs" / f"{NAME}.md"
+    path = DOCS / f"{NAME}.md"
     return path.read_text(encoding="utf-8") if path.exists() else None
 
 
-def _published(first: str) -> pd.DataFrame | None:
-    """The last table of the published page whose first column has this name."""
-    text = page()
+def _published(first: str, run: RunContext) -> pd.DataFrame | None:
+    """The last table of the published page whose first column has this name.
+
+    None without the page, and for runs that it says nothing about: at another scale than the paper's, or of
+    another arm than the first of the page, with which the others are compared.
+    """
+    text = page() if run.cfg.scale["name"] == FULL else None
     tables = [] if text is None else read_tables(text)
-    return next((table for table in reversed(tables) if table.columns[0] == first), None)
+    table = next((table for table in reversed(tables) if table.columns[0] == first), None)
+    return None if table is None or table.iloc[0, 0] != run.cell.arm.name else table
 
 
 def transfer(arms: Arms) -> pd.DataFrame:

@@ -13,6 +13,8 @@ from sidegan.report import export
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
+DOCS = Path(__file__).parent.parent / "docs"
+
 
 def leave(
     folder: Path,

@@ -1,5 +1,6 @@
 """The report on the whole paper: its figures and tables next to ours, and a verdict on each claim."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -7,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from experiments import claims, comparisons, exp1, exp2, training
+from experiments import claims, comparisons, exp1, exp2, generality, training
 from experiments.artifacts import Artifacts, comparison
+from experiments.pages import DOCS
 from experiments.reference import PAPER
 from experiments.verdicts import CONFIDENCE, GANS
 from sidegan.base.arrays import Array
@@ -22,7 +24,7 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
-from sidegan.report.style import colour
+from sidegan.report.style import colours
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
@@ -74,7 +76,7 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     drawn = {
         f"{name}-{key}": figure for name, made in conditions.items() for key, figure in _figures(made).items()
     }
-    write_page(template, target, shown, drawn, **_context(conditions, judged))
+    write_page(template, target, shown, drawn, **_context(conditions, judged, target))
     tracker.log_artifact(target, "report")
     for name, table in shown.items():
         text = table.reset_index().astype(str)
@@ -85,10 +87,12 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
         tracker.log_metrics({f"{name}/{key}": x for key, x in row.items()})
 
 
-def _context(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, Any]:
+def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -> dict[str, Any]:
     """Values for the template, apart from tables and figures."""
     artifacts = next(iter(conditions.values()))
     return {
+        "docs": Path(os.path.relpath(DOCS, target.parent.resolve())),
+        "generality": generality.of_arms(artifacts.run) is not None,
         "conditions": conditions,
         "artifacts": artifacts,
         "cfg": artifacts.cfg,
@@ -157,11 +161,13 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
 def _joined(key: str, tables_of: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
     """A table over all conditions, with the rows of ``_JOINED``, and the paper's rows once at the end."""
     parts = {name: shown[key] for name, shown in tables_of.items()}
+    of_paper = {name: part.index.astype(str).str.startswith("Paper") for name, part in parts.items()}
     kept = _JOINED[key]
-    wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in parts.items()}
+    ours = {name: part[~of_paper[name]] for name, part in parts.items()}
+    wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in ours.items()}
     joined = _once(pd.concat(wanted, names=["condition"]))
-    first = next(iter(parts.values()))
-    paper = first[first.index.astype(str).str.startswith("Paper")]
+    first, part = next(iter(parts.items()))
+    paper = part[of_paper[first]]
     index = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)
     return pd.concat([joined, paper.set_axis(index)]).fillna("—")
 
@@ -224,8 +230,8 @@ def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
     for name in (SEEDS, "eigen"):
         sets[name] = family, artifacts.selected(name, first).coefficients
     stacked = [
-        Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, colour(name))
-        for name, bundle in sets.items()
+        Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, shade)
+        for (name, bundle), shade in zip(sets.items(), colours(sets))
     ]
     return {
         "traces": motion.paths(run.cell.arm, traces),

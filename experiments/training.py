@@ -89,7 +89,10 @@ def figure(
 
 
 def speed(histories: pd.DataFrame) -> pd.DataFrame:
-    """First epoch with a reliable generator, and its best, late and last valid shares."""
+    """First epoch with a reliable generator, and its best, late and last valid shares.
+
+    Shares of epochs that a training did not reach are missing.
+    """
     rows = {}
     for name, part in histories.groupby("variant", sort=False):
         share = part.pivot(index="epoch", columns=TRAINING, values="success").fillna(0.0)
@@ -97,9 +100,9 @@ def speed(histories: pd.DataFrame) -> pd.DataFrame:
         first = ["never" if pd.isna(x) else f"{x:g}" for x in reached.idxmax().where(reached.any())]
         rows[name] = {
             "first epoch": ", ".join(f"{x} ({n} ×)" if n > 1 else x for x, n in Counter(first).items()),
-            f"valid after {EARLY} epochs": tables.spread(share.iloc[min(EARLY, len(share)) - 1]),
+            f"valid after {EARLY} epochs": tables.spread(share.loc[EARLY:EARLY].mean()),
             "best": tables.spread(share.max()),
-            f"mean from epoch {LATE} on": tables.spread(share.iloc[min(LATE, len(share)) - 1 :].mean()),
+            f"mean from epoch {LATE} on": tables.spread(share.loc[LATE:].mean()),
             "last": tables.spread(share.iloc[-1]),
         }
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("variant")

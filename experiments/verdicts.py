@@ -97,7 +97,9 @@ def proportion(share: float, draws: int) -> Interval:
 def above(effect: pd.Series, bound: float | None = None) -> str:
     """Whether an effect's whole interval is above zero, or a bound."""
     bound, undecided = (0.0, UNDECIDED) if bound is None else (bound, OPEN)
-    low, _, high = interval(effect)
+    low, mean, high = interval(effect)
+    if np.isnan(mean):
+        return UNKNOWN
     return HOLDS if low > bound else NOT if high < bound else undecided
 
 
@@ -106,15 +108,19 @@ def below(effect: pd.Series, bound: float | None = None) -> str:
     return above(-effect, None if bound is None else -bound)
 
 
-def not_below(effect: pd.Series) -> str:
-    """Whether a log ratio's whole interval is above zero, up to a negligible difference."""
-    low, _, high = interval(effect)
-    return HOLDS if low > -_NEGLIGIBLE else NOT if high < 0 else UNDECIDED
+def not_below(effect: pd.Series, negligible: float = _NEGLIGIBLE) -> str:
+    """Whether the whole interval of an effect, by default a log ratio, is above a negligible loss."""
+    low, mean, high = interval(effect)
+    if np.isnan(mean):
+        return UNKNOWN
+    return HOLDS if low > -negligible else NOT if high < 0 else UNDECIDED
 
 
 def within(effect: pd.Series, bound: float) -> str:
     """Whether an effect's whole interval is within a bound of zero."""
-    low, _, high = interval(effect)
+    low, mean, high = interval(effect)
+    if np.isnan(mean):
+        return UNKNOWN
     return HOLDS if -bound < low and high < bound else NOT if low > bound or high < -bound else OPEN
 
 
@@ -171,10 +177,13 @@ def by_epoch(made: Artifacts, variant: str, key: str) -> pd.DataFrame:
 
 
 def at(made: Artifacts, variant: str, key: str, first: int, last: int | None = None) -> pd.Series:
-    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by training."""
+    """Mean of a metric over epochs ``first`` to ``last`` (else to the end), by training.
+
+    NaN for a variant whose training ends before these epochs.
+    """
     curve = by_epoch(made, variant, key)
-    begin = min(first, len(curve)) - 1
-    return curve.iloc[begin : len(curve) if last is None else max(last, begin + 1)].mean()
+    reached = (last or first) in curve.index
+    return (curve.loc[first:last] if reached else curve.iloc[:0]).mean()
 
 
 def words(measured: Interval, form: str = ".3g") -> str:

@@ -108,7 +108,8 @@ class RunContext:
             settings: further settings that it depends on, a dataclass or a mapping of plain values.
             inputs: what it is made from, in addition to the arm.
             training: of a variant; None for other artifacts.
-            title: as in ``Artifact``; None: maker, label and, among several, the training.
+            title: as in ``Artifact``; None: maker, label and, among several, the training. The size of a
+                subset is added.
             metrics: as in ``Artifact``.
             alone: as in ``Artifact``.
         """
@@ -122,6 +123,7 @@ class RunContext:
             title = f"{maker}/{label}-{training}" if several else f"{maker}/{label}"
         if values.get("subset") is not None:
             parts.append(f"of{values['subset']}")
+            title += f"-of{values['subset']}"
         return Artifact(
             maker=maker,
             label=folder_name("-".join(parts)),

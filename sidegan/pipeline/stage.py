@@ -10,6 +10,7 @@ from typing import Any
 
 from sidegan.base.names import plain
 from sidegan.base.parallel import Job, run_jobs
+from sidegan.base.storage import read_json, write_json
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.tracking import Tracker
@@ -17,6 +18,7 @@ from sidegan.pipeline.tracking import Tracker
 log = logging.getLogger(__name__)
 
 MODELS = {"gan", "identify"}  # makers whose artifacts MLflow lists as models
+ARTIFACTS = "artifacts.json"  # in the run's folder
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ def run_stage(name: str, stage: Stage, run: RunContext, tracker: Tracker) -> Non
         if digest not in tracker.recorded:  # stages may share artifacts
             tracker.recorded.add(digest)
             _record(artifact, run, tracker)
+    if artifacts:
+        _list(artifacts.values(), run)
     stage.show(run, tracker)
 
 
@@ -78,6 +82,13 @@ def _record(artifact: Artifact, run: RunContext, tracker: Tracker) -> None:
     when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
     texts = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]
     log.info("%s%s: %s", title, when, ", ".join(texts))
+
+
+def _list(artifacts: Iterable[Artifact], run: RunContext) -> None:
+    """Add the artifacts' folders, below the outputs and by title, to the list in the run's folder."""
+    path = run.store.run_folder / ARTIFACTS
+    known = read_json(path) if path.exists() else {}
+    write_json(path, known | {artifact.title: artifact.folder.as_posix() for artifact in artifacts})
 
 
 def finite(row: Mapping[str, Any]) -> dict[str, Any]:

@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 # environment variables, since jobs may run in other processes
 PARENT, SWEPT = "SIDEGAN_PARENT_RUN", "SIDEGAN_SWEPT"
 STATUS = "status.json"
-RESULTS = "results.csv"
+RESULTS, SWEEP_RESULTS = "results.csv", "sweep_results.csv"  # of a job, and of all jobs, as numbers
 _OVERRIDES = Path(".hydra", "overrides.yaml")  # of a job, in its folder
 
 _parent: Tracker | None = None
@@ -59,10 +59,12 @@ class SweepCallback(Callback):
         codes = job_codes(sweep)
         worst = max(codes.values(), default=1)
         try:
-            table = sweep_table([folder for folder, code in codes.items() if code == 0])
+            finished = [folder for folder, code in codes.items() if code == 0]
+            table = sweep_table(finished)
             if table is not None and _parent is not None:
                 from sidegan.report.export import publish
 
+                write_bytes(sweep / SWEEP_RESULTS, job_results(finished).to_csv(index=False).encode())
                 caption = f"{config.experiment}, all jobs: mean ± standard deviation over seeds"
                 publish(table, sweep / "sweep", caption, _parent)
         except Exception:
@@ -106,6 +108,15 @@ def leave_results(results: "pd.DataFrame", folder: Path) -> None:
     write_bytes(folder / RESULTS, results.rename_axis("name").to_csv().encode())
 
 
+def job_results(folders: Iterable[Path]) -> "pd.DataFrame":
+    """Numbers of jobs that left some, at least one, with the job's name and overrides as columns."""
+    import pandas as pd
+
+    made = [folder for folder in folders if (folder / RESULTS).exists()]
+    rows = [pd.read_csv(folder / RESULTS).assign(job=folder.name, **_overrides(folder)) for folder in made]
+    return pd.concat(rows, ignore_index=True)
+
+
 def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
     """Results of jobs, a row for each combination of swept settings and each set or variant.
 
@@ -115,15 +126,11 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
 
     from sidegan.report.tables import spread
 
-    jobs = [
-        pd.read_csv(folder / RESULTS).assign(**_overrides(folder))
-        for folder in folders
-        if (folder / RESULTS).exists()
-    ]
-    if not jobs:
+    made = [folder for folder in folders if (folder / RESULTS).exists()]
+    if not made:
         return None
-    settings = {key for folder in folders for key in _overrides(folder)}
-    table = pd.concat(jobs, ignore_index=True)
+    settings = {key for folder in made for key in _overrides(folder)}
+    table = job_results(made).drop(columns="job")
     swept = [key for key in sorted(settings - {"seed"}) if table[key].nunique(dropna=False) > 1]
     keys = [*swept, "name"]
     numbers = [key for key in table.columns if key not in settings and key != "name"]

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from sidegan.report.canvas import blank, legend, logarithmic, tidy
-from sidegan.report.style import colour
+from sidegan.report.style import colour, colours
 from sidegan.report.tables import NAMES, ordered, title, weighting
 
 METRICS = ["success", "condition", "condition_mean", "error", "error_constant", "distance"]  # of a generator
@@ -77,7 +77,7 @@ def errors(raw: pd.DataFrame) -> Figure:
         mean.plot.bar(
             ax=axis,
             yerr=np.stack([(mean - low).T, (high - mean).T], 1),
-            color=[colour(name) for name in names],
+            color=[*colours(names)],
             ecolor="#404040",
             error_kw={"elinewidth": 0.7, "capsize": 1.5},
             width=0.8,

@@ -1,6 +1,8 @@
 """Colours and formats that figures and pages share."""
 
 import zlib
+from collections.abc import Iterable
+from itertools import cycle
 
 from sidegan.base.names import plain
 
@@ -15,17 +17,24 @@ _COLOURS = {
     "seeds": "#7b4fb5",
     "union": "#d4a200",
     "random": "#4d9221",
-    "long-6": "#b2182b",
 }
-_LONG = "#ef8a62"
+_LONG = ("#b2182b", "#ef8a62", "#67001f")  # long trajectories, one after another
 PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#a6559d", "#b08a00", "#b2182b", "#7f7f7f", "#4d9221")
 DESK = "#b59b7c"  # in pictures of motion
 
 
 def colour(name: str) -> str:
     """Colour of a set or variant, the same in every figure."""
-    other = _LONG if name.startswith("long-") else PALETTE[zlib.crc32(name.encode()) % len(PALETTE)]
-    return _COLOURS.get(name, other)
+    return _COLOURS.get(name, PALETTE[zlib.crc32(name.encode()) % len(PALETTE)])
+
+
+def colours(names: Iterable[str]) -> list[str]:
+    """Colour of each set or variant; different ones for single long trajectories, by their harmonics."""
+    shown = list(names)
+    longs = [name for name in shown if name.startswith("long-")]
+    ranked = sorted(longs, key=lambda name: int(name.removeprefix("long-")))
+    shades = dict(zip(ranked, cycle(_LONG)))
+    return [shades.get(name) or colour(name) for name in shown]
 
 
 def seconds(duration: float) -> str:

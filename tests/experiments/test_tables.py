@@ -7,6 +7,8 @@ import pandas as pd
 import pytest
 
 from experiments import exp1, exp2, training
+from experiments.claims_identification import CRITERIA
+from experiments.verdicts import HOLDS, NOT
 from tests.tiny import tiny
 
 SETS = ("eigen", "long-6", "seeds")
@@ -141,6 +143,18 @@ def test_table_2_is_one_minus_the_ratio_of_errors_joint_by_joint(whole):
     assert list(exp2.tables2(whole.whole_errors, whole.cfg)) == ["table2", "table2_weighted"]
 
 
+@pytest.mark.parametrize(("less", "verdict"), [(0.9, HOLDS), (0.1, NOT)])
+def test_whether_the_improvement_shrinks_is_of_each_variant_in_percentage_points(less, verdict):
+    """Of errors that are a share of the seeds', which measuring these again makes ``less`` times as large."""
+    shares = {"vanilla": 0.02, "eigen": 0.04, "diagonal": 0.03}
+    base = {"seeds ×1": 1.0, "seeds ×4": less, "seeds ×10": less, **shares}
+    errors = results(lambda name, repeat: base[name] * (1 + repeat / 10), repeats=3, sets=tuple(base))
+    found = CRITERIA["not_less"](SimpleNamespace(whole_errors=errors, cfg=tiny(experiment="exp2")))
+    assert found.verdict == verdict and found.numbers == {"negligible": 5, "least": 1, "most": 10}
+    for name, share in shares.items():
+        assert f"{name} {100 * share * (1 - 1 / less):.3g} (" in found.ours.replace("−", "-")
+
+
 def test_table_3_is_the_norm_and_what_it_would_be_of_one_sample(whole):
     table = exp2.table3(whole.whole_facts)
     assert table["‖diag P‖"].tolist() == ["0.02", "0.005", "0.002", "0.008"]
@@ -160,7 +174,13 @@ def test_epochs_to_reliability():
     assert table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never"
     assert table.loc["diagonal", "first epoch"] == "1 (2 ×)"
     assert table.loc["eigen", "best"] == "0.9 ± 0.071"
-    assert table.loc["eigen", "mean from epoch 40 on"] == table.loc["eigen", "last"]  # of three epochs
+    never = ["valid after 10 epochs", "mean from epoch 40 on"]  # of three epochs
+    assert table.loc["eigen", never].tolist() == ["—", "—"]
+    longer = [
+        {**row, "epoch": row["epoch"] + 38, "variant": "long"} for row in rows if row["variant"] == "eigen"
+    ]
+    later = training.speed(pd.DataFrame([*rows, *longer])).loc["long"]
+    assert later["mean from epoch 40 on"] == "0.67 ± 0.14" and later["last"] == table.loc["eigen", "last"]
 
 
 @pytest.fixture

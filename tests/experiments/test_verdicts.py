@@ -7,6 +7,7 @@ from scipy import stats
 
 from experiments import generality, verdicts
 from experiments.claims_training import CRITERIA, other_bases
+from experiments.training import LATE
 from experiments.verdicts import (
     HOLDS,
     MIXED,
@@ -98,7 +99,7 @@ def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():
 def test_a_verdict_says_where_the_valid_alone_would_give_another():
     def judged(valid):
         rows = [
-            {"variant": name, "training": k, "epoch": 1, "condition": every + k, "condition_valid": alone}
+            {"variant": name, "training": k, "epoch": LATE, "condition": every + k, "condition_valid": alone}
             for name, every, alone in (("vanilla", 1e3, 2e3), ("eigen", 10, valid), ("diagonal", 10, valid))
             for k in range(3)
         ]
@@ -108,6 +109,30 @@ def test_a_verdict_says_where_the_valid_alone_would_give_another():
     assert one.verdict == torn.verdict == nothing.verdict == HOLDS and "for which" not in one.ours
     assert torn.ours.endswith(f"for which the verdict would be: {NOT}")
     assert nothing.ours.endswith(UNKNOWN) and "nothing to measure" in nothing.ours
+
+
+@pytest.mark.parametrize(
+    ("epochs", "early", "late"), [(9, UNKNOWN, UNKNOWN), (39, NOT, UNKNOWN), (50, NOT, NOT)]
+)
+def test_epochs_that_a_training_did_not_reach_are_not_measured(epochs, early, late):
+    rows = [
+        {"variant": name, "training": k, "epoch": epoch, "success": 0.1, "condition": 1.0 + (name == "eigen")}
+        | {"distance": 1.0, "condition_valid": 1.0}
+        for name in ("vanilla", "eigen", "diagonal")
+        for k in range(3)
+        for epoch in range(1, epochs + 1)
+    ]
+    made = SimpleNamespace(
+        histories=pd.DataFrame(rows),
+        cfg=SimpleNamespace(evaluation=500),
+        surrogates={"accuracy_paper": 0.995},
+    )
+    found = {key: CRITERIA[key](made) for key in ("predictor", "reliable", "vanilla_first", "fitter")}
+    assert found["reliable"].verdict == early and found["fitter"].verdict == late
+    assert (found["vanilla_first"].verdict == UNKNOWN) == (early == UNKNOWN)
+    assert ("nothing to measure" in found["fitter"].ours) == (late == UNKNOWN)
+    share = found["predictor"].ours.partition("; valid share of all samples of the generators")[2]
+    assert ("eigen 10%" in share) == (late != UNKNOWN) and found["predictor"].verdict == HOLDS
 
 
 def test_another_basis_gives_the_same_torques_and_only_a_rotation_the_same_trace(arm):
@@ -124,12 +149,18 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch):
     text = "| arm | generator | valid | mean distance | … geometric |\n| --- | --- | --- | --- | --- |\n"
     text += "| a | eigen | 0.9 | 1 | 0.5 |\n| b | eigen | 0.9 | 1 | 2 |\n"
     others = "\n| generated for | a | b |\n| --- | --- | --- |\n| a | 1 | 0.005 |\n| b | — | 1 |\n"
-    arm = SimpleNamespace(name="c")
-    made = SimpleNamespace(run=SimpleNamespace(cell=SimpleNamespace(arm=arm)))
     monkeypatch.setattr(generality, "page", lambda: text + others)
-    assert CRITERIA["other_arms"](made).verdict == MIXED and CRITERIA["no_transfer"](made).verdict == HOLDS
+
+    def verdicts_on(arm, scale):
+        cell = SimpleNamespace(arm=SimpleNamespace(name=arm))
+        made = SimpleNamespace(run=SimpleNamespace(cfg=SimpleNamespace(scale={"name": scale}), cell=cell))
+        return [CRITERIA[key](made).verdict for key in ("other_arms", "no_transfer")]
+
+    assert verdicts_on("a", "paper") == [MIXED, HOLDS]
+    for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
+        assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
     monkeypatch.setattr(generality, "page", lambda: None)
-    assert CRITERIA["other_arms"](made).verdict == CRITERIA["no_transfer"](made).verdict == UNKNOWN
+    assert verdicts_on("a", "paper") == [UNKNOWN, UNKNOWN]
 
 
 def test_a_share_of_draws_has_an_exact_interval():

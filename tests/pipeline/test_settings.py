@@ -91,6 +91,16 @@ def test_conf_and_the_package_have_the_same_variants():
     assert configured("condition=gradient", "gan=all").gan == RECIPES
 
 
+def test_floors_of_diversity_apply_to_every_variant_and_are_typed_like_any_setting():
+    for group in ("gan=all", "gan=published"):
+        names = configured(group).gan
+        floors = [
+            f"gan.{name}.weights.{floor}=7" for name in names for floor in ("distance", "rank", "offset")
+        ]
+        weights = [variant.weights for variant in configured(group, *floors).gan.values()]
+        assert {(x.distance, x.rank, x.offset) for x in weights} == {(7, 7, 7)}
+
+
 def test_a_command_composes_only_the_groups_it_uses():
     config = configured("robot=ur10e", experiment="identify")
     assert not config.has("gan") and not config.has("seeds") and config.has("recording", "model")

@@ -13,7 +13,7 @@ from mlflow import MlflowClient
 
 from sidegan.errors import InfeasibleError
 from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.sweep import PARENT, leave_results, sweep_table
+from sidegan.pipeline.sweep import PARENT, job_results, leave_results, sweep_table
 from sidegan.pipeline.tracking import Tracker
 from tests.pipeline.conftest import NOWHERE, client_of
 
@@ -142,6 +142,8 @@ def test_a_sweep_is_recorded_as_parent_with_children_and_table(command, root, mo
     assert parent.info.status == "FAILED" and PARENT not in os.environ
     (sweep,) = root.glob("runs/exp1/sweep_*")
     assert pd.read_csv(sweep / "sweep.csv").to_dict("list") == {"name": ["seeds"], "nMSE": [0.5]}
+    numbers = pd.read_csv(sweep / "sweep_results.csv").set_index("name").loc["seeds"]
+    assert (numbers.nMSE, numbers.seed) == (0.5, 0) and (sweep / numbers.job / "results.csv").is_file()
     assert "sweep.json" in [file.path for file in client_of(root).list_artifacts(parent.info.run_id)]
     number, of_parent = parent.info.experiment_id, f"tags.mlflow.parentRunId = '{parent.info.run_id}'"
     children = client_of(root).search_runs([number], of_parent)
@@ -175,4 +177,7 @@ def test_the_sweep_table_averages_over_seeds(tmp_path):
     assert table["rank"].to_list() == ["7 ± 0", "—", "7 ± 0", "—"]
     assert sweep_table(folders[::2])["nMSE"].to_list() == ["0.1", "0.2", "0.5", "1"]
     assert sweep_table(folders[:2]).index.to_list() == ["seeds", "eigen"], "only seeds differ"
+    numbers = job_results(folders)
+    assert numbers[numbers.name == "eigen"].nMSE.tolist() == [0.2, 0.6, 1.0, 1.0]
+    assert numbers.seed.tolist() == ["0", "0", "1", "1"] * 2 and numbers.job.iloc[-1] == "3_job"
     assert sweep_table([tmp_path]) is None and sweep_table([]) is None

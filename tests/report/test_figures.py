@@ -6,6 +6,7 @@ import pytest
 
 from sidegan.report import figures
 from sidegan.report.canvas import blank, svg
+from sidegan.report.style import colour, colours
 from tests.report.pages import Page
 
 SEEDS = {"success": 1.0, "condition": 80.0, "distance": 3.0, "nearest": 1.5, "rank_uncentred": 20.0}
@@ -61,6 +62,12 @@ def test_errors_have_a_panel_per_weighting_and_a_bar_per_set_and_joint(weighting
         assert whisker[:, 1] == pytest.approx([0.1, 0.3])
         assert [label.get_text() for label in axis.get_xticklabels()] == ["shoulder", "elbow"]
     assert legend(figure) == ["single long, 6 harmonics", "seeds", "seeds + eigen"]
+
+
+def test_single_long_trajectories_have_different_colours_whatever_their_harmonics():
+    shades = colours(["long-3", "long-12", "seeds", "eigen"])
+    assert len(set(shades)) == 4 and shades[2] == colour("seeds")
+    assert colours(["long-210", "long-6"]) == shades[1::-1]
 
 
 def test_coefficients_share_one_scale_and_offsets_show():
