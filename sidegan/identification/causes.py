@@ -6,6 +6,7 @@ from functools import reduce
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
@@ -62,10 +63,11 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if exchanged:
         return [Finding(BAD, exchanged), *repairs], False
     causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
+    driven = _driven_by_friction(found)
+    if others := arm.named(driven & ~(agreement.runs_against(driven=True) & (against is not None))):
+        causes.insert(0, Finding(BAD, _driven(others)))
     if against:
-        causes.insert(0, Finding(USABLE, against))
-    elif driving := _driven_by_friction(found):
-        causes.insert(0, Finding(BAD, driving))
+        causes.insert(0, Finding(BAD if driven.any() else USABLE, against))
     if not causes and gravity is None:
         faults = _odd_scale(found, agreement)
         if not faults and found.quality.verdict != GOOD:
@@ -107,18 +109,19 @@ def _rotors(found: IdentifiedArm) -> list[str]:
     ]
 
 
-def _driven_by_friction(found: IdentifiedArm) -> str:
-    """Remark on joints whose friction of both kinds is clearly negative; empty if there are none."""
+def _driven_by_friction(found: IdentifiedArm) -> Array:
+    """Whether each joint's friction of both kinds is clearly negative, (J,)."""
     chosen = found.chosen
     clear = chosen.parameters < -_SURE * chosen.deviation
     negative = {name for name, x in zip(chosen.names, clear.tolist()) if x}
-    joints = found.model.arm.joint_names
-    found_on = [name for j, name in enumerate(joints, 1) if {f"fv{j}", f"fc{j}"} <= negative]
-    if not found_on:
-        return ""
+    return np.array([{f"fv{j}", f"fc{j}"} <= negative for j in range(1, found.model.joints + 1)])
+
+
+def _driven(names: str) -> str:
+    """Remark on joints with such friction."""
     return (
-        f"the friction of {', '.join(found_on)} would drive the motion: is the sign of the torque reversed? "
-        f"(recording.reverse=[{','.join(found_on)}])"
+        f"the friction of {names} would drive the motion: is the sign of the torque reversed? "
+        f"(recording.reverse=[{names.replace(', ', ',')}])"
     )
 
 

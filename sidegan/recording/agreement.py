@@ -67,7 +67,8 @@ class Agreement(NamedTuple):
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
                 "gain or wrong masses? (recording.units, robot.gains)"
             )
-        if self.needed.any() and _STRANGE * (self.sign > _CLEAR).sum() <= len(self.sign):
+        fitting = (self.sign > _CLEAR) | (self.sign < -_SURE)  # reversed torques are the arm's, too
+        if self.needed.any() and _STRANGE * fitting.sum() <= len(self.sign):
             found.append(
                 "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
@@ -89,10 +90,14 @@ class Agreement(NamedTuple):
             f"{direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
         )
 
-    def reversed(self, arm: Arm, driven: bool = False) -> str | None:
-        """Warning about joints with a reversed torque; ``driven``: only if it does not overcome friction."""
+    def runs_against(self, driven: bool = False) -> Array:
+        """Joints with a reversed torque, (J,); ``driven``: only if it does not overcome friction."""
         against = (self.sign < -_CLEAR) & (self.moved >= _STILL)
-        names = arm.named(against & (self.friction < (_DRIVEN if driven else _CLEAR)))
+        return against & (self.friction < (_DRIVEN if driven else _CLEAR))
+
+    def reversed(self, arm: Arm, driven: bool = False) -> str | None:
+        """Warning about these joints."""
+        names = arm.named(self.runs_against(driven))
         if not names:
             return None
         return (

@@ -87,6 +87,7 @@ CASES = [
         BAD,
         r"^the torque of joint_2 runs against .*recording.reverse=\[joint_2\]",
     ),
+    (scaled(*[-1] * 7), BAD, "^the torque of joint_1, .* runs against the description"),
     (
         scaled(1, 1, 1, 1, 1, 1, -1),
         BAD,
@@ -139,9 +140,23 @@ def test_gravity_along_another_direction_is_reported_with_the_mount_to_set(direc
     assert again.tested["consistent"].nmse_mean < 0.5 * result.tested["consistent"].nmse_mean
 
 
+@pytest.mark.parametrize("noise", [1e-4, 0.0])
+def test_reversed_torques_without_noise_have_a_verdict(planar, noise):
+    """No possible links explain them, so the residuals of the consistent fit are many times the noise."""
+
+    def reverse(made):
+        return replace(made, torque=-made.torque)
+
+    both = [checked(planar, seed, None, reverse, friction=(0.5, 0.3), noise=noise) for seed in (0, 1)]
+    quality = identified(planar, both[:1], both[1:], strength=1.0).quality
+    assert quality.verdict == BAD and "recording.reverse=[shoulder,elbow]" in quality.reasons[0]
+
+
 def test_reversed_torques_are_not_mistaken_for_reversed_gravity():
     every = recorded(2, lambda made: replace(made, torque=-made.torque))
-    assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
+    warnings = "\n".join(every.warnings)
+    assert not every.agreement.turned and "recording.reverse=[joint_1" in warnings
+    assert "hardly any torque matches" not in warnings
 
 
 EXCHANGED = [  # order of positions and velocities in the file, signs of all, and what is reported
