@@ -177,6 +177,27 @@ def test_swapped_and_reversed_motion_columns_are_reported(order, signs, words):
     assert quality.verdict == BAD and words in quality.reasons[0]
 
 
+ZEROS = [  # what is added to positions, and what is reported
+    (
+        [0, 0.3, 0, 0, 0, 0, 0],
+        r"^the encoder zero looks off: joint_2 by \+0\.3 rad; .* be 0\.000\d+ instead of 0\.0",
+    ),
+    ([0, 0.3, 0, -0.2, 0, 0, 0], r"joint_2 by \+0\.3 rad, joint_4 by -0\.2\d* rad; "),
+    (
+        [0.3, 0, 0, 0, 0, 0, 0.3],
+        "^mean nMSE",
+    ),  # nothing depends on the first; the last link makes up for its own
+]
+
+
+@pytest.mark.parametrize(("zeros", "words"), ZEROS)
+def test_encoder_zeros_that_are_off_are_reported(zeros, words):
+    both = [recorded(seed, lambda made: replace(made, position=made.position + zeros)) for seed in (2, 3)]
+    quality = judged(*both).quality
+    assert re.search(words, quality.reasons[0])
+    assert (quality.verdict == GOOD) == words.startswith("^mean")
+
+
 def test_a_recording_with_another_load_is_reported():
     """With 2 kg in the hand."""
     links = ARM.inertial_parameters.copy()
