@@ -165,6 +165,17 @@ EXCHANGED = [  # order of positions and velocities in the file, signs of all, an
 ]
 
 
+def test_another_order_of_all_columns_is_reported_with_the_setting():
+    order = [3, 0, 5, 1, 2, 6, 4]  # of the arm's joints in the file
+    signals = ("position", "velocity", "torque")
+
+    def shuffled(made):
+        return replace(made, **{name: getattr(made, name)[:, order] for name in signals})
+
+    first = recorded(0, shuffled).warnings[0]
+    assert "another joint order" in first and "'recording.joints=[2,4,5,1,7,3,6]' 'recording.pos" in first
+
+
 @pytest.mark.parametrize(("order", "signs", "words"), EXCHANGED)
 def test_swapped_and_reversed_motion_columns_are_reported(order, signs, words):
     def exchanged(made):
