@@ -134,6 +134,16 @@ def test_a_reloaded_set_is_checked_in_its_new_cell(cell, excitation, tmp_path):
     assert not sg.TrajectorySet.load(tmp_path / "slow", blocked).valid.any()
 
 
+def test_a_fit_that_fails_repeats_what_was_found_in_the_recordings(cell, excitation, monkeypatch):
+    monkeypatch.setattr("sidegan.identification.consistent._OBJECTIVE_SCALES", ())
+    part = excitation.to_frame(rate=100)
+    q, dq, ddq = (part.filter(regex=f"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
+    columns = dict(zip(("tau_shoulder", "tau_elbow"), -(cell.torque(q, dq, ddq) + 2 * dq).T))
+    table = part[["time", "q_shoulder", "q_elbow"]].assign(**columns)[part.trajectory == 1]
+    with pytest.raises(sg.SideganError, match=r"no physically possible links .*; .* runs against the descr"):
+        sg.identify(cell, table)
+
+
 def test_finished_parts_of_seeds_serve_the_same_call_alone(cell, tmp_path):
     less = {"steps": 20, "samples": 20, "batch": 20}
 

@@ -55,6 +55,7 @@ _KINDS = {
     "dict_type": "a group of settings",
     "dataclass_type": "a group of settings",
 }
+_GROUPS = ("dict_type", "dataclass_type")
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
@@ -122,7 +123,9 @@ def _line(kind: type, place: Place, errors: "list[ErrorDetails]") -> str:
         return f"{name} is missing"
     if error["type"] == _UNKNOWN:
         return f"{name}: there is no such setting{suggest(kind, place)}"
-    return f"{name} is {error['input']!r}, expected {', or '.join(map(_expected, errors))}"
+    fields = names_in(kind, place)
+    named = f" ({', '.join(fields)})" if fields and any(x["type"] in _GROUPS for x in errors) else ""
+    return f"{name} is {error['input']!r}, expected {', or '.join(map(_expected, errors))}{named}"
 
 
 def _expected(error: "ErrorDetails") -> str:

@@ -58,7 +58,7 @@ class Course:
         """
         apart = float(np.abs(self.position[-1] - other.position[0]).max())
         if other.joint_names != self.joint_names or apart > _MET:
-            raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad apart")
+            raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
         waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
         rest = np.zeros((len(waiting), len(other.joint_names)))
         begin = self.time[-1]

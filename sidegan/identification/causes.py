@@ -6,6 +6,8 @@ from functools import reduce
 
 import numpy as np
 
+from sidegan.base.arrays import Array
+from sidegan.base.names import listed
 from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
@@ -24,6 +26,7 @@ from sidegan.identification.verdict import (
     implausible_mass,
     joint_of,
 )
+from sidegan.identification.zeros import moved, shifted_zeros
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of
 
@@ -62,10 +65,13 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if exchanged:
         return [Finding(BAD, exchanged), *repairs], False
     causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
+    driven = _driven_by_friction(found)
+    if others := arm.named(driven & ~(agreement.runs_against(driven=True) & (against is not None))):
+        causes.insert(0, Finding(BAD, _driven(others)))
     if against:
-        causes.insert(0, Finding(USABLE, against))
-    elif driving := _driven_by_friction(found):
-        causes.insert(0, Finding(BAD, driving))
+        causes.insert(0, Finding(BAD if driven.any() else USABLE, against))
+    if not causes and gravity is None and (shifted := _shifted(found)):
+        causes.append(Finding(USABLE, shifted))
     if not causes and gravity is None:
         faults = _odd_scale(found, agreement)
         if not faults and found.quality.verdict != GOOD:
@@ -85,11 +91,27 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     return [*causes, *repairs, *_offsets(found)], gravity is not None
 
 
-def _error_of(found: IdentifiedArm, model: TorqueModel) -> float:
-    """Mean nMSE of the chosen method with another model, over the joints above their noise."""
-    samples, held_out = measurements_of(found.training), measurements_of(found.validation)
+def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
+    """Mean nMSE of the chosen method with another model or zeros, over the joints above their noise."""
+    samples, held_out = (moved(measurements_of(x), zeros) for x in (found.training, found.validation))
     parameters = estimate(found.chosen.method, model, samples).parameters
     return found.quality.mean(score(model, parameters, held_out or samples))
+
+
+def _shifted(found: IdentifiedArm) -> str:
+    """Remark that other zeros of the joints' positions explain much of the misfit; empty if they do not."""
+    arm = found.model.arm
+    zeros = shifted_zeros(found.model, measurements_of(found.training))
+    each = zip(arm.joint_names, zeros.tolist(), arm.prismatic)
+    shifts = [f"{name} by {zero:+.2g} {'m' if slides else 'rad'}" for name, zero, slides in each if zero]
+    if not shifts:
+        return ""
+    error, now = _error_of(found, found.model, zeros), found.quality.judged.nmse_mean
+    return (
+        f"the encoder zero looks off: {listed(shifts)}; subtract this from the recorded positions, or "
+        f"correct the joint's origin in the description; mean nMSE would then be {shown(error)} instead of "
+        f"{shown(now)}"
+    )
 
 
 def _rotors(found: IdentifiedArm) -> list[str]:
@@ -107,18 +129,19 @@ def _rotors(found: IdentifiedArm) -> list[str]:
     ]
 
 
-def _driven_by_friction(found: IdentifiedArm) -> str:
-    """Remark on joints whose friction of both kinds is clearly negative; empty if there are none."""
+def _driven_by_friction(found: IdentifiedArm) -> Array:
+    """Whether each joint's friction of both kinds is clearly negative, (J,)."""
     chosen = found.chosen
     clear = chosen.parameters < -_SURE * chosen.deviation
     negative = {name for name, x in zip(chosen.names, clear.tolist()) if x}
-    joints = found.model.arm.joint_names
-    found_on = [name for j, name in enumerate(joints, 1) if {f"fv{j}", f"fc{j}"} <= negative]
-    if not found_on:
-        return ""
+    return np.array([{f"fv{j}", f"fc{j}"} <= negative for j in range(1, found.model.joints + 1)])
+
+
+def _driven(names: str) -> str:
+    """Remark on joints with such friction."""
     return (
-        f"the friction of {', '.join(found_on)} would drive the motion: is the sign of the torque reversed? "
-        f"(recording.reverse=[{','.join(found_on)}])"
+        f"the friction of {names} would drive the motion: is the sign of the torque reversed? "
+        f"(recording.reverse=[{names.replace(', ', ',')}])"
     )
 
 

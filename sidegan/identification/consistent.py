@@ -28,7 +28,8 @@ _ROUNDS = 6  # iterations of the strength of the pull
 _SETTLED = 1.1  # ratio of successive strengths below which they have converged
 _STRENGTHS = (0.01, 100.0)  # bounds of the strength
 _BELIEVED = 1.0  # parameters' worth of prior belief that a link's strength is the others'
-_OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0)  # tried in turn: the solver's tolerances are absolute
+# tried in turn: the solver's tolerances are absolute, and residuals far above the noise make huge objectives
+_OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0, 1e-6, 1e-8)
 
 
 def consistent(data: Gathered, strength: float | None = None) -> Fit:
@@ -181,7 +182,7 @@ def _minimise(objective: "cp.Expression", constraints: "list[cp.Constraint]") ->
                 problem.solve(solver=cp.CLARABEL)
                 status = str(problem.status)
             except cp.error.SolverError as error:  # status and variables keep the previous attempt's values
-                _log.info("Clarabel: %s", error)
+                _log.debug("Clarabel: %s", error)
         if status not in (cp.OPTIMAL_INACCURATE, cp.SOLVER_ERROR):
             break
     if status == cp.OPTIMAL_INACCURATE:

@@ -158,10 +158,11 @@ class Plant:
         sample, joint = late[0].tolist()
         name, limit = self.arm.joint_names[joint], self.arm.torque_limit[joint]
         saturated = (np.abs(torque[: sample + 1, joint]) >= _AT_THE_LIMIT * limit).any()
-        hint = f"; its torque reached the limit of {limit:g} N·m before" if saturated else ""
+        unit, force = ("m", "N") if self.arm.prismatic[joint] else ("rad", "N·m")
+        hint = f"; its torque reached the limit of {limit:g} {force} before" if saturated else ""
         raise InfeasibleError(
             f"joint {name!r} does not follow: after {sample / self.settings.rate:.3f} s it is more than "
-            f"{self.settings.tolerance:g} rad off its reference{hint}"
+            f"{self.settings.tolerance:g} {unit} off its reference{hint}"
         )
 
     def largest_inertia(self) -> Array:

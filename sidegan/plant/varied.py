@@ -144,7 +144,9 @@ class VariedPlant:
         q, motor, load = self.simulate(motion.position, motion.velocity, ahead)
         late = np.abs(q - motion.position).max((0, 1)) if np.isfinite(q).all() else [np.inf]
         if max(late) > self.settings.tolerance:
-            raise InfeasibleError(f"joints of a plant do not follow: they are up to {max(late):.3g} rad off")
+            raise InfeasibleError(
+                f"joints of a plant do not follow: they are up to {max(late):.3g} rad or m off"
+            )
         return self._sensed(q, motor, load)
 
     def simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:

@@ -1,7 +1,8 @@
 """Comparison of recorded torques with the arm's description: gravity, scale and sign."""
 
 import math
-from itertools import combinations_with_replacement
+from collections.abc import Sequence
+from itertools import combinations_with_replacement, permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,9 @@ _OTHER = 2.0  # ratio to the described torque, or its inverse, that means anothe
 _STILL = 0.1  # [rad or m] range of motion needed to determine a joint's sign
 _DRIVEN = 0.02  # least share of the power that friction dissipates if the torque is not reversed
 _BETTER = 0.3  # largest ratio of residuals, swapped over unswapped, for joints to count as swapped
+_UNLIKE = 0.3  # mean unexplained share from which other orders of the columns are tried
+_ORDERED = 7  # most joints whose orders are all tried
+_SKETCH = 200  # samples to compare many orders by
 _STRANGE = 4  # joints per agreeing joint from which the description hardly fits the arm
 _MOST = 0.99  # quantile of the usual torque
 _TINY = 1e-12
@@ -35,6 +39,7 @@ class Agreement(NamedTuple):
     order: Array  # joint whose described torque fits each measured one, (J,): itself, unless swapped
     turned: bool  # whether the gravity differs from the description's
     swapped: tuple[int, int] | None  # two joints whose motions are swapped; one joint twice: it is reversed
+    columns: list[int] | None  # joint's column, in the arm's order, if all signals have another joint order
     moved: Array  # range of each joint [rad or m], (J,)
     # share of the power that friction dissipates, (J,); negative where friction would have to drive the arm
     friction: Array
@@ -67,7 +72,8 @@ class Agreement(NamedTuple):
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
                 "gain or wrong masses? (recording.units, robot.gains)"
             )
-        if self.needed.any() and _STRANGE * (self.sign > _CLEAR).sum() <= len(self.sign):
+        fitting = (self.sign > _CLEAR) | (self.sign < -_SURE)  # reversed torques are the arm's, too
+        if self.needed.any() and _STRANGE * fitting.sum() <= len(self.sign):
             found.append(
                 "hardly any torque matches the description: is this the right arm, and its joint order?"
             )
@@ -89,10 +95,14 @@ class Agreement(NamedTuple):
             f"{direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
         )
 
-    def reversed(self, arm: Arm, driven: bool = False) -> str | None:
-        """Warning about joints with a reversed torque; ``driven``: only if it does not overcome friction."""
+    def runs_against(self, driven: bool = False) -> Array:
+        """Joints with a reversed torque, (J,); ``driven``: only if it does not overcome friction."""
         against = (self.sign < -_CLEAR) & (self.moved >= _STILL)
-        names = arm.named(against & (self.friction < (_DRIVEN if driven else _CLEAR)))
+        return against & (self.friction < (_DRIVEN if driven else _CLEAR))
+
+    def reversed(self, arm: Arm, driven: bool = False) -> str | None:
+        """Warning about these joints."""
+        names = arm.named(self.runs_against(driven))
         if not names:
             return None
         return (
@@ -102,6 +112,13 @@ class Agreement(NamedTuple):
 
     def exchanged(self, arm: Arm) -> str | None:
         """Warning about joints whose torques or motions look swapped or reversed; None if there are none."""
+        if self.columns:
+            order = ",".join(str(k + 1) for k in self.columns)
+            return (
+                "the columns look like those of another joint order, in which they explain the torques far "
+                f"better: 'recording.joints=[{order}]' 'recording.position=\"q{{joint}}\"' "
+                "'recording.torque=\"tau{joint}\"' for columns like q1 and tau1, and so on for other signals"
+            )
         moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
         names = [arm.joint_names[j] for j in self.swapped or ()]
         if len({*names}) == 1:
@@ -139,11 +156,14 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     q, v, a, torque = (np.concatenate([segment[k][::stride] for segment in segments]) for k in range(1, 5))
     load = load_of(body, q, v, a, torque)
     model = body.torque(q, v, a)
+    swapped = _swapped(body, q, v, a, torque)
+    columns = _columns(body, swapped, q, v, a, torque) if load.misfit > _UNLIKE else None
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     return Agreement(
         load=load,
         order=_order(model, v, a, torque),
-        swapped=_swapped(body, q, v, a, torque),
+        swapped=swapped,
+        columns=columns,
         turned=not np.array_equal(load.gravity, body.arm.gravity),
         moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
@@ -181,17 +201,51 @@ def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
     *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
 
     def misfit(*pair: int) -> float:
-        """Sum over joints of the logarithm of the unexplained share, with this pair's motions swapped."""
-        order = np.arange(body.joints)
-        order[[*pair]] = pair[::-1]
-        sign = np.ones(body.joints)
-        sign[[*pair]] = 1.0 if len({*pair}) > 1 else -1.0
-        q, v, a = (sign * x[:, order] for x in motion)
-        return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
+        return _misfit(body, _exchanged(pair, motion), torque)
 
     found = {pair: misfit(*pair) for pair in combinations_with_replacement(range(body.joints), 2)}
     best = min(found, key=found.__getitem__)
     return best if found[best] < misfit() + 2 * math.log(_BETTER) else None
+
+
+def _exchanged(pair: tuple[int, ...], motion: Sequence[Array]) -> list[Array]:
+    """Motions (S, J) with those of a pair of joints swapped; of one joint twice, reversed."""
+    order = np.arange(motion[0].shape[1])
+    order[[*pair]] = pair[::-1]
+    sign = np.ones(len(order))
+    sign[[*pair]] = 1.0 if len({*pair}) > 1 else -1.0
+    return [sign * x[:, order] for x in motion]
+
+
+def _misfit(body: RigidBody, motion: Sequence[Array], torque: Array) -> float:
+    """Sum over joints of the logarithm of the unexplained share of torques in a motion, (S, J) each."""
+    q, v, a = motion
+    return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
+
+
+def _columns(body: RigidBody, swapped: tuple[int, int] | None, *signals: Array) -> list[int] | None:
+    """Column of each joint, (J,), in positions, velocities, accelerations and torques, (S, J).
+
+    None unless another order than the arm's fits far better, in both halves of the samples, than the arm's
+    and than swapped motions.
+    """
+    if body.joints > _ORDERED:
+        return None
+    few = [x[:: max(1, len(x) // _SKETCH)] for x in signals]
+
+    def misfit(order: Sequence[int], samples: Sequence[Array]) -> float:
+        *motion, torque = (x[:, order] for x in samples)
+        return _misfit(body, motion, torque)
+
+    own = [*range(body.joints)]
+    best = min(map(list, permutations(own)), key=lambda order: misfit(order, few))
+    gain = sum(j != k for j, k in enumerate(best)) * math.log(_BETTER)
+    halves = zip(*(np.array_split(x[:: max(1, len(x) // _FEW)], 2) for x in signals))
+    for x in halves:
+        other = _misfit(body, _exchanged(swapped or (), x[:3]), x[3])
+        if not (gain and misfit(best, x) < min(other + gain, body.joints * math.log(_UNLIKE))):
+            return None
+    return best
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:

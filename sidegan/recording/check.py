@@ -29,6 +29,10 @@ log = logging.getLogger(__name__)
 
 Role = Literal["training", "validation"]
 _LEAST_PART = 20  # samples in each part of a split recording
+_UNUSED_GAINS = (
+    "robot.gains is not used, since torques were recorded; if they are currents: recording.effort=current "
+    "for columns of efforts, recording.torque=null 'recording.current=\"tau{index}\"' for columns like tau1"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +213,8 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     warnings += plausibility.range_warnings(statistics, arm)
     warnings += remarks.values()
+    if gains is not None and recording.load == "torque":
+        warnings.append(_UNUSED_GAINS)
     late = None
     if left.noticed and not corrected:
         warnings.append(left.statement(corrected))

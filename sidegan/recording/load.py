@@ -142,10 +142,10 @@ def _open(
     suffix = path.suffix.lower()
     dataset = is_dataset(path)
     if is_bag(path) and not dataset:
-        table, where = bag_table(path, settings, joints.names)
+        table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
             raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
-        return table, {name: where[name] for name in ("time", only)} if only else where, []
+        return table, {name: where[name] for name in ("time", only)} if only else where, remarks
     if not dataset and suffix not in _READERS:
         raise RecordingError(
             f"{path} has the suffix {suffix or 'none'}, expected {', '.join(_READERS)} or a bag"

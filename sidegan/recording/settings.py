@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from sidegan.base.typed import Hertz, NonNegative, Seconds
+from sidegan.base.typed import Hertz, NonNegative, Seconds, Text
 from sidegan.errors import ConfigError
 from sidegan.recording.units import Units
 
@@ -33,7 +33,7 @@ class RecordingSettings:
     torque: str | None = AUTO
     current: str | None = AUTO
     units: Units = Units()
-    joints: list[str] | None = None  # the file's joint names, in the arm's order; null: the arm's
+    joints: list[Text] | None = None  # the file's joint names, in the arm's order; null: the arm's
     # joints without a torque, which stand still and are locked where they stand
     without: list[str] = field(default_factory=list)
     topic: str | None = None  # of a bag; null: the only topic of joint states

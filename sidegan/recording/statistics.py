@@ -18,6 +18,7 @@ HEADROOM = 12.0  # ratio of the low-pass's cut-off to the motion's bandwidth
 _BRIDGED = 0.25  # cut-off periods that are interpolated over
 _GAP_STEPS = 5.0  # sampling steps that are interpolated over
 _LEAST_SAMPLES = 10
+_RARE = 0.01  # share of backward steps below which they are restarts of a clock
 _HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
 _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
 _LEAST_HEAD = 16  # samples of that part
@@ -109,9 +110,13 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
     steps = np.diff(time)
     if (steps < 0).any():
         row = int(np.argmax(steps < 0))
+        # after a restart, the rows that follow are in order, and all of them early
+        follow = time[row + 1 : row + 1 + _LEAST_SAMPLES]
+        restarts = (np.diff(follow) >= 0).all() and (follow < time[row]).all() and (steps < 0).mean() < _RARE
+        remedy = "the clock restarts, so split the file there" if restarts else "sort its rows by time"
         raise RecordingError(
             f"{name}: time runs backwards, from {time[row]:.6g} s to {time[row + 1]:.6g} s, "
-            f"after sample {row + 1}"
+            f"after sample {row + 1}: {remedy}"
         )
     forward = steps[steps > 0]
     if not len(forward):

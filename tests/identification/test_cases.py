@@ -87,6 +87,7 @@ CASES = [
         BAD,
         r"^the torque of joint_2 runs against .*recording.reverse=\[joint_2\]",
     ),
+    (scaled(*[-1] * 7), BAD, "^the torque of joint_1, .* runs against the description"),
     (
         scaled(1, 1, 1, 1, 1, 1, -1),
         BAD,
@@ -139,15 +140,40 @@ def test_gravity_along_another_direction_is_reported_with_the_mount_to_set(direc
     assert again.tested["consistent"].nmse_mean < 0.5 * result.tested["consistent"].nmse_mean
 
 
+@pytest.mark.parametrize("noise", [1e-4, 0.0])
+def test_reversed_torques_without_noise_have_a_verdict(planar, noise):
+    """No possible links explain them, so the residuals of the consistent fit are many times the noise."""
+
+    def reverse(made):
+        return replace(made, torque=-made.torque)
+
+    both = [checked(planar, seed, None, reverse, friction=(0.5, 0.3), noise=noise) for seed in (0, 1)]
+    quality = identified(planar, both[:1], both[1:], strength=1.0).quality
+    assert quality.verdict == BAD and "recording.reverse=[shoulder,elbow]" in quality.reasons[0]
+
+
 def test_reversed_torques_are_not_mistaken_for_reversed_gravity():
     every = recorded(2, lambda made: replace(made, torque=-made.torque))
-    assert not every.agreement.turned and "recording.reverse=[joint_1" in "\n".join(every.warnings)
+    warnings = "\n".join(every.warnings)
+    assert not every.agreement.turned and "recording.reverse=[joint_1" in warnings
+    assert "hardly any torque matches" not in warnings
 
 
 EXCHANGED = [  # order of positions and velocities in the file, signs of all, and what is reported
     ([0, 3, 2, 1, 4, 5, 6], [1] * 7, "the motions of joint_2 and joint_4 look swapped"),
     ([*range(7)], [1, 1, 1, -1, 1, 1, 1], "the axis of joint_4 looks reversed"),
 ]
+
+
+def test_another_order_of_all_columns_is_reported_with_the_setting():
+    order = [3, 0, 5, 1, 2, 6, 4]  # of the arm's joints in the file
+    signals = ("position", "velocity", "torque")
+
+    def shuffled(made):
+        return replace(made, **{name: getattr(made, name)[:, order] for name in signals})
+
+    first = recorded(0, shuffled).warnings[0]
+    assert "another joint order" in first and "'recording.joints=[2,4,5,1,7,3,6]' 'recording.pos" in first
 
 
 @pytest.mark.parametrize(("order", "signs", "words"), EXCHANGED)
@@ -160,6 +186,27 @@ def test_swapped_and_reversed_motion_columns_are_reported(order, signs, words):
     assert words in recording.warnings[0]
     quality = judged(recording).quality
     assert quality.verdict == BAD and words in quality.reasons[0]
+
+
+ZEROS = [  # what is added to positions, and what is reported
+    (
+        [0, 0.3, 0, 0, 0, 0, 0],
+        r"^the encoder zero looks off: joint_2 by \+0\.3 rad; .* be 0\.000\d+ instead of 0\.0",
+    ),
+    ([0, 0.3, 0, -0.2, 0, 0, 0], r"joint_2 by \+0\.3 rad, joint_4 by -0\.2\d* rad; "),
+    (
+        [0.3, 0, 0, 0, 0, 0, 0.3],
+        "^mean nMSE",
+    ),  # nothing depends on the first; the last link makes up for its own
+]
+
+
+@pytest.mark.parametrize(("zeros", "words"), ZEROS)
+def test_encoder_zeros_that_are_off_are_reported(zeros, words):
+    both = [recorded(seed, lambda made: replace(made, position=made.position + zeros)) for seed in (2, 3)]
+    quality = judged(*both).quality
+    assert re.search(words, quality.reasons[0])
+    assert (quality.verdict == GOOD) == words.startswith("^mean")
 
 
 def test_a_recording_with_another_load_is_reported():

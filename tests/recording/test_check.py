@@ -25,6 +25,11 @@ def test_a_good_recording_has_no_warnings(planar, recording):
     json.dumps(checked.as_json(), allow_nan=False)
 
 
+def test_drive_gains_that_torques_do_not_use_are_reported(planar, recording):
+    (warning,) = check_recording(recording, planar, of_file(), gains=(2.0, 2.0)).warnings
+    assert warning.startswith("robot.gains is not used") and "recording.effort=current" in warning
+
+
 def test_raised_effort_limits_accept_torques_in_a_suspicious_unit(planar, recording):
     """With the limits that the refusal names."""
     wrong = replace(recording, torque=1e3 * recording.torque)

@@ -90,6 +90,22 @@ def test_every_format_reads_back_what_was_written(made, tmp_path, write, changes
     assert_same(found, made, made.signals(), start=int(bag))  # stamps of zero would be none
 
 
+@pytest.mark.parametrize("lag", [0, 2_000_000])
+def test_joints_in_separate_messages_are_merged(made, tmp_path, lag):
+    """Joint states of two drivers on one topic, the second's at the same stamps or 2 ms later."""
+    stamps = (made.time * 1e9).round().astype(int) + 10**9
+    messages = [
+        (int(t) + lag * k, True, [name], made.position[row, [k]], np.empty(0), made.torque[row, [k]])
+        for row, t in enumerate(stamps)
+        for k, name in enumerate(made.joint_names)
+    ]
+    found = load_recording(files.write_messages(tmp_path, messages), of_file(), made.joint_names)
+    assert "joints come in separate messages" in found.remarks[0] and found.velocity is None
+    again = [np.interp(found.time - 1 - lag * 1e-9 * k, made.time, made.position[:, k]) for k in range(2)]
+    np.testing.assert_allclose(found.position, np.transpose(again), atol=1e-4)
+    assert len(found) >= len(made) - 1
+
+
 def at(made):
     """Time stamps of a recording as dates, in whole nanoseconds."""
     return pd.to_datetime((made.time * 1e9).round().astype(np.int64) + EPOCH * 10**9)

@@ -62,7 +62,7 @@ def test_every_plot_is_drawn_with_its_words(read):
     names = ("torques-1", "torques-2", "friction")
     assert [name for name in read.ids if name.startswith("plot-")] == [f"plot-{name}" for name in names]
     assert read.tags.count("svg") == len(names)
-    for words in ("measured", "identified", "velocity [rad/s]", "[N·m]", "$elbow [N]"):
+    for words in ("measured", "identified", "velocity [rad/s]", "velocity [m/s]", "[N·m]", "$elbow [N]"):
         assert words in read.text, words
 
 

@@ -70,11 +70,12 @@ def friction(identified: IdentifiedArm) -> Figure:
     velocity = np.linspace(-1, 1, _CURVE)[:, None] * np.abs(dq).max(0)
     curve = law(velocity)
     dots = {"color": MEASURED, "markersize": 2.4, "markeredgewidth": 0, "alpha": 0.5}
+    speeds = [f"velocity [{'m/s' if slides else 'rad/s'}]" for slides in model.arm.prismatic.tolist()]
     for j, (axis, title) in enumerate(zip(axes, titles)):
         axis.plot(dq[:, j], rest[:, j], "o", **dots, label="samples")
         axis.plot(velocity[:, j], curve[:, j], color=RESIDUAL, linewidth=1.6, label="identified")
         axis.set_title(title, fontsize=9)
-        axis.set_xlabel("velocity [rad/s]" if j + columns >= len(titles) else "", fontsize=9)
+        axis.set_xlabel(speeds[j] if j + columns >= len(titles) else "", fontsize=9)
         axis.margins(x=0)
         canvas.tidy(axis)
     return _with_legend(figure, axes[0])
