@@ -79,9 +79,11 @@ def identify_arm(
 
 
 def preferred(method: str, errors: Mapping[str, Score]) -> str:
-    """The recommended method, by errors: the consistent one, unless the other is clearly better.
+    """The recommended method, by errors: the consistent one, unless the other is clearly better."""
+    return method if excess(method, errors) > _AS_GOOD else CONSISTENT
 
-    The criterion is the geometric mean over joints of the ratio of nMSE.
-    """
+
+def excess(method: str, errors: Mapping[str, Score]) -> float:
+    """Ratio of the consistent model's nMSE to that of another method, geometric mean over joints."""
     consistent, other = (np.maximum(errors[name].nmse, _PERFECT) for name in (CONSISTENT, method))
-    return method if np.exp(np.log(consistent / other).mean()) > _AS_GOOD else CONSISTENT
+    return float(np.exp(np.log(consistent / other).mean()))
