@@ -70,7 +70,7 @@ def _use(identified: IdentifiedArm) -> str:
         )
     return (
         f"Use the {method} model, which is in the Python class: no physically possible links predict as "
-        f"well, their nMSE is {excess(method, identified.tested):.2g} times as large, geometric mean over joints "
+        f"well, their nMSE is {excess(method, identified.tested):.2g} times as large, geometric mean of joints "
         f"({compared}). The URDF and the MJCF hold the consistent one, since simulators reject others."
     )
 
