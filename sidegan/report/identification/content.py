@@ -68,10 +68,11 @@ def _use(identified: IdentifiedArm) -> str:
             "Use the consistent model: physically possible links predict as well or better "
             f"({compared}). {_held(identified)}"
         )
+    worse = excess(method, identified.tested)
     return (
         f"Use the {method} model, which is in the Python class: no physically possible links predict as "
-        f"well, their nMSE is {excess(method, identified.tested):.2g} times as large, geometric mean of joints "
-        f"({compared}). The URDF and the MJCF hold the consistent one, since simulators reject others."
+        f"well, their nMSE is {worse:.2g} times as large, geometric mean over joints ({compared}). The URDF "
+        "and the MJCF hold the consistent one, since simulators reject others."
     )
 
 
