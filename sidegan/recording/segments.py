@@ -130,14 +130,15 @@ def _signals(
     names = recording.joint_names
     signals = recording.signals()
     factor = np.array([-1.0 if name in reverse else 1.0 for name in names])
-    if gains is not None and len(gains) != len(names):
-        raise RecordingError(
-            f"robot.gains has {counted(len(gains), 'drive gain')}, the arm has {counted(len(names), 'joint')}"
-        )
     if recording.load == "current":
         if gains is None:
             raise RecordingError(
                 f"{recording.name} has currents but no torque; set the drive gains [N·m/A] by robot.gains"
+            )
+        if len(gains) != len(names):
+            raise RecordingError(
+                f"robot.gains has {counted(len(gains), 'drive gain')}, the arm has "
+                f"{counted(len(names), 'joint')}"
             )
         factor *= gains
     if unknown := [name for name in reverse if name not in names]:

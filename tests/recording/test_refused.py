@@ -212,7 +212,7 @@ CHECKED = [
     ("after sample 1000: the clock restarts, so split", but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}),
     ("set the drive gains", currents(), {}),
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
-    ("robot.gains has 1 drive gain, the arm has 2 joints", lambda same: same, {"gains": (1.0,)}),
+    ("robot.gains has 1 drive gain, the arm has 2 joints", currents(), {"gains": (1.0,)}),
     ("reverse names wrist", lambda same: same, {"reverse": ["wrist"]}),
     ("no joint stays faster than 100 rad/s", lambda same: same, {"still": 100.0}),
     (JUMPS, change_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}),
