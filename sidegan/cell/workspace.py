@@ -15,7 +15,7 @@ from sidegan.base.storage import file_digest
 from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
-from sidegan.robot.locking import from_rpy
+from sidegan.robot.locking import from_rpy, meant_in_degrees
 from sidegan.robot.meshes import metres_per_unit, read_mesh
 from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
@@ -58,9 +58,9 @@ class Mesh:
     scale: Positive | None = None  # metres per unit of the file; null: as the file states, or 1
 
     def __post_init__(self) -> None:
-        if max(map(abs, self.rpy)) > 2.02 * math.pi:
-            meant = [round(math.radians(x), 6) for x in self.rpy]
-            raise ConfigError(f"rpy is {list(self.rpy)} rad: are these degrees? In radians they are {meant}")
+        if meant := meant_in_degrees(self.rpy):
+            stated = [round(x, 6) for x in meant]
+            raise ConfigError(f"rpy is {list(self.rpy)} rad: are these degrees? In radians they are {stated}")
 
     @property
     def shape(self) -> Convex:

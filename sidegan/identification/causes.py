@@ -66,7 +66,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         return [Finding(BAD, exchanged), *repairs], False
     causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
     driven = _driven_by_friction(found)
-    if others := arm.named(driven & ~(agreement.runs_against(driven=True) & (against is not None))):
+    named = agreement.runs_against(driven=True) if against else np.zeros_like(driven)
+    if others := arm.named(driven & ~named):
         causes.insert(0, Finding(BAD, _driven(others)))
     if against:
         causes.insert(0, Finding(BAD if driven.any() else USABLE, against))

@@ -3,7 +3,7 @@
 import logging
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -108,16 +108,16 @@ def leave_results(results: "pd.DataFrame", folder: Path) -> None:
     write_bytes(folder / RESULTS, results.rename_axis("name").to_csv().encode())
 
 
-def job_results(folders: Iterable[Path]) -> "pd.DataFrame":
-    """Numbers of jobs that left some, at least one, with the job's name and overrides as columns."""
+def job_results(folders: Sequence[Path]) -> "pd.DataFrame":
+    """Numbers of jobs, with the job's name and overrides as columns; empty if no job left any."""
     import pandas as pd
 
     made = [folder for folder in folders if (folder / RESULTS).exists()]
     rows = [pd.read_csv(folder / RESULTS).assign(job=folder.name, **_overrides(folder)) for folder in made]
-    return pd.concat(rows, ignore_index=True)
+    return pd.concat(rows, ignore_index=True) if rows else pd.DataFrame()
 
 
-def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
+def sweep_table(folders: Sequence[Path]) -> "pd.DataFrame | None":
     """Results of jobs, a row for each combination of swept settings and each set or variant.
 
     A cell is the mean over random seeds, with its standard deviation if there are several.
@@ -126,14 +126,13 @@ def sweep_table(folders: Iterable[Path]) -> "pd.DataFrame | None":
 
     from sidegan.report.tables import spread
 
-    made = [folder for folder in folders if (folder / RESULTS).exists()]
-    if not made:
+    table = job_results(folders)
+    if table.empty:
         return None
-    settings = {key for folder in made for key in _overrides(folder)}
-    table = job_results(made).drop(columns="job")
+    settings = {key for folder in folders for key in _overrides(folder)} & {*table.columns}
     swept = [key for key in sorted(settings - {"seed"}) if table[key].nunique(dropna=False) > 1]
     keys = [*swept, "name"]
-    numbers = [key for key in table.columns if key not in settings and key != "name"]
+    numbers = [key for key in table.columns if key not in {*settings, "job", "name"}]
     rows = [
         dict(zip(keys, group)) | {key: spread(part[key]) for key in numbers}
         for group, part in table.groupby(keys, sort=False, dropna=False)

@@ -12,6 +12,7 @@ from sidegan.robot import xml
 from sidegan.robot.tree import TURNING, Joint
 
 _AXIS = (1e-6, 1e6)  # lengths of an axis that can be normalised
+_TURN = 2.02 * math.pi  # [rad] beyond which an angle must be in degrees
 Matrix = NDArray[np.float64]
 
 
@@ -50,6 +51,11 @@ def write_placement(origin: ET.Element, turn: Matrix, place: Matrix) -> None:
     """Write a rotation (3, 3) and a translation [m], (3,), into a URDF's origin."""
     origin.set("xyz", xml.words(place))
     origin.set("rpy", xml.words(pin.rpy.matrixToRpy(turn)))
+
+
+def meant_in_degrees(rpy: tuple[float, ...]) -> list[float]:
+    """Roll, pitch and yaw [rad] that were stated in degrees; empty unless one is beyond a turn."""
+    return [math.radians(x) for x in rpy] if max(map(abs, rpy)) > _TURN else []
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Matrix:

@@ -9,7 +9,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
 from sidegan.robot.arm import Arm, FilePlane
-from sidegan.robot.locking import from_rpy
+from sidegan.robot.locking import from_rpy, meant_in_degrees
 from sidegan.robot.setup import Mount, setting
 from sidegan.robot.xml import words
 
@@ -18,7 +18,6 @@ _WORLD = "sidegan_world"
 _STANDING = 0.7  # cosine of the largest tilt of a base that counts as standing
 _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
-_TURN = 2.02 * math.pi  # [rad] above which an angle must be in degrees
 
 
 def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mount:
@@ -27,9 +26,9 @@ def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mou
     Raises:
         RobotError: when angles look like degrees.
     """
-    if given is not None and max(map(abs, given)) > _TURN:
-        meant = setting("mount", [math.radians(x) for x in given])
-        raise RobotError(f"robot.mount is {list(given)} rad: are these degrees? In radians they are {meant}")
+    if given is not None and (meant := meant_in_degrees(given)):
+        stated = setting("mount", meant)
+        raise RobotError(f"robot.mount is {list(given)} rad: are these degrees? In radians they are {stated}")
     if given is not None or gravity is None:
         return given or (0.0, 0.0, 0.0)
     x, y, z = gravity
