@@ -1,8 +1,7 @@
 """Causes of a model's misfit: faults found when checking the recordings, and faults that would explain it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 
@@ -10,13 +9,11 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate
-from sidegan.identification.fit import covariance_of, reweighted, torque_errors
-from sidegan.identification.gather import Gathered
 from sidegan.identification.identified import IdentifiedArm, measurements_of
+from sidegan.identification.loads import changed_load
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.score import score, shown
-from sidegan.identification.sums import Sums, scaled_inverse
+from sidegan.identification.sums import scaled_inverse
 from sidegan.identification.verdict import (
     BAD,
     GOOD,
@@ -58,6 +55,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
+    if unexplained and (load := changed_load(found)):
+        return [Finding(USABLE, load), *repairs], False
     if unexplained and (disturbed := disturbances(found)):
         return [*(Finding(USABLE, text) for text in disturbed), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
@@ -76,7 +75,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if not causes and gravity is None:
         faults = _odd_scale(found, agreement)
         if not faults and found.quality.verdict != GOOD:
-            faults = _rotors(found) or _changed_load(found)
+            faults = _rotors(found)
         causes += [Finding(USABLE, text) for text in faults]
     identifiable = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
@@ -176,41 +175,6 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
         f"the torque of {arm.joint_names[j]} is {scale[j]:.2f} times what the other joints' torques and "
         "the description imply: wrong gain or unit? (robot.gains, or divide the column by this factor)"
     ]
-
-
-def _changed_load(found: IdentifiedArm) -> list[str]:
-    """Remark on the recording whose torques a different load explains."""
-    if len(found.recordings) < 2:
-        return []
-    samples = [measurements_of([recording]) for recording in found.recordings]
-    without, with_load = zip(*(gathered(found.model, sample, sample) for sample in samples))
-    loads = [_load(found.model.count, without, with_load, k) for k in range(len(samples))]
-    if len(loads) == 2:
-        loads = loads[1:]  # the data cannot say which of two recordings it is
-    mass, deviation, remaining, k = min(loads, key=lambda load: load[2])
-    least = max(_SURE * deviation, _NOTABLE * found.model.arm.inertial_parameters[:, 0].sum())
-    if not (remaining < _EXPLAINED and abs(mass) > least):
-        return []
-    return [
-        f"{found.recordings[k].name} was recorded with a different load than the others: {mass:+.2g} ± "
-        f"{deviation:.1g} kg on {found.model.arm.link_names[-1]} explains it; identify from recordings "
-        "with one load (+experiment=payload identifies the difference)"
-    ]
-
-
-def _load(
-    count: int, without: Sequence[Gathered], with_load: Sequence[Gathered], k: int
-) -> tuple[float, float, float, int]:
-    """Extra mass in recording k and its deviation [kg]; the share of errors that remains with it; k."""
-    parts = [*without[:k], with_load[k], *without[k + 1 :]]
-    sums = reduce(Sums.plus, (part.sums for part in parts))
-    plain = Sums(sums.information[:, :count, :count], sums.moment[:, :count], *sums[2:])
-    fit, before = reweighted(sums), reweighted(plain)
-    whole = Gathered(parts[k].model, sums, with_load[k].pieces, parts[k].reach)
-    deviation = float(np.sqrt(covariance_of(sums, fit, torque_errors(whole, fit))[-LOAD, -LOAD]))
-    empty = np.concatenate([before.parameters, np.zeros(LOAD)])
-    left, now = (with_load[k].sums.squares(x) for x in (empty, fit.parameters))
-    return float(fit.parameters[-LOAD]), deviation, float(np.exp(np.log(now / left).mean())), k
 
 
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:

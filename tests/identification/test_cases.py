@@ -209,14 +209,32 @@ def test_encoder_zeros_that_are_off_are_reported(zeros, words):
     assert (quality.verdict == GOOD) == words.startswith("^mean")
 
 
-def test_a_recording_with_another_load_is_reported():
-    """With 2 kg in the hand."""
+def carrying(seed, since=0.0):
+    """A recording with 2 kg in the hand, picked up at some time [s]."""
     links = ARM.inertial_parameters.copy()
     links[-1, [0, 3]] += [2.0, 0.2]
-    carrying = recorded(3, truth=replace(ARM, inertial_parameters=links))
-    named = replace(carrying, statistics=replace(carrying.statistics, name="carrying"))
-    quality = judged(recorded(2), named).quality
+    loaded = RigidBody(replace(ARM, inertial_parameters=links))
+
+    def pick_up(made):
+        motion = made.position, made.velocity, np.gradient(made.velocity, 0.01, axis=0)
+        load = loaded.torque(*motion) - RigidBody(ARM).torque(*motion)
+        return replace(made, name="carrying", torque=made.torque + load * (made.time >= since)[:, None])
+
+    return recorded(seed, pick_up)
+
+
+def test_a_recording_with_another_load_is_reported():
+    quality = judged(recorded(2), carrying(3)).quality
     assert re.search(r"^carrying was recorded with a different load .*: \+2 ± .* kg on ", quality.reasons[0])
+
+
+@pytest.mark.parametrize("since", [5.0, 9.0])
+def test_an_object_that_is_picked_up_within_a_recording_is_reported(since):
+    quality = judged(carrying(2, since), recorded(3)).quality
+    said = re.search(
+        r"^from about (\S+) s of carrying on the load differs: \+2 ± .* kg on ", quality.reasons[0]
+    )
+    assert quality.verdict == BAD and abs(float(said[1]) - since) < 1.2
 
 
 @pytest.mark.parametrize(("size", "told"), [(1.0, True), (0.02, False)])
