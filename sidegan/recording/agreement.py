@@ -1,7 +1,7 @@
 """Comparison of recorded torques with the arm's description: gravity, scale and sign."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement, permutations
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.gravity import Load, load_of, other_columns, unexplained
+from sidegan.recording.gravity import Load, friction_basis, load_of, other_columns, unexplained
 from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
 from sidegan.robot.mounting import direction, in_base, mount_of, straightened
@@ -177,7 +177,12 @@ def _residual_share(model: Array, v: Array, a: Array, torque: Array) -> Array:
 
     Arguments are (S, J); the measuring joint's friction and rotor are removed from both.
     """
-    described, measured = unexplained(v, a, model.T[..., None], torque)  # (J, S, 1), (J, S, J)
+    basis = friction_basis(v, a)
+    return _share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
+
+
+def _share_left(described: Array, measured: Array) -> Array:
+    """Share of torques (J, S, K) that described ones, (J, S, 1), leave when scaled to fit, (J, K)."""
     size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
     cosine = (described.mT @ measured)[:, 0] / np.maximum(size, _TINY)
     return np.maximum(1 - np.square(cosine), _TINY)
@@ -232,20 +237,30 @@ def _columns(body: RigidBody, swapped: tuple[int, int] | None, *signals: Array) 
     if body.joints > _ORDERED:
         return None
     few = [x[:: max(1, len(x) // _SKETCH)] for x in signals]
-
-    def misfit(order: Sequence[int], samples: Sequence[Array]) -> float:
-        *motion, torque = (x[:, order] for x in samples)
-        return _misfit(body, motion, torque)
-
     own = [*range(body.joints)]
-    best = min(map(list, permutations(own)), key=lambda order: misfit(order, few))
+    best = min(map(list, permutations(own)), key=_misfit_by_order(body, *few))
     gain = sum(j != k for j, k in enumerate(best)) * math.log(_BETTER)
     halves = zip(*(np.array_split(x[:: max(1, len(x) // _FEW)], 2) for x in signals))
     for x in halves:
         other = _misfit(body, _exchanged(swapped or (), x[:3]), x[3])
-        if not (gain and misfit(best, x) < min(other + gain, body.joints * math.log(_UNLIKE))):
+        misfit = _misfit_by_order(body, *x)(best)
+        if not (gain and misfit < min(other + gain, body.joints * math.log(_UNLIKE))):
             return None
     return best
+
+
+def _misfit_by_order(body: RigidBody, *signals: Array) -> Callable[[list[int]], float]:
+    """Misfit of positions, velocities, accelerations and torques, (S, J), by the order of their columns."""
+    *motion, torque = signals
+    basis = friction_basis(*motion[1:])  # of columns: their order does not change it
+    measured = unexplained(basis, torque.T[..., None])
+
+    def misfit(order: list[int]) -> float:
+        model = body.torque(*(x[:, order] for x in motion))
+        described = unexplained(basis[order], model.T[..., None])
+        return float(np.log(_share_left(described, measured[order])).sum())
+
+    return misfit
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:

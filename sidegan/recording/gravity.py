@@ -46,7 +46,7 @@ class _Torques:
         static = [RigidBody(replace(body.arm, gravity=g)).torque(q, still, still) for g in np.eye(3)]
         columns = np.concatenate([inertial[..., None], np.stack(static, -1), measured[..., None]], -1)
         self.size = np.sqrt(np.square(inertial).sum(0) + np.square(columns[..., 1:4]).sum((0, 2)))
-        (columns,) = unexplained(v, a, columns.swapaxes(0, 1))
+        columns = unexplained(friction_basis(v, a), columns.swapaxes(0, 1))
         columns = columns.swapaxes(0, 1)
         self.inertial, self.static, self.measured = columns[..., 0], columns[..., 1:4], columns[..., 4]
         self.weight = 1 / np.maximum(np.linalg.norm(self.measured, axis=0), _TINY)
@@ -124,8 +124,12 @@ def other_columns(velocity: Array, acceleration: Array) -> Array:
     return np.stack([velocity, sign, np.ones_like(velocity), acceleration], -1)
 
 
-def unexplained(velocity: Array, acceleration: Array, *torques: Array) -> list[Array]:
-    """Torques (J or 1, S, K) without what each joint's friction, offset and rotor explain, (J, S, K) each."""
-    columns = other_columns(velocity, acceleration).swapaxes(0, 1)  # (J, S, 4)
-    basis = np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)).Q
-    return [x - basis @ (basis.mT @ x) for x in torques]
+def friction_basis(velocity: Array, acceleration: Array) -> Array:
+    """Basis, (J, S, 4), of what each joint's friction, offset and rotor explain at states (S, J)."""
+    columns = other_columns(velocity, acceleration).swapaxes(0, 1)
+    return np.linalg.qr(columns / np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), _TINY)).Q
+
+
+def unexplained(basis: Array, torques: Array) -> Array:
+    """Torques (J or 1, S, K) without what a basis explains, (J, S, K)."""
+    return torques - basis @ (basis.mT @ torques)
