@@ -94,9 +94,8 @@ def only(capsules: Capsules, which: Array) -> Capsules:
 def holding(planar: Arm, share: float) -> Arm:
     """The planar arm, for which holding its links level takes a share of its torque limits."""
     level = np.array([[np.pi / 2, 0.0]])
-    return replace(
-        planar, torque_limit=np.abs(RigidBody(planar).torque(level, 0 * level, 0 * level)[0]) / share
-    )
+    torque = np.abs(RigidBody(planar).torque(level, 0 * level, 0 * level)[0])
+    return replace(planar, torque_limit=torque / share if share else np.full(2, np.inf))
 
 
 def limited(arm: Arm, names: Sequence[str], share: float = 1.0) -> Arm:
