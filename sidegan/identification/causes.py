@@ -7,10 +7,10 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.identification.changed import change_in
 from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate
 from sidegan.identification.identified import IdentifiedArm, measurements_of
-from sidegan.identification.loads import changed_load
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import score, shown
 from sidegan.identification.sums import scaled_inverse
@@ -55,10 +55,14 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
-    if unexplained and (load := changed_load(found)):
-        return [Finding(USABLE, load), *repairs], False
-    if unexplained and (disturbed := disturbances(found)):
-        return [*(Finding(USABLE, text) for text in disturbed), *repairs], False
+    faults = [f"{x.name}: {text}" for x in found.recordings for text in x.faults]
+    if unexplained:
+        change = change_in(found)
+        explained = faults or (
+            [change] if change else _odd_validation(found, agreement) or disturbances(found)
+        )
+        if explained:
+            return [*(Finding(USABLE, text) for text in explained), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     if exchanged:
@@ -69,7 +73,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if others := arm.named(driven & ~named):
         causes.insert(0, Finding(BAD, _driven(others)))
     if against:
-        causes.insert(0, Finding(BAD if driven.any() else USABLE, against))
+        causes.insert(0, Finding(BAD, against))
     if not causes and gravity is None and (shifted := _shifted(found)):
         causes.append(Finding(USABLE, shifted))
     if not causes and gravity is None:
@@ -88,7 +92,21 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, links) if identifiable[finding.joint]]
+    repairs += [Finding(GOOD, text) for text in faults]
     return [*causes, *repairs, *_offsets(found)], gravity is not None
+
+
+def _odd_validation(found: IdentifiedArm, training: Agreement) -> list[str]:
+    """Contradictions between the description and a validation recording that training does not have."""
+    arm = found.model.arm
+
+    def contradictions(agreement: Agreement) -> list[str]:
+        texts = [agreement.exchanged(arm), agreement.gravity(arm), agreement.reversed(arm)]
+        return [*filter(None, texts), *agreement.doubts(arm)]
+
+    usual = contradictions(training)
+    each = [(x.name, text) for x in found.validation for text in contradictions(x.agreement)]
+    return [f"{name}: {text}" for name, text in each if text not in usual][:1]
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:

@@ -128,11 +128,4 @@ def gathered(
 ) -> list[Gathered]:
     """Sums over the runs without the load, then over those with it, for the same parameters."""
     runs = ((unloaded, False), (loaded, True))
-    return [gathered_with(model, samples, carried, tared) for samples, carried in runs]
-
-
-def gathered_with(
-    model: TorqueModel, samples: list[Measurements], carried: bool, tared: bool = False
-) -> Gathered:
-    """Sums over runs, with columns for a load that is carried in all of them or in none."""
-    return gather(Loaded(model, carried, tared), samples)  # type: ignore[arg-type]
+    return [gather(Loaded(model, x, tared), samples) for samples, x in runs]  # type: ignore[arg-type]

@@ -45,6 +45,7 @@ class CheckedRecording:
     segments: list[Segment]
     agreement: Agreement
     warnings: list[str]
+    faults: list[str]  # the warnings about saturated or frozen torques
     remarks: dict[str, str]  # the warnings about unused, contradictory signals, by signal
     late: str | None  # warning about a clear but uncorrected delay
     delay: Delay  # of the torques
@@ -211,7 +212,8 @@ def check_recording(
     locked = arm.setup.locked or {}
     warnings = [f"{x} is locked and left out, at {locked[x]:.4g}" for x in settings.without if x in locked]
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
-    warnings += plausibility.range_warnings(statistics, arm)
+    faults = plausibility.fault_warnings(statistics, arm)
+    warnings += [*plausibility.range_warnings(statistics, arm), *faults]
     warnings += remarks.values()
     if gains is not None and recording.load == "torque":
         warnings.append(_UNUSED_GAINS)
@@ -230,6 +232,7 @@ def check_recording(
         segments=segments,
         agreement=agreement,
         warnings=warnings + agreement.warnings(arm),
+        faults=faults,
         remarks=remarks,
         late=late,
         delay=delay,

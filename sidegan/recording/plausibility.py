@@ -61,12 +61,19 @@ def range_warnings(statistics: Statistics, arm: Arm) -> list[str]:
         (position.constant, "{} never moved"),
         (little.all(), f"the arm hardly moves: {hardly}"),
         (outside, "{} exceeded the position limits"),
-        (load.clipped > 0, f"the {name} of {{}} looks saturated"),
         (coarse, f"the {name} of {{}} is coarsely quantised"),
     ]
     if name == "torque":
         found.append((load.largest > arm.torque_limit, "the torque of {} exceeds the arm's limit"))
     warnings = [text.format(arm.named(which)) if which.ndim else text for which, text in found if which.any()]
+    return warnings
+
+
+def fault_warnings(statistics: Statistics, arm: Arm) -> list[str]:
+    """Warnings about torques or currents that cannot be those of the motion."""
+    name = statistics.load
+    clipped = statistics.signals[name].clipped > 0
+    warnings = [f"the {name} of {arm.named(clipped)} looks saturated"] if clipped.any() else []
     for joint, begin, end in statistics.frozen:
         warnings.append(
             f"the {name} of {arm.joint_names[joint]} is frozen from {begin:.2f} s to {end:.2f} s, "

@@ -1,0 +1,177 @@
+"""What differs between recordings, or changes within one: the load, friction, or offsets of the torques."""
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+
+from sidegan.base.arrays import Array
+from sidegan.identification.fit import Fit, covariance_of, reweighted, torque_errors
+from sidegan.identification.gather import Gathered, gather
+from sidegan.identification.identified import IdentifiedArm
+from sidegan.identification.measurements import Measurements
+from sidegan.identification.model import Terms, TorqueModel
+from sidegan.identification.payload import LOAD
+from sidegan.identification.sums import Sums
+from sidegan.recording.check import CheckedRecording
+
+_WINDOWS = 8  # equal parts of a recording, between which its load may change
+_LEAST = 10  # samples of a part
+_EXPLAINED = 0.5  # most of the squared residuals that may remain if a change is to explain them
+_FITS = 0.1  # most of the torques' squares that may remain then
+_SURE = 5.0  # standard deviations from zero at which a load's mass is significant
+_NOTABLE = 0.02  # smallest load that is reported, as a share of the arm's mass
+_TINY = np.finfo(float).tiny
+
+
+def change_in(found: IdentifiedArm) -> str:
+    """Remark on the change that explains most of an arm's residuals; empty if none does."""
+    each = [_parts(found, recording) for recording in found.recordings]
+    ends = np.cumsum([len(parts) for parts in each]).tolist()
+    later = [range(end - k, end) for end, parts in zip(ends, each) for k in range(1, len(parts))]
+    whole = [range(end - len(parts), end) for end, parts in zip(ends, each) if parts]
+    if len(whole) < 3:
+        whole = whole[1:]  # the data cannot say which of two recordings it is
+    parts = [part for parts in each for part in parts]
+    model = _Extended(found.model)
+    changes = [_change(model, parts, changed, "load") for changed in whole + later]
+    onwards = [range(k, len(parts)) for k in range(1, len(parts))]  # an arm that has warmed up stays warm
+    changes += [_change(model, parts, changed, "friction") for changed in dict.fromkeys(whole + onwards)]
+    changes += [_change(model, parts, changed, "offsets") for changed in whole]
+    believed = [change for change in changes if change.believed]
+    best = min(believed, key=lambda change: change.remaining, default=None)
+    return "" if best is None else best.text(parts)
+
+
+class _Extended:
+    """A model with further columns for changed parts: a load on the last link, friction, and offsets."""
+
+    kinds = ("changes",)  # not empty, so that ``gather`` uses the regressor
+
+    def __init__(self, model: TorqueModel) -> None:
+        joints, first = model.joints, model.count
+        self.model, self.joints = model, joints
+        friction = Terms(offset=False, sign_width=model.terms.sign_width)
+        self._friction = friction
+        self.further = {
+            "load": slice(first, first + LOAD),
+            "friction": slice(first + LOAD, first + LOAD + 2 * joints),
+            "offsets": slice(first + LOAD + 2 * joints, first + LOAD + 3 * joints),
+        }
+        self.count = first + LOAD + 3 * joints
+
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
+        """Regressor, (S, J, P + 10 + 3 J), of states (S, J)."""
+        load = self.model.body.regressor(q, dq, ddq)[..., -LOAD:]
+        signals = [*self._friction.signals(dq, ddq, sign), np.ones_like(dq)]
+        diagonal = [x[..., None] * np.eye(self.joints) for x in signals]
+        return np.concatenate([self.model.regressor(q, dq, ddq, sign), load, *diagonal], 2)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Samples of a part of a recording, with the further columns."""
+
+    recording: CheckedRecording
+    begin: float  # [s]
+    data: Gathered
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """A change in some parts of recordings, fitted together with the model."""
+
+    model: _Extended
+    changed: range  # indices of these parts
+    kind: str
+    fit: Fit
+    sums: Sums  # of all parts
+    before: Array  # squared residuals without the change, (J,)
+    deviation: float  # of a load's mass [kg]
+
+    @property
+    def after(self) -> Array:
+        """Squared residuals with the change, (J,)."""
+        return np.maximum(self.sums.squares(self.fit.parameters), _TINY)
+
+    @property
+    def remaining(self) -> float:
+        """Share of the squared residuals that remains, geometric mean over joints."""
+        return float(np.exp(np.log(self.after / np.maximum(self.before, _TINY)).mean()))
+
+    @property
+    def mass(self) -> float:
+        """Mass of the load [kg]."""
+        return float(self.fit.parameters[self.model.further["load"]][0])
+
+    @property
+    def believed(self) -> bool:
+        """Whether the change explains the residuals, and is significant."""
+        left = np.exp(np.log(self.after / np.maximum(self.sums.energy, _TINY)).mean())
+        least = _NOTABLE * self.model.model.arm.inertial_parameters[:, 0].sum()
+        heavy = abs(self.mass) > max(_SURE * self.deviation, least)
+        return self.remaining < _EXPLAINED and left < _FITS and (self.kind != "load" or heavy)
+
+    def text(self, parts: list[_Part]) -> str:
+        """Remark on the change."""
+        first = parts[self.changed[0]]
+        name, arm = first.recording.name, self.model.model.arm
+        within = first.begin > min(part.begin for part in parts if part.recording is first.recording)
+        where = f"from about {first.begin:.3g} s of {name} on" if within else f"in {name}"
+        explains = f"{self.mass:+.2g} ± {self.deviation:.1g} kg on {arm.link_names[-1]} explains it"
+        names = arm.named(self.after < _EXPLAINED * self.before)
+        if self.kind == "friction":
+            return (
+                f"{where} the friction of {names} differs: is the arm warmer or colder there? record after "
+                "warming up, and identify from recordings of one temperature"
+            )
+        if self.kind == "offsets":
+            return (
+                f"{where} the torques of {names} have other offsets: were the sensors tared in between? "
+                "tare them before every recording, or never"
+            )
+        if within:
+            return (
+                f"{where} the load differs: {explains}; was an object picked up or put down? cut the rows "
+                "before or after"
+            )
+        return (
+            f"{name} was recorded with a different load than the others: {explains}; identify from "
+            "recordings with one load (+experiment=payload identifies the difference)"
+        )
+
+
+def _parts(found: IdentifiedArm, recording: CheckedRecording) -> list[_Part]:
+    """Equal parts of a recording; none if it is too short."""
+    time, *signals = (np.concatenate(x) for x in zip(*recording.segments))
+    if len(time) < _WINDOWS * _LEAST:
+        return []
+    cuts = np.array_split(np.arange(len(time)), _WINDOWS)
+    samples = [Measurements(*(x[rows] for x in signals)) for rows in cuts]
+    data = [gather(_Extended(found.model), x) for x in samples]  # type: ignore[arg-type]
+    return [_Part(recording, float(time[rows[0]]), x) for rows, x in zip(cuts, data)]
+
+
+def _change(model: _Extended, parts: list[_Part], changed: range, kind: str) -> _Change:
+    """A change of one kind in some parts, fitted together with the model."""
+    own = np.arange(model.count) < model.model.count
+    further = own.copy()
+    further[model.further[kind]] = True
+    without = [_only(part.data.sums, own) for part in parts]
+    added = [_only(part.data.sums, further) if k in changed else without[k] for k, part in enumerate(parts)]
+    before, sums = reduce(Sums.plus, without), reduce(Sums.plus, added)
+    fit = reweighted(sums)
+    deviation = 0.0
+    if kind == "load":
+        data = parts[changed[0]].data
+        pieces = [piece for k in changed for piece in parts[k].data.pieces]
+        errors = torque_errors(Gathered(data.model, sums, pieces, data.reach), fit)
+        mass = model.further["load"].start
+        deviation = float(np.sqrt(covariance_of(sums, fit, errors)[mass, mass]))
+    left = before.squares(reweighted(before).parameters)
+    return _Change(model, changed, kind, fit, sums, left, deviation)
+
+
+def _only(sums: Sums, kept: Array) -> Sums:
+    """Sums in which columns that are not kept, (P,), are zero."""
+    return sums._replace(information=sums.information * (kept[:, None] & kept), moment=sums.moment * kept)
