@@ -14,6 +14,7 @@ from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.score import score, shown
 from sidegan.identification.sums import scaled_inverse
+from sidegan.identification.tilt import tilted_gravity
 from sidegan.identification.verdict import (
     BAD,
     GOOD,
@@ -45,11 +46,11 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     model = found.model
     arm = found.model.arm
     links = found.links
-    remarks: dict[str, str] = {}
+    unused: dict[str, str] = {}
     for recording in found.recordings[::-1]:  # reversed: the first recording's remark on a signal wins
-        remarks |= recording.remarks
+        unused |= recording.remarks
     level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
-    repairs = [Finding(level, text) for text in remarks.values()]
+    repairs = [Finding(level, text) for text in unused.values()]
     segments = [segment for recording in found.training for segment in recording.segments]
     agreement = agreement_of(model.body, segments)
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
@@ -57,12 +58,9 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
     faults = [f"{x.name}: {text}" for x in found.recordings for text in x.faults]
     if unexplained:
-        change = change_in(found)
-        explained = faults or (
-            [change] if change else _odd_validation(found, agreement) or disturbances(found)
-        )
-        if explained:
-            return [*(Finding(USABLE, text) for text in explained), *repairs], False
+        because = faults or change_in(found) or _odd_validation(found, agreement) or disturbances(found)
+        if because:
+            return [*(Finding(USABLE, text) for text in because), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     if exchanged:
@@ -74,13 +72,18 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         causes.insert(0, Finding(BAD, _driven(others)))
     if against:
         causes.insert(0, Finding(BAD, against))
+    if not causes and unexplained:
+        tilted = tilted_gravity(model, measurements_of(found.training))
+        if tilted is not None:
+            agreement = agreement._replace(turned=True, load=agreement.load._replace(gravity=tilted))
+            gravity = agreement.gravity(arm)
     if not causes and gravity is None and (shifted := _shifted(found)):
         causes.append(Finding(USABLE, shifted))
-    if not causes and gravity is None:
-        faults = _odd_scale(found, agreement)
-        if not faults and found.quality.verdict != GOOD:
-            faults = _rotors(found)
-        causes += [Finding(USABLE, text) for text in faults]
+    if not causes and gravity is None and not faults:
+        remarks = _odd_scale(found, agreement)
+        if not remarks and found.quality.verdict != GOOD:
+            remarks = _rotors(found)
+        causes += [Finding(USABLE, text) for text in remarks]
     identifiable = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
     if not causes:
         masses = (float(x[identifiable, 0].sum()) for x in (links, arm.inertial_parameters))

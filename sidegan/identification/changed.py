@@ -24,8 +24,8 @@ _NOTABLE = 0.02  # smallest load that is reported, as a share of the arm's mass
 _TINY = np.finfo(float).tiny
 
 
-def change_in(found: IdentifiedArm) -> str:
-    """Remark on the change that explains most of an arm's residuals; empty if none does."""
+def change_in(found: IdentifiedArm) -> list[str]:
+    """A remark on the change that explains most of an arm's residuals; empty if none does."""
     each = [_parts(found, recording) for recording in found.recordings]
     ends = np.cumsum([len(parts) for parts in each]).tolist()
     later = [range(end - k, end) for end, parts in zip(ends, each) for k in range(1, len(parts))]
@@ -40,7 +40,7 @@ def change_in(found: IdentifiedArm) -> str:
     changes += [_change(model, parts, changed, "offsets") for changed in whole]
     believed = [change for change in changes if change.believed]
     best = min(believed, key=lambda change: change.remaining, default=None)
-    return "" if best is None else best.text(parts)
+    return [] if best is None else [best.text(parts)]
 
 
 class _Extended:

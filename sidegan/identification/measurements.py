@@ -1,6 +1,6 @@
 """Samples of joint states and torques, recorded or simulated."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -74,6 +74,13 @@ def pieces(measurements: Samples) -> Iterator[Measurements]:
     """Pieces of measurements; none spans two recordings."""
     for recording in [measurements] if isinstance(measurements, Measurements) else measurements:
         yield from (recording[i : i + SAMPLES_AT_ONCE] for i in range(0, len(recording), SAMPLES_AT_ONCE))
+
+
+def thinned(samples: Sequence[Measurements], most: int) -> Measurements:
+    """Every k-th sample of recordings in one, at most about so many."""
+    stride = max(1, sum(map(len, samples)) // most)
+    names = vars(samples[0])
+    return Measurements(*(np.concatenate([getattr(x, name)[::stride] for x in samples]) for name in names))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements
+from sidegan.identification.measurements import Measurements, thinned
 from sidegan.identification.model import TorqueModel
 
 _SAMPLES = 2_000  # enough to find a zero
@@ -31,10 +31,7 @@ def shifted_zeros(model: TorqueModel, samples: Sequence[Measurements]) -> Array:
     Links and terms of the model are fitted anew with them. They are believed if they are significant and
     explain the residuals in both halves of the samples; those that links can make up for cannot be found.
     """
-    stride = max(1, sum(map(len, samples)) // _SAMPLES)
-    whole = Measurements(
-        *(np.concatenate([getattr(x, name)[::stride] for x in samples]) for name in vars(samples[0]))
-    )
+    whole = thinned(samples, _SAMPLES)
     every = np.ones(model.joints, dtype=bool)
     first = _fitted(model, whole, every)
     clear = np.abs(first.zeros) > np.maximum(_NOTABLE, _SURE * first.deviation)
