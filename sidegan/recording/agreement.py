@@ -75,8 +75,8 @@ class Agreement(NamedTuple):
         scale, rescaled = self.load.scale, self.rescaled
         if self.pace != 1:
             found.append(
-                f"with a motion {self.pace:.2g} times as fast, the torques fit the description far better: are "
-                "the time stamps right? (recording.units.time, or recording.rate where there are none)"
+                f"with a motion {self.pace:.2g} times as fast the torques fit the description far better: "
+                "are the time stamps right? (recording.units.time, or recording.rate where there are none)"
             )
         elif rescaled.any():
             joints = zip(arm.joint_names, scale.tolist(), rescaled.tolist())

@@ -120,8 +120,10 @@ def test_a_fault_of_the_recordings_comes_first_and_suppresses_advice(change, ver
 
 
 TILTED = (math.sqrt(0.5), 0.0, -math.sqrt(0.5))
+SLOPE = (0.0, math.sin(0.1), -math.cos(0.1))
 TURNED = [
     ((0, 0, 1), "along +z of the base, by the description along −z", [math.pi, 0, 0]),
+    (SLOPE, "along (0.00, 0.10, -1.00) of the base", [-0.1, 0, 0]),
     (TILTED, "along (0.71, 0.00, -0.71) of the base", [0, math.pi / 4, 0]),
 ]
 
@@ -226,6 +228,56 @@ def carrying(seed, since=0.0):
 def test_a_recording_with_another_load_is_reported():
     quality = judged(recorded(2), carrying(3)).quality
     assert re.search(r"^carrying was recorded with a different load .*: \+2 ± .* kg on ", quality.reasons[0])
+
+
+def colder(made):
+    return made.torque + 0.7 * (VISCOUS[0] * made.velocity + COULOMB[0] * np.tanh(made.velocity / 0.01))
+
+
+def colder_at_first(made):
+    return np.where(made.time[:, None] < 6.0, colder(made), made.torque)
+
+
+def not_tared(made):
+    return made.torque + np.array([0, 0, 0, 12.0, 0, 0, 0])
+
+
+def saturated(made):
+    return np.clip(made.torque, None, [60.0, 20.0, 60.0, 60.0, 60.0, 60.0, 60.0])
+
+
+DIFFERENT = [  # change of the torques in training, in validation, and the first reason
+    (
+        None,
+        colder,
+        "^in changed the friction of joint_1, joint_2.* differs: is the arm warmer or colder there",
+    ),
+    (colder_at_first, None, r"^from about (5|6|7)\S* s of changed on the friction of joint_1.* differs"),
+    (None, not_tared, "^in changed the torques of joint_4 have other offsets: were the sensors tared"),
+    (saturated, None, "^changed: the torque of joint_2 looks saturated"),
+    (None, swapped, "^changed: torques look swapped: that of joint_2 fits joint_3"),
+]
+
+
+@pytest.mark.parametrize(("training", "validation", "words"), DIFFERENT)
+def test_what_differs_between_or_within_recordings_is_named(training, validation, words):
+    def changed(change):
+        return change and (lambda made: replace(made, name="changed", torque=change(made)))
+
+    both = [recorded(seed, changed(change)) for seed, change in ((2, training), (3, validation))]
+    quality = judged(*both).quality
+    assert quality.verdict != GOOD and re.search(words, quality.reasons[0])
+
+
+@pytest.mark.parametrize("pace", [0.5, 2.0])
+def test_a_clock_of_another_pace_is_reported(pace):
+    def slower(made):
+        return replace(made, time=pace * made.time, velocity=None, acceleration=None)
+
+    found = recorded(2, slower).agreement
+    assert found.pace == pytest.approx(pace, rel=0.05)
+    (doubt, *_) = found.doubts(ARM)
+    assert "are the time stamps right" in doubt
 
 
 @pytest.mark.parametrize("since", [5.0, 9.0])
