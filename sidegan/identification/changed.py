@@ -1,7 +1,7 @@
 """What differs between recordings, or changes within one: the load, friction, or offsets of the torques."""
 
 from dataclasses import dataclass
-from functools import reduce
+from itertools import accumulate
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.payload import LOAD
-from sidegan.identification.sums import Sums
+from sidegan.identification.sums import Sums, no_sums
 from sidegan.recording.check import CheckedRecording
 
 _WINDOWS = 8  # equal parts of a recording, between which its load may change
@@ -33,14 +33,13 @@ def change_in(found: IdentifiedArm) -> list[str]:
     if len(whole) < 3:
         whole = whole[1:]  # the data cannot say which of two recordings it is
     parts = [part for parts in each for part in parts]
-    model = _Extended(found.model)
-    changes = [_change(model, parts, changed, "load") for changed in whole + later]
     onwards = [range(k, len(parts)) for k in range(1, len(parts))]  # an arm that has warmed up stays warm
-    changes += [_change(model, parts, changed, "friction") for changed in dict.fromkeys(whole + onwards)]
-    changes += [_change(model, parts, changed, "offsets") for changed in whole]
+    where = {"load": whole + later, "friction": [*dict.fromkeys(whole + onwards)], "offsets": whole}
+    samples = _Samples.of(_Extended(found.model), parts)
+    changes = [_change(samples, changed, kind) for kind, ranges in where.items() for changed in ranges]
     believed = [change for change in changes if change.believed]
     best = min(believed, key=lambda change: change.remaining, default=None)
-    return [] if best is None else [best.text(parts)]
+    return [] if best is None else [best.text]
 
 
 class _Extended:
@@ -60,6 +59,13 @@ class _Extended:
         }
         self.count = first + LOAD + 3 * joints
 
+    def columns(self, kind: str | None = None) -> Array:
+        """Which columns are the model's, or those of one kind of change, (P + 10 + 3 J,)."""
+        kept = np.arange(self.count) < self.model.count
+        if kind is not None:
+            kept[self.further[kind]] = True
+        return kept
+
     def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
         """Regressor, (S, J, P + 10 + 3 J), of states (S, J)."""
         load = self.model.body.regressor(q, dq, ddq)[..., -LOAD:]
@@ -78,15 +84,32 @@ class _Part:
 
 
 @dataclass(frozen=True, eq=False)
+class _Samples:
+    """All parts of an arm's recordings."""
+
+    model: _Extended
+    parts: list[_Part]
+    upto: list[Sums]  # over the parts before each, and over all
+    before: Array  # squared residuals without a change, (J,)
+
+    @classmethod
+    def of(cls, model: _Extended, parts: list[_Part]) -> "_Samples":
+        """Those of some parts."""
+        nothing = no_sums(model.joints, model.count)
+        upto = [*accumulate((part.data.sums for part in parts), Sums.plus, initial=nothing)]
+        unchanged = _only(upto[-1], model.columns())
+        return cls(model, parts, upto, unchanged.squares(reweighted(unchanged).parameters))
+
+
+@dataclass(frozen=True, eq=False)
 class _Change:
     """A change in some parts of recordings, fitted together with the model."""
 
-    model: _Extended
+    samples: _Samples
     changed: range  # indices of these parts
     kind: str
     fit: Fit
-    sums: Sums  # of all parts
-    before: Array  # squared residuals without the change, (J,)
+    sums: Sums  # of all parts, with the change
     deviation: float  # of a load's mass [kg]
 
     @property
@@ -97,29 +120,31 @@ class _Change:
     @property
     def remaining(self) -> float:
         """Share of the squared residuals that remains, geometric mean over joints."""
-        return float(np.exp(np.log(self.after / np.maximum(self.before, _TINY)).mean()))
+        return float(np.exp(np.log(self.after / np.maximum(self.samples.before, _TINY)).mean()))
 
     @property
     def mass(self) -> float:
         """Mass of the load [kg]."""
-        return float(self.fit.parameters[self.model.further["load"]][0])
+        return float(self.fit.parameters[self.samples.model.further["load"]][0])
 
     @property
     def believed(self) -> bool:
         """Whether the change explains the residuals, and is significant."""
         left = np.exp(np.log(self.after / np.maximum(self.sums.energy, _TINY)).mean())
-        least = _NOTABLE * self.model.model.arm.inertial_parameters[:, 0].sum()
+        least = _NOTABLE * self.samples.model.model.arm.inertial_parameters[:, 0].sum()
         heavy = abs(self.mass) > max(_SURE * self.deviation, least)
         return self.remaining < _EXPLAINED and left < _FITS and (self.kind != "load" or heavy)
 
-    def text(self, parts: list[_Part]) -> str:
+    @property
+    def text(self) -> str:
         """Remark on the change."""
+        parts, arm = self.samples.parts, self.samples.model.model.arm
         first = parts[self.changed[0]]
-        name, arm = first.recording.name, self.model.model.arm
+        name = first.recording.name
         within = first.begin > min(part.begin for part in parts if part.recording is first.recording)
         where = f"from about {first.begin:.3g} s of {name} on" if within else f"in {name}"
         explains = f"{self.mass:+.2g} ± {self.deviation:.1g} kg on {arm.link_names[-1]} explains it"
-        names = arm.named(self.after < _EXPLAINED * self.before)
+        names = arm.named(self.after < _EXPLAINED * self.samples.before)
         if self.kind == "friction":
             return (
                 f"{where} the friction of {names} differs: is the arm warmer or colder there? record after "
@@ -152,24 +177,21 @@ def _parts(found: IdentifiedArm, recording: CheckedRecording) -> list[_Part]:
     return [_Part(recording, float(time[rows[0]]), x) for rows, x in zip(cuts, data)]
 
 
-def _change(model: _Extended, parts: list[_Part], changed: range, kind: str) -> _Change:
+def _change(samples: _Samples, changed: range, kind: str) -> _Change:
     """A change of one kind in some parts, fitted together with the model."""
-    own = np.arange(model.count) < model.model.count
-    further = own.copy()
-    further[model.further[kind]] = True
-    without = [_only(part.data.sums, own) for part in parts]
-    added = [_only(part.data.sums, further) if k in changed else without[k] for k, part in enumerate(parts)]
-    before, sums = reduce(Sums.plus, without), reduce(Sums.plus, added)
+    model, upto = samples.model, samples.upto
+    inside = upto[changed.stop].minus(upto[changed.start])
+    rest = _only(upto[-1].minus(inside), model.columns())
+    sums = rest.plus(_only(inside, model.columns(kind)))
     fit = reweighted(sums)
     deviation = 0.0
     if kind == "load":
-        data = parts[changed[0]].data
-        pieces = [piece for k in changed for piece in parts[k].data.pieces]
-        errors = torque_errors(Gathered(data.model, sums, pieces, data.reach), fit)
+        parts = [samples.parts[k].data for k in changed]
+        pieces = [piece for part in parts for piece in part.pieces]
+        errors = torque_errors(Gathered(parts[0].model, sums, pieces, parts[0].reach), fit)
         mass = model.further["load"].start
         deviation = float(np.sqrt(covariance_of(sums, fit, errors)[mass, mass]))
-    left = before.squares(reweighted(before).parameters)
-    return _Change(model, changed, kind, fit, sums, left, deviation)
+    return _Change(samples, changed, kind, fit, sums, deviation)
 
 
 def _only(sums: Sums, kept: Array) -> Sums:
