@@ -8,9 +8,9 @@ import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.identification.fit import reweighted
-from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, thinned
 from sidegan.identification.model import TorqueModel
+from sidegan.identification.sums import sums_of
 from sidegan.motion.dynamics import RigidBody
 
 _SAMPLES = 1_000  # enough to find a tilt
@@ -32,20 +32,24 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
         return None
     across = np.linalg.svd(described[None])[2][1:]  # two directions at right angles to it, (2, 3)
     whole = thinned(samples, _SAMPLES)
-    half = len(whole) // 2
+    q, resting = whole.position, 0 * whole.position
+    inertial, *static = (RigidBody(replace(model.arm, gravity=g)) for g in np.eye(4, 3, -1))
+    moved = inertial.regressor(*whole.states)
+    held = np.stack([body.regressor(q, resting, resting) for body in static])  # by 1 m/s² along each axis
+    terms = model.regressor(*whole.inputs)[..., model.rigid :]
 
     def turned(tilt: Array) -> Array:
         direction = described / size + tilt @ across
         return size * direction / np.linalg.norm(direction)
 
-    def left(gravity: Array, part: Measurements) -> float:
+    def left(gravity: Array, part: slice) -> float:
         """Logarithm of the squared residuals, mean over joints."""
-        body = RigidBody(replace(model.arm, gravity=gravity))
-        sums = gather(TorqueModel(body, model.terms), part).sums
+        links = moved[part] + np.tensordot(gravity, held[:, part], 1)
+        sums = sums_of(np.concatenate([links, terms[part]], 2), whole.torque[part])
         return float(np.log(np.maximum(sums.squares(reweighted(sums).parameters), _TINY)).mean())
 
     found = scipy.optimize.minimize(
-        lambda tilt: left(turned(tilt), whole),
+        lambda tilt: left(turned(tilt), slice(None)),
         np.zeros(2),
         method="Nelder-Mead",
         options={
@@ -54,6 +58,6 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
             "fatol": 0.1,
         },
     ).x
-    gain = np.log(_EXPLAINED)
-    better = (left(turned(found), x) < left(described, x) + gain for x in (whole[:half], whole[half:]))
+    halves = slice(None, len(whole) // 2), slice(len(whole) // 2, None)
+    better = (left(turned(found), x) < left(described, x) + np.log(_EXPLAINED) for x in halves)
     return turned(found) if np.linalg.norm(found) > _NOTABLE and all(better) else None
