@@ -37,8 +37,8 @@ def doubts(cell: "Cell") -> Iterator[str]:
             f"{placeholders}: torques, torque limits, energies and expected uncertainties mean "
             "nothing until a model is identified; goal.objective=condition needs no masses"
         )
-    if constraints.arm.capsules.points:
-        yield f"{arm.name} has no collision shapes: only its joint origins are kept out of regions"
+    if constraints.arm.capsules.only_points:
+        yield f"{arm.name} has no moving collision shapes: only its joint origins are kept out of regions"
 
 
 def _masses(arm: Arm) -> str:
@@ -93,7 +93,7 @@ def decisions(cell: "Cell") -> Iterator[str]:
         share = f"{cell.effort:.0%} of the velocity and torque limits{why}"
         yield f"effort: {share}; robot.effort=… changes it"
     yield _friction(cell)
-    if cell.workspace.clearance is None and not constraints.arm.capsules.points:
+    if cell.workspace.clearance is None and not constraints.arm.capsules.only_points:
         yield f"kept clear: {constraints.kept_clear}; workspace.clearance=… changes it"
     yield f"checked: {constraints.described()}"
 

@@ -147,7 +147,7 @@ class Workspace:
         arm = with_points(arm)
         if self.clearance is not None:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
-        if arm.capsules.points:  # distances between points mean nothing
+        if arm.capsules.only_points:  # distances between points mean nothing
             return Constraints(arm, shapes, self.torque)
         tight = self._tight(arm, home)
         for clearance in _USUALLY:
@@ -169,7 +169,7 @@ class Workspace:
                 if rests_at(self.around(arm, arm.home), arm.home):
                     return tuple(arm.home)
         around = self.around(arm)
-        if self.clearance is not None or around.arm.capsules.points:
+        if self.clearance is not None or around.arm.capsules.only_points:
             return default_home(around)
         return self._roomy_home(around)
 
@@ -193,7 +193,12 @@ class Workspace:
 
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values that identify artifacts for an arm in this workspace."""
-        stamp = {"torque": self.torque, "regions": [region.stamped() for region in self.given(arm)]}
+        stamp: dict[str, Any] = {
+            "torque": self.torque,
+            "regions": [region.stamped() for region in self.given(arm)],
+        }
+        if len(arm.capsules.link) and (points := with_points(arm).capsules.points):
+            stamp["joint_origins"] = points
         return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
 
     def notes(self, arm: Arm) -> str:

@@ -44,12 +44,22 @@ class Capsules:
     radius: Array  # radius [m], (C,)
     owners: tuple[str, ...]  # the description's link that each belongs to
     pieces: Pieces | None = None  # bodies inside them; None if the capsules are the exact shapes
-    points: bool = False  # whether they are points of an arm without shapes, used for regions only
+    points: int = 0  # number of the last ones that are points of links without shapes, used for regions only
 
     @property
     def core(self) -> Array:
         """Radii [m], (C,), with which optimisers avoid collisions: about those of the bodies inside."""
         return self.radius if self.pieces is None else self.pieces.core
+
+    @property
+    def shaped(self) -> Array:
+        """Whether each is a shape, not a point, (C,)."""
+        return np.arange(len(self.link)) < len(self.link) - self.points
+
+    @property
+    def only_points(self) -> bool:
+        """Whether all that moves is points."""
+        return 0 < self.points == np.count_nonzero(self.link >= 0)
 
 
 @dataclass(frozen=True, eq=False)

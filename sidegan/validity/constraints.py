@@ -187,14 +187,16 @@ class Constraints:
         links += _except([str(exemption) for exemption in pairs.named], "may touch")
         links += f"; {len(pairs.never)} never touch" if pairs.never else ""
         guarded = counted(
-            len(self.guarded) + len(self.never_out), "joint origin" if capsules.points else "link"
+            len(self.guarded) + len(self.never_out), "joint origin" if capsules.only_points else "link"
         )
+        origins = 0 if capsules.only_points else int(self._points.sum())
+        guarded += f" ({counted(origins, 'joint origin')})" if origins else ""
         regions = f"{len(self.guarded)} of {guarded} against {counted(len(self.regions), 'region')}"
         regions += _except(self.never_out, "always inside")
         found = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
         if self.clearance:
             found.append(f"{self.kept_clear} kept clear")
-        shaped = set() if capsules.points else set(capsules.link[capsules.link >= 0].tolist())
+        shaped = set(capsules.link[capsules.shaped & (capsules.link >= 0)].tolist())
         if bare := arm.joints - len(shaped):
             found.append(f"not checked: {counted(bare, 'link')} without a shape")
         return "; ".join(found)
@@ -219,9 +221,7 @@ class Constraints:
         so are joint origins, which stand for links without shapes.
         """
         far = np.full((len(q), 1), np.inf)
-        if self.arm.capsules.points:
-            return far[:, 0], np.zeros(len(q), int)
-        kept = self.kept | {"keep_out": np.where(self._whole, self.kept["keep_out"], np.inf)}
+        kept = self.kept | {"keep_out": np.where(self._whole & ~self._points, self.kept["keep_out"], np.inf)}
         near = [margin + kept[name] for name, margin in self._distances(q).items()]
         distances = np.concatenate([*near, far], 1)
         return distances.min(1), distances.argmin(1)
@@ -230,6 +230,11 @@ class Constraints:
     def _whole(self) -> Array:
         """Whether each guarded capsule keeps the whole clearance, (K,)."""
         return self.guarded[:, 0] < len(self.regions)
+
+    @property
+    def _points(self) -> Array:
+        """Whether each guarded capsule is a point that stands for a link, (K,)."""
+        return ~self.arm.capsules.shaped[self.guarded[:, 1]]
 
     @property
     def kept(self) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Floor and planes of an arm's description, and points that stand for links of arms without shapes."""
+"""Floor and planes of an arm's description, and points that stand for links without shapes."""
 
 import math
 from dataclasses import replace
@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from sidegan.base.arrays import Array
 from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.mounting import stands
@@ -44,14 +45,42 @@ def planes_of(arm: Arm) -> tuple[list[Plane], int]:
 
 @lru_cache(maxsize=16)
 def with_points(arm: Arm) -> Arm:
-    """The arm, with joint origins and tip as its shapes if it has none."""
-    if len(arm.capsules.link):
+    """The arm, with points for moving links without a shape: origins of the joints at both ends, or the tip.
+
+    The origin of the first joint does not move and is left out.
+    """
+    bare = ~np.isin(np.arange(arm.joints), arm.capsules.link)
+    if not bare.any():
         return arm
-    places = np.stack([*arm.translation[1:], arm.tip])
-    owners = (*arm.joint_names[1:], "the tip")
-    radius = np.zeros(arm.joints)
-    points = Capsules(np.arange(arm.joints), places, places, radius, owners, points=True)
-    return replace(arm, capsules=points)
+    link = np.flatnonzero(bare | np.append(bare[1:], False))  # whose outer end is an end of a bare one
+    places = np.stack([*arm.translation[1:], arm.tip])[link]
+    names = (*arm.joint_names[1:], "the tip")
+    return replace(arm, capsules=_added(arm.capsules, link, places, [names[k] for k in link]))
+
+
+def _added(shapes: Capsules, link: Array, places: Array, owners: list[str]) -> Capsules:
+    """Capsules, and points on links (N,) at places (N, 3) [m]."""
+    none, pieces = np.zeros(len(link)), shapes.pieces
+    if pieces is not None:
+        pieces = replace(
+            pieces,
+            corners=np.concatenate([pieces.corners, places]),
+            start=np.append(pieces.start, pieces.start[-1] + 1 + np.arange(len(link))),
+            radius=np.append(pieces.radius, none),
+            exact=np.append(pieces.exact, none == 0),
+            fitted=np.append(pieces.fitted, none > 0),
+            core=np.append(pieces.core, none),
+        )
+    return replace(
+        shapes,
+        link=np.append(shapes.link, link),
+        a=np.concatenate([shapes.a, places]),
+        b=np.concatenate([shapes.b, places]),
+        radius=np.append(shapes.radius, none),
+        owners=(*shapes.owners, *owners),
+        pieces=pieces,
+        points=len(link),
+    )
 
 
 @lru_cache(maxsize=16)

@@ -169,7 +169,7 @@ class _Touching:
 
     def __init__(self, arm: Arm) -> None:
         link, owners = arm.capsules.link, arm.capsules.owners
-        pairs = np.argwhere(np.tri(0 if arm.capsules.points else len(link), k=-1).T)
+        pairs = np.argwhere(np.tri(len(link) - arm.capsules.points, k=-1).T)
         apart = np.abs(link[pairs[:, 0]] - link[pairs[:, 1]])
         self.pairs, apart = pairs[apart > 0], apart[apart > 0]
         self.rows: dict[Links, list[int]] = {}

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from sidegan.errors import ConfigError, RobotError
@@ -21,7 +22,7 @@ from sidegan.robot import (
 from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.visuals import visual_parts
 from sidegan.steps.trajectories import peaks
-from sidegan.validity.pairs import describe_displaced_shapes
+from sidegan.validity.pairs import describe_displaced_shapes, sampled
 from sidegan.validity.placeholders import describe_placeholder_limits
 from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
@@ -117,15 +118,30 @@ def test_displaced_shapes_are_reported(load, place):
     assert [describe_displaced_shapes(arm) + describe_placeholder_limits(arm) for arm in arms] == [""] * 4
 
 
-def test_without_shapes_joint_origins_stay_above_the_floor(load):
+@pytest.mark.parametrize("shaped", [0, 1, 2, 3, 5])
+def test_joint_origins_of_links_without_shapes_stay_above_the_floor(load, shaped):
+    """Of an arm of which the base and the first links have shapes; heights are Pinocchio's."""
     place = replace(workspace(choice="desk"), clearance=None)
-    arm = load(arm_of(dict.fromkeys(range(4), inertial()), base=""))
+    bare = dict.fromkeys(range(max(shaped - 1, 0), 4), inertial())
+    arm = load(arm_of(bare, base=None if shaped else ""))
     assert "floor at z = 0 m" in place.notes(arm)
+    assert ("joint_origins" in place.stamped(arm)) == (0 < shaped < 5)
     said = (constraints := place.around(arm)).described()
-    assert "0 of 0 pairs" in said and "4 of 4 joint origins against 1 region" in said and "clear" not in said
-    low = np.array([[0.0, 2.5, 0.0, 0.0], [0.0, 0.5, 0.5, 0.0]]).astype(float)
-    assert (constraints.at_rest(low)["keep_out"].min(1) > 0).tolist() == [False, True]
-    assert np.isinf(constraints.nearest(low)[0]).all()
+    assert ("0 of 0 pairs" in said and "4 of 4 joint origins against 1 region" in said) == (shaped < 2)
+    assert ("clear" in said) == (shaped > 1) == np.isfinite(constraints.nearest(np.zeros((1, 4)))[0]).all()
+    model = pin.buildModelFromUrdf(str(arm.urdf))
+    q = sampled(arm, 200)
+    free = constraints.at_rest(q)["keep_out"].min(1) >= 0
+    lowest = np.array([heights(model, x).min() for x in q])
+    assert (lowest[free] >= 0).all() and (shaped > 1 or (free == (lowest >= 0)).all())
+    assert free.any() and not free.all()
+
+
+def heights(model, q):
+    """Heights [m] of the origins of all joints but the first, which does not move, (J - 1,)."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return np.array([place.translation[2] for place in data.oMi[2:]])
 
 
 @pytest.mark.parametrize(
