@@ -34,7 +34,8 @@ def approach(
 
     The joints move synchronously, on a quintic in time. At the planned speed the duration is the shortest,
     but at least half a second, in which no joint uses more than a share ``careful`` of its limits; for
-    torque, this is the share for moving, on top of holding the arm. It is rounded up to whole samples.
+    torque, this is the share for moving, on top of holding the arm. It is rounded up to whole samples. If the
+    ends are the same, the arm rests there for half a second.
 
     Raises:
         ShapeError: when an end does not have one finite number per joint.
@@ -109,6 +110,8 @@ def _largest(share: Callable[[Array], Array], count: int) -> Array:
     largest = found.max(0)
     for _ in range(_ROUNDS):
         near = times[((found >= _NEAR * largest) & (largest > 0)).any(1)]
+        if not len(near):  # zero throughout: the arm does not move
+            break
         offsets = np.linspace(-step, step, 2 * _FINER + 1)
         times = np.unique(np.clip(near[:, None] + offsets, 0, 1))
         step /= _FINER

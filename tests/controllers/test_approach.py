@@ -87,6 +87,13 @@ def test_the_approach_has_a_row_per_tick_and_obeys_the_speed(desk):
     assert coarse.duration >= 20 / 8  # of which there are enough to follow it
 
 
+def test_an_arm_that_is_at_home_rests_there_for_the_shortest_time(desk):
+    course = way(desk, HOME, HOME)
+    assert course.duration == 0.5 and not course.velocity.any() and not course.acceleration.any()
+    np.testing.assert_allclose(course.position - HOME, 0, atol=1e-15)
+
+
+HOME = [0.1, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
 START = [0.6, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
 
 
