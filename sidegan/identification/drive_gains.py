@@ -25,39 +25,75 @@ class Gains:
 
     gains: Array  # torque per current [N·m/A or N/A], (J,)
     deviation: Array  # standard deviation of each, (J,)
+    against: Array  # whether currents run against the description, whatever the load, (J,) bool
 
     @property
     def certain(self) -> Array:
         """Whether a joint's gain may be used: the load's effect is clear and has the right sign, (J,)."""
-        return self.gains > _SURE * self.deviation
+        return self._clear & (self.gains > 0) & ~self.against & (not self.exchanged)
+
+    @property
+    def exchanged(self) -> bool:
+        """Whether most currents look as if the load was carried in the runs without it, not in the others."""
+        return bool(2 * self._taken_off.sum() > self._clear.sum())
+
+    @property
+    def _clear(self) -> Array:
+        """Whether the load's effect is clear, (J,)."""
+        return np.abs(self.gains) > _SURE * self.deviation
+
+    @property
+    def _taken_off(self) -> Array:
+        """Whether a current shows the load clearly, with the other sign than the arm itself, (J,)."""
+        return self._clear & ((self.gains < 0) != self.against)
 
     def doubts(self, arm: Arm) -> list[str]:
         """Reasons why some gains may not be used, with the joints' names."""
+        negative = self._clear & (self.gains < 0)
+        positive = self._clear & ~negative
+        if self.exchanged:
+            also = f" If so, signs of currents are reversed, too {_to_reverse(arm, positive)}"
+            return [
+                f"the currents of {arm.named(self._taken_off)} change as if the load were taken off: are "
+                f"recordings and loaded exchanged?{also if positive.any() else ''}"
+            ]
         doubts = []
-        negative = self.gains < -_SURE * self.deviation
-        if negative.all():
-            return ["the gains of all joints are negative: are recordings and loaded exchanged?"]
-        if unseen := arm.named(~self.certain & ~negative):
+        if unseen := arm.named(~self._clear):
             doubts.append(
                 f"the current of {unseen} hardly shows the load: σ of the gain is more than "
                 f"{1 / _SURE:.0%} of it; use a heavier load, or one further from the flange"
             )
-        if reversed_ := arm.named(negative):
+        if negative.any():
             doubts.append(
-                f"the gain of {reversed_} is negative: is the sign of its current reversed? "
-                f"(recording.reverse=[{reversed_.replace(', ', ',')}])"
+                f"the gain of {arm.named(negative)} is negative: is the sign of its current reversed? "
+                f"{_to_reverse(arm, negative)}"
+            )
+        if odd := arm.named(positive & self.against):
+            doubts.append(
+                f"the current of {odd} shows the load with the right sign but runs against the description: "
+                "is load.centre right?"
             )
         return doubts
 
 
+def _to_reverse(arm: Arm, joints: Array) -> str:
+    """The setting that reverses the currents of marked joints, (J,), in parentheses."""
+    return f"(recording.reverse=[{arm.named(joints).replace(', ', ',')}])"
+
+
 def drive_gains(
-    model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], load: Array
+    model: TorqueModel,
+    unloaded: list[Measurements],
+    loaded: list[Measurements],
+    load: Array,
+    against: Array | None = None,
 ) -> Gains:
     """Torque per current of each joint, from measurements whose ``torque`` is current [A].
 
     Currents alone give the arm's parameters up to a factor per joint; the known load (ten parameters in the
     last joint's frame) fixes it. Each joint is fitted separately: its current i = Y φ + g y_load is linear
-    in the arm's parameters over its gain, φ, and in the inverse gain, g.
+    in the arm's parameters over its gain, φ, and in the inverse gain, g. If currents run ``against`` the
+    description, (J,), in runs without as well as with the load, their signs are reversed, or it is wrong.
 
     Raises:
         ShapeError: when measurements do not fit the model.
@@ -89,4 +125,5 @@ def drive_gains(
             f"the currents do not show the load: its effect is {strength:.2g} standard deviations, expected "
             f"{_SEEN:g} or more; was it on the arm in loaded, and is it heavy enough?"
         )
-    return Gains(1 / inverse, deviation / np.square(inverse))
+    opposite = np.zeros(model.arm.joints, bool) if against is None else against
+    return Gains(1 / inverse, deviation / np.square(inverse), opposite)

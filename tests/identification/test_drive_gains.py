@@ -54,16 +54,46 @@ def test_an_uncertain_gain_is_reported(arm, load):
     )
 
 
-def test_a_current_of_opposite_sign_is_reported(arm, load, both):
-    turned = np.array([1, 1, 1, -1, 1, 1, 1])
-    data = ([Measurements(*x.states, turned * x.torque)] for x in both)
-    found = drive_gains(model_of(arm), *data, load)
-    assert found.certain.tolist() == [True, True, True, False, True, True, True]
+NONE, ALL = [], [*range(7)]
+REVERSED = "(recording.reverse=["
+SIGNS = {  # reversed currents, those against the description, whether runs are exchanged; what is said
+    "one reversed": ([3], [3], False, ["gain of joint_4 is negative", f"{REVERSED}joint_4])"]),
+    "one reversed, without a description": ([3], NONE, False, ["gain of joint_4 is negative"]),
+    "all reversed": (ALL, ALL, False, ["joint_7 is negative", f"{REVERSED}joint_1,"]),
+    "exchanged": (NONE, NONE, True, ["joint_1, ", "joint_7 change as if", "loaded exchanged?"]),
+    "exchanged, one reversed": (
+        [3],
+        [3],
+        True,
+        [
+            "joint_7 change as if",
+            f"exchanged? If so, signs of currents are reversed, too {REVERSED}joint_4])",
+        ],
+    ),
+    "exchanged, one reversed, without a description": (
+        [3],
+        NONE,
+        True,
+        ["exchanged?", f"{REVERSED}joint_4])"],
+    ),
+    "exchanged, all reversed": (ALL, ALL[:-1], True, ["joint_6 change as if", f"{REVERSED}joint_1,"]),
+    "another description": (
+        NONE,
+        [3],
+        False,
+        ["joint_4 shows the load with the right sign but runs against"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("turned", "against", "exchanged", "said"), SIGNS.values(), ids=SIGNS)
+def test_reversed_currents_and_exchanged_runs_are_told_apart(
+    arm, load, both, turned, against, exchanged, said
+):
+    marks, opposite = (np.isin(ALL, joints) for joints in (turned, against))
+    data = [[Measurements(*x.states, np.where(marks, -1, 1) * x.torque)] for x in both]
+    found = drive_gains(model_of(arm), *data[:: -1 if exchanged else 1], load, opposite)
+    assert found.exchanged == exchanged and found.certain.dtype == bool
+    assert found.certain.tolist() == (~marks & ~opposite & (not exchanged)).tolist()
     (doubt,) = found.doubts(arm)
-    assert "gain of joint_4 is negative" in doubt and "recording.reverse=[joint_4]" in doubt
-
-
-def test_exchanged_runs_are_reported(arm, load, both):
-    free, laden = both
-    (doubt,) = drive_gains(model_of(arm), [laden], [free], load).doubts(arm)
-    assert "all joints are negative: are recordings and loaded exchanged?" in doubt
+    assert all(words in doubt for words in said)

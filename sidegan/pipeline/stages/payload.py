@@ -4,13 +4,13 @@ import logging
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
 from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.identified import measurements_of
-from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import VALUES, Payload, identify_payload
 from sidegan.motion.dynamics import RigidBody
@@ -19,7 +19,7 @@ from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stage import Stage
 from sidegan.pipeline.stages.identify import recorded_arm
 from sidegan.pipeline.tracking import Tracker
-from sidegan.recording.check import Role, read_and_check
+from sidegan.recording.check import CheckedRecording, Role, read_and_check
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.settings import Recorded
 from sidegan.report.export import publish
@@ -30,22 +30,22 @@ _UNITS = ["kg", *["m"] * 3, *["kg·m²"] * 6]
 log = logging.getLogger(__name__)
 
 
-def both(cfg: Config, arm: Arm, gains: list[float] | None) -> tuple[list[Measurements], list[Measurements]]:
-    """Measurements without and with the load, checked and preprocessed; a ConfigError if none have it."""
+def both(cfg: Config, arm: Arm, gains: list[float] | None) -> list[list[CheckedRecording]]:
+    """Recordings without and with the load, checked and preprocessed; a ConfigError if none have it."""
     if not cfg.loaded:
         raise ConfigError("loaded is empty, expected recordings with the load: 'loaded=[a.csv]'")
     files: list[tuple[Recorded, Role]] = [(file, "training") for file in (*cfg.recordings, *cfg.loaded)]
     found = read_and_check(files, arm, cfg.recording, gains, cfg.model.sign_width)
     refuse_shared([(recording.name, recording.statistics.rows) for recording in found])
     count = len(cfg.recordings)
-    return measurements_of(found[:count]), measurements_of(found[count:])
+    return [found[:count], found[count:]]
 
 
 def _payload(run: RunContext, tracker: Tracker) -> None:
     """Identify the load, and write it to the run's folder."""
     cfg = run.cfg
     arm = recorded_arm(run)
-    unloaded, loaded = both(cfg, arm, cfg.robot.gains)
+    unloaded, loaded = map(measurements_of, both(cfg, arm, cfg.robot.gains))
     found = identify_payload(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded)
     write_json(run.store.run_folder / PAYLOAD, as_json(found))
     before, after = float(found.without.mean()), float(found.explained.mean())
@@ -88,8 +88,11 @@ def _gains(run: RunContext, tracker: Tracker) -> None:
     arm = recorded_arm(run)
     folder = run.store.run_folder
     currents = replace(cfg, recording=replace(cfg.recording, torque=None))
-    unloaded, loaded = both(currents, arm, [1.0] * arm.joints)  # unit gains: "torques" are currents
-    found = drive_gains(TorqueModel(RigidBody(arm), cfg.model), unloaded, loaded, cfg.load.parameters)
+    parts = both(currents, arm, [1.0] * arm.joints)  # unit gains: "torques" are currents
+    against = [np.any([x.agreement.runs_against() for x in part], 0) for part in parts]
+    model = TorqueModel(RigidBody(arm), cfg.model)
+    unloaded, loaded = map(measurements_of, parts)
+    found = drive_gains(model, unloaded, loaded, cfg.load.parameters, against[0] & against[1])
     gains, deviation = found.gains.tolist(), found.deviation.tolist()
     joints = {"joints": list(arm.joint_names), "certain": found.certain.tolist()}
     write_json(folder / GAINS, {**joints, "gain": gains, "deviation": deviation})
