@@ -1,4 +1,4 @@
-"""What differs between recordings, or changes within one: the load, friction, or offsets of the torques."""
+"""What differs between recordings, or changes within one: the load, or friction."""
 
 from dataclasses import dataclass
 from itertools import accumulate
@@ -34,7 +34,9 @@ def change_in(found: IdentifiedArm) -> list[str]:
         whole = whole[1:]  # the data cannot say which of two recordings it is
     parts = [part for parts in each for part in parts]
     onwards = [range(k, len(parts)) for k in range(1, len(parts))]  # an arm that has warmed up stays warm
-    where = {"load": whole + later, "friction": [*dict.fromkeys(whole + onwards)], "offsets": whole}
+    where = {"load": whole + later}
+    if {"viscous", "coulomb"} <= {*found.model.kinds}:
+        where["friction"] = [*dict.fromkeys(whole + onwards)]
     samples = _Samples.of(_Extended(found.model), parts)
     changes = [_change(samples, changed, kind) for kind, ranges in where.items() for changed in ranges]
     believed = [change for change in changes if change.believed]
@@ -43,35 +45,32 @@ def change_in(found: IdentifiedArm) -> list[str]:
 
 
 class _Extended:
-    """A model with further columns for changed parts: a load on the last link, friction, and offsets."""
+    """A model with further columns for changed parts: a load on the last link, and friction."""
 
     kinds = ("changes",)  # not empty, so that ``gather`` uses the regressor
 
     def __init__(self, model: TorqueModel) -> None:
         joints, first = model.joints, model.count
         self.model, self.joints = model, joints
-        friction = Terms(offset=False, sign_width=model.terms.sign_width)
-        self._friction = friction
+        self._friction = Terms(offset=False, sign_width=model.terms.sign_width)
         self.further = {
             "load": slice(first, first + LOAD),
             "friction": slice(first + LOAD, first + LOAD + 2 * joints),
-            "offsets": slice(first + LOAD + 2 * joints, first + LOAD + 3 * joints),
         }
-        self.count = first + LOAD + 3 * joints
+        self.count = first + LOAD + 2 * joints
 
     def columns(self, kind: str | None = None) -> Array:
-        """Which columns are the model's, or those of one kind of change, (P + 10 + 3 J,)."""
+        """Which columns are the model's, or those of one kind of change, (P + 10 + 2 J,)."""
         kept = np.arange(self.count) < self.model.count
         if kind is not None:
             kept[self.further[kind]] = True
         return kept
 
     def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
-        """Regressor, (S, J, P + 10 + 3 J), of states (S, J)."""
+        """Regressor, (S, J, P + 10 + 2 J), of states (S, J)."""
         load = self.model.body.regressor(q, dq, ddq)[..., -LOAD:]
-        signals = [*self._friction.signals(dq, ddq, sign), np.ones_like(dq)]
-        diagonal = [x[..., None] * np.eye(self.joints) for x in signals]
-        return np.concatenate([self.model.regressor(q, dq, ddq, sign), load, *diagonal], 2)
+        friction = [x[..., None] * np.eye(self.joints) for x in self._friction.signals(dq, ddq, sign)]
+        return np.concatenate([self.model.regressor(q, dq, ddq, sign), load, *friction], 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +148,6 @@ class _Change:
             return (
                 f"{where} the friction of {names} differs: is the arm warmer or colder there? record after "
                 "warming up, and identify from recordings of one temperature"
-            )
-        if self.kind == "offsets":
-            return (
-                f"{where} the torques of {names} have other offsets: were the sensors tared in between? "
-                "tare them before every recording, or never"
             )
         if within:
             return (

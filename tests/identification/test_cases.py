@@ -238,10 +238,6 @@ def colder_at_first(made):
     return np.where(made.time[:, None] < 6.0, colder(made), made.torque)
 
 
-def not_tared(made):
-    return made.torque + np.array([0, 0, 0, 12.0, 0, 0, 0])
-
-
 def saturated(made):
     return np.clip(made.torque, None, [60.0, 20.0, 60.0, 60.0, 60.0, 60.0, 60.0])
 
@@ -253,7 +249,6 @@ DIFFERENT = [  # change of the torques in training, in validation, and the first
         "^in changed the friction of joint_1, joint_2.* differs: is the arm warmer or colder there",
     ),
     (colder_at_first, None, r"^from about (5|6|7)\S* s of changed on the friction of joint_1.* differs"),
-    (None, not_tared, "^in changed the torques of joint_4 have other offsets: were the sensors tared"),
     (saturated, None, "^changed: the torque of joint_2 looks saturated"),
     (None, swapped, "^changed: torques look swapped: that of joint_2 fits joint_3"),
 ]
