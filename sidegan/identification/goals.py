@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.names import listed
+from sidegan.base.names import listed, plain
 from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
@@ -54,7 +54,8 @@ class Parameters:
         """Sentence on how far the deviations fall."""
         share = float(np.exp(np.log(deviations / before).mean()))
         whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
-        return f"{whose} the parameters' deviations fall to {share:.0%} (geometric mean)"
+        percent = plain(100 * share, ".2g")
+        return f"{whose} the parameters' deviations fall to {percent}% (geometric mean)"
 
 
 class Tool:
