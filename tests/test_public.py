@@ -110,6 +110,10 @@ def test_a_set_is_selected_from_valid_trajectories(cell, excitation):
     information = [information_of(cell.body, cell.trajectory, pair).sum(0) for pair in together]
     most = together[np.linalg.slogdet(information)[1].argmax()]
     assert {*map(tuple, flatten(best.coefficients, 1))} == {*map(tuple, flatten(most, 1))}
+    for noise in (None, [0.1, 100]):  # on which the choice depends
+        information = information_of(cell.body, cell.trajectory, c[:2], noise)
+        first = c[np.linalg.slogdet(information)[1].argmax()]
+        assert np.array_equal(pool[:3].select(1, "d_optimal", noise).coefficients, first[None])
     assert len(pool.select(3)) == 3
     with pytest.raises(sg.SideganError, match="cannot choose 4 of 3"):
         pool.select(4)
@@ -195,6 +199,8 @@ REFUSED = [
     ("clearance is -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
     ("rehearse is for the command", lambda cell, it: it.save("set", {"rehearse": True})),
     ("cannot choose 2 of 1 valid trajectories", lambda cell, it: it.select(2)),
+    ("ignores noise", lambda cell, it: it.select(1, noise=[1, 1])),
+    ("noise is .*, expected 2", lambda cell, it: it.select(1, "d_optimal", noise=[1])),
     ("none of these 2 trajectories", lambda cell, it: it[[]]),
     ("coefficients are .2, 2, 2, 3, 2.", lambda cell, it: sg.TrajectorySet.of(cell, [it, it])),
     ("cell is 'planar2'", lambda cell, it: sg.TrajectorySet.load("set", "planar2")),

@@ -135,19 +135,23 @@ class TrajectorySet:
         found = describe_weak_set(self, self.condition)
         return [found] if found else []
 
-    def select(self, count: int, method: str = "greedy") -> "TrajectorySet":
+    def select(
+        self, count: int, method: str = "greedy", noise: Sequence[float] | None = None
+    ) -> "TrajectorySet":
         """The best of the valid trajectories to execute together, in the order of choice.
 
         Args:
             count: number of trajectories to select.
             method: ``"greedy"``, the paper's score; or ``"d_optimal"`` or ``"a_optimal"``, which leave less
                 error (docs/usage.md).
+            noise: standard deviation of each joint's torque [N·m or N], (J,), which weights the joints; None:
+                all alike. Not for ``"greedy"``.
 
         Raises:
-            ConfigError: when there is no such method.
-            ShapeError: when fewer are valid.
+            ConfigError: when there is no such method, or it ignores noise.
+            ShapeError: when fewer are valid, or noise does not fit the arm.
         """
-        settings = build(Selection, {"count": count, "method": method})
+        settings = build(Selection, {"count": count, "method": method, "noise": noise})
         valid = self.library.take(np.flatnonzero(self.valid))
         if count > len(valid):
             raise ShapeError(f"cannot choose {count} of {len(valid)} valid trajectories ({len(self)} in all)")
