@@ -191,6 +191,10 @@ REFUSED = [
     ("recording 1 is a data frame without rows", lambda cell, it: sg.identify(cell, pd.DataFrame())),
     ("recording 1 is a ndarray, expected a file", lambda cell, it: sg.identify(cell, np.zeros((2, 3)))),
     ("a data frame that cannot be stored", lambda cell, it: sg.identify(cell, pd.DataFrame({"t": [1, "a"]}))),
+    (
+        "{position: recording 1 position} has no effort",
+        lambda cell, it: sg.identify(cell, {"position": it.to_frame(100)}),
+    ),
     ("validation is -0.5", lambda cell, it: sg.identify(cell, "a.csv", -0.5)),
     ("validation is 30", lambda cell, it: sg.identify(cell, "a.csv", 30)),
     ("gains is 1.0", lambda cell, it: sg.identify(cell, "a.csv", gains=1.0)),
@@ -223,7 +227,7 @@ def test_a_wrong_argument_is_refused_by_name(words, wrong, cell, excitation, tmp
     assert not [*tmp_path.rglob("*.csv"), *tmp_path.rglob("*.script")]
 
 
-def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
+def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path, caplog):
     random, tables = np.random.default_rng(0), []
     for number, part in excitation.to_frame(rate=100).groupby("trajectory"):
         q, dq, ddq = (part.filter(regex=f"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
@@ -231,14 +235,21 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path):
         joints = dict(zip(("tau_shoulder", "tau_elbow"), tau.T))
         tables.append(part[["time", "q_shoulder", "q_elbow"]].assign(**joints))
         tables[-1].to_csv(tmp_path / f"{number}.csv", index=False)
+    indexed = tables[0].set_index(pd.to_timedelta(tables[0].time, "s")).drop(columns="time")
+    states, torques = (tables[1].filter(regex=kinds) for kinds in ("time|q_", "time|tau_"))
+    given = [indexed, {"position": states, "torque": torques}]
+    with caplog.at_level("INFO"):
+        mixed = sg.identify(cell, given, validation=tables[2:])
+    assert "recording 1: 801 samples" in caplog.text and "recording 2 position and 1 more: 801" in caplog.text
     arm = sg.identify(cell, tables[:2], validation=tables[2:])
+    np.testing.assert_allclose(mixed.parameters.value, arm.parameters.value, atol=1e-3)  # rounded times
     assert arm.verdict in ("good", "usable") and arm.errors["nMSE, validation"].max() < 0.01
     friction = arm.parameters.set_index("name").value[["fv1", "fv2"]]
     np.testing.assert_allclose(friction, 2, rtol=0.05)
     np.testing.assert_allclose(arm.torque(q, dq, ddq), tau, atol=1)
     arm.save(tmp_path / "model")
     assert {"report.html", "verdict.json", "planar2.urdf"} <= {x.name for x in (tmp_path / "model").iterdir()}
-    assert "'recordings=[recording 1.parquet,recording 2.parquet]'" in arm.origin.command
+    assert "'recordings=[recording 1,recording 2]'" in arm.origin.command
     files = sg.identify(cell, [tmp_path / "1.csv", tmp_path / "2.csv"], validation=[tmp_path / "3.csv"])
     np.testing.assert_allclose(files.parameters.value, arm.parameters.value, rtol=1e-6)
     more = sg.excite(cell, 1, known=tmp_path / "model", search=SEARCH, goal={"objective": "parameters"})

@@ -139,10 +139,12 @@ def read_and_check(
     settings: RecordingSettings,
     gains: Sequence[float] | None = None,
     sign_width: float = SIGN_WIDTH,
+    folder: str = "",
 ) -> list[CheckedRecording]:
     """Recordings read from files, checked and preprocessed; oddities are logged.
 
-    All are assumed to have the same torque delay. See ``check_recording`` for arguments and errors.
+    All are assumed to have the same torque delay. See ``check_recording`` for arguments and errors; names in
+    the log begin after ``folder``.
     """
     read = [load_for(arm, file, settings) for file, _ in files]
     found = [check_recording(recording, arm, settings, gains, sign_width) for recording in read]
@@ -154,7 +156,7 @@ def read_and_check(
     found = [replace(checked, role=role) for checked, (_, role) in zip(found, files)]
     warned = defaultdict[str, list[str]](list)
     for (file, role), checked in zip(files, found):
-        name = recording_name(file) if isinstance(file, Files) else file
+        name = recording_name(file) if isinstance(file, Files) else file.removeprefix(folder)
         raw = checked.statistics
         log.info("%s: %d samples in %.4g s, %s", name, raw.samples, raw.duration, role)
         for statement in checked.statements:

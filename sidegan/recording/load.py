@@ -26,6 +26,7 @@ _MOST_CORRUPT = 0.5  # of the rows of a file
 _LARGEST = 1e12  # value in SI units that may be a measurement
 _LATEST = 1e21  # time stamp; those above ``_LARGEST`` are damaged rows unless most of them are
 _APART = 0.1  # of the rows; a signal missing in more has its own time stamps
+_PARQUET = b"PAR1"  # first bytes of such files
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), parquet_table),
@@ -83,7 +84,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         where = {name: columns for name, columns in where.items() if name not in rates}
         remarks.append(f"{listed(sorted(rates))} is derived, since positions are encoder counts")
     signals: dict[str, Array] = {}
-    with reading(path, path.suffix[1:], RecordingError):
+    with reading(path, _suffix(path)[1:], RecordingError):
         if "time" in where:
             signals["time"], odd = stamps_in_si(table, where["time"], settings.units)
             remarks = [*odd, *remarks]
@@ -135,11 +136,20 @@ def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
     return [f"{read}, according to the column names; recording.units overrides them"] if read else []
 
 
+def _suffix(path: Path) -> str:
+    """Suffix of a file in lower case; also that of a Parquet file without one, as of a stored data frame."""
+    if path.suffix or path.is_dir():
+        return path.suffix.lower()
+    with path.open("rb") as file:
+        return ".parquet" if file.read(len(_PARQUET)) == _PARQUET else ""
+
+
 def _open(
     path: Path, settings: RecordingSettings, joints: Joints, only: str | None
 ) -> tuple[Table, Where, list[str]]:
     """A file's table, which of its columns hold which signal, and remarks on that."""
-    suffix = path.suffix.lower()
+    with reading(path, "recording", RecordingError):
+        suffix = _suffix(path)
     dataset = is_dataset(path)
     if is_bag(path) and not dataset:
         table, where, remarks = bag_table(path, settings, joints.names)

@@ -27,8 +27,8 @@ from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, headline, link_table, parameter_table
 from sidegan.robot import Arm, changes, load_robot
 
-# A recording: a file, a table with the same columns, or a file for each signal.
-Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str]
+# A recording: a file, a table with the same columns, or one of them for each signal.
+Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str | pd.DataFrame]
 Recordings: TypeAlias = Sequence[Given]
 
 
@@ -125,7 +125,8 @@ def identify(
     Args:
         cell: the arm in its cell; only its description is used.
         recordings: one or more to identify from: a file (CSV and others), a data frame with the same columns,
-            or a mapping with a file per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
+            or a mapping with one of them per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
+            The index of a data frame is a column if it has a name or holds times.
         validation: recordings to test with, or the share of each recording, at its end, to hold out.
         recording: contents of the files and their preprocessing: the fields of ``RecordingSettings``, such as
             ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite", "delay": None}`` (None: measured).
@@ -180,7 +181,7 @@ def check_recordings(
         raise ConfigError(f"gains is {gains!r}, expected a drive gain of each joint, not zero [N·m/A]")
     with TemporaryDirectory() as folder:
         first, held_out = (
-            [_named(given, Path(folder, f"{role} {k}.parquet")) for k, given in enumerate(_listed(group), 1)]
+            [_named(given, Path(folder, f"{role} {k}")) for k, given in enumerate(_listed(group), 1)]
             for role, group in (("recording", recordings), ("validation", None if share else validation))
         )
         if not first:
@@ -189,7 +190,7 @@ def check_recordings(
         refuse_elsewhere(arm, [*first, *held_out], settings)
         files: list[tuple[Recorded, Role]] = [(file, "training") for file in first]
         files += [(file, "validation") for file in held_out]
-        found = read_and_check(files, arm, settings, gains, sign_width)
+        found = read_and_check(files, arm, settings, gains, sign_width, f"{folder}/")
     refuse_shared([(checked.name, checked.statistics.rows) for checked in found])
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
@@ -255,21 +256,32 @@ def _listed(given: object) -> list[Any]:
 
 
 def _named(given: Given, path: Path) -> Recorded:
-    """A recording as in the settings; a data frame is written to ``path`` first."""
+    """A recording as in the settings; a data frame is written to ``path`` first, with its name there."""
     if isinstance(given, pd.DataFrame):
-        if given.empty:
-            raise ConfigError(f"{path.stem} is a data frame without rows")
-        try:
-            given.to_parquet(path, index=False)
-        except (ValueError, TypeError, NotImplementedError) as error:  # of pyarrow
-            raise ConfigError(f"{path.stem} is a data frame that cannot be stored: {error}") from error
-        return str(path)
+        return _stored(given, path)
     if isinstance(given, Mapping):
-        return build(Files, given)
+        frames = {signal: x for signal, x in given.items() if isinstance(x, pd.DataFrame)}
+        files = build(Files, {**given, **{signal: f"{path.name} {signal}" for signal in frames}})
+        paths = {signal: path.with_name(getattr(files, signal)) for signal in frames}
+        return replace(files, **{signal: _stored(x, paths[signal]) for signal, x in frames.items()})
     if not isinstance(given, str | Path | Files):
         kind = type(given).__name__
-        raise ConfigError(f"{path.stem} is a {kind}, expected a file, a data frame, or a file per signal")
+        raise ConfigError(f"{path.name} is a {kind}, expected a file, a data frame, or one for each signal")
     return given if isinstance(given, Files) else str(given)
+
+
+def _stored(frame: pd.DataFrame, path: Path) -> str:
+    """Path of a data frame, written with its index as a column if that has a name or holds times."""
+    if frame.empty:
+        raise ConfigError(f"{path.name} is a data frame without rows")
+    timed = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
+    name = frame.index.name if isinstance(frame.index.name, str) else "time" if timed else ""
+    try:
+        frame = frame.reset_index(names=name) if name and name not in frame else frame
+        frame.to_parquet(path, index=False)
+    except (ValueError, TypeError, NotImplementedError) as error:  # of pyarrow
+        raise ConfigError(f"{path.name} is a data frame that cannot be stored: {error}") from error
+    return str(path)
 
 
 def _commands(
