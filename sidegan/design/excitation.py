@@ -10,6 +10,7 @@ from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 
+_LARGEST = 1e300  # element of a Gram matrix, whose sums are finite
 _AT_ONCE = 1000  # trajectories per batch of Gram matrices
 
 
@@ -41,8 +42,9 @@ def _ratio(high: Array, low: Array, errors: int) -> Array:
 
 
 def excitation_of(body: RigidBody, grams: Array) -> Excitation:
-    """Excitation from Gram matrices of the base regressor, (B, p, p)."""
+    """Excitation from Gram matrices of the base regressor, (B, p, p); none if one overflows."""
     c = body.base.subspace
+    grams = np.where((np.abs(grams) <= _LARGEST).all((1, 2), keepdims=True), grams, 0.0)
     return Excitation(np.linalg.eigvalsh(c.T @ grams @ c), np.linalg.diagonal(grams))
 
 

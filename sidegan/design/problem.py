@@ -89,10 +89,8 @@ class Problem:
         return np.maximum(use, 1e-9)
 
     def gram(self, c: Array) -> Array:
-        """Gram matrices of the base regressor, (B, p, p); zero if they are not finite."""
-        grams = gram(self.body, self.trajectory, c, self.samples)
-        finite = np.isfinite(grams).all((1, 2), keepdims=True)
-        return np.where(finite, grams, 0.0)
+        """Gram matrices of the base regressor, (B, p, p)."""
+        return gram(self.body, self.trajectory, c, self.samples)
 
     def fitness(self, c: Array) -> Array:
         """Condition number to minimise, (B,), at most ``HOPELESS``."""

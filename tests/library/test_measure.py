@@ -22,6 +22,9 @@ def pool():
 def test_a_measured_library_holds_margins_and_excitation(pool):
     constraints, family, c = pool
     library = measured(*pool, "random")
+    for size in (1e74, 1e76, 1e150, 1e300):  # whose powers overflow
+        absurd = measured(constraints, family, size * c[:1], "random")
+        assert not absurd.valid.any() and np.isinf(absurd.fitness).all()
     verdict = check(*pool)
     excitation = excite(constraints.body, family, c, round(RATE * family.period))
     assert library.valid.tolist() == verdict.valid.tolist() and 0 < int(library.valid.sum()) < len(c)
