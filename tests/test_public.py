@@ -155,7 +155,8 @@ def test_finished_parts_of_seeds_serve_the_same_call_alone(cell, tmp_path):
         return sg.seeds(cell, count, seed, settings=less, folder=tmp_path, workers=1)
 
     first = made()
-    assert np.array_equal(made().coefficients, first.coefficients) and len([*tmp_path.iterdir()]) == 1
+    assert np.array_equal(made(seed=np.int64(0)).coefficients, first.coefficients)
+    assert len([*tmp_path.iterdir()]) == 1
     assert not np.array_equal(made(seed=1).coefficients, first.coefficients)
     weak = sg.Cell("planar2", harmonics=3, period=8, workspace={"desk": None}, effort=0.4)
     assert len(made(count=8)) == 8 and made(cell=weak).valid.all()
@@ -165,6 +166,8 @@ def test_a_set_keeps_its_numbers_and_measures_itself_by_its_own_family(cell, exc
     c = excitation.coefficients.copy()
     kept = sg.TrajectorySet.of(cell, c)
     c[:] = 30
+    with pytest.raises(ValueError, match="read-only"):
+        kept.coefficients[0] *= 30
     assert np.array_equal(kept.coefficients, excitation.coefficients)
     slow = excitation.at_speed(0.3)
     own = sg.Cell("planar2", harmonics=3, period=8 / 0.3, workspace={"desk": None})
@@ -178,13 +181,30 @@ REFUSED = [
         lambda cell, it: it.select(1).save("set", {"formats": ["urscript"]}),
     ),
     ("speed is 0", lambda cell, it: it.at_speed(0)),
+    ("speed is '0.5'", lambda cell, it: it.at_speed("0.5")),
+    ("period is .*, expected a number ≤ 100000", lambda cell, it: it.at_speed(1e-9)),
+    ("rate is '100'", lambda cell, it: it.to_frame("100")),
     ("no coefficients", lambda cell, it: sg.TrajectorySet.of(cell, np.zeros((0, 2, 3, 2)))),
-    ("coefficients are not an array", lambda cell, it: sg.TrajectorySet.of(cell, "abc")),
+    ("coefficients: expected an array of numbers", lambda cell, it: sg.TrajectorySet.of(cell, "abc")),
+    ("coefficients: expected an array of numbers", lambda cell, it: cell.check("abc")),
+    ("coefficients: expected an array of numbers", lambda cell, it: sg.train("vanilla", cell, "abc")),
+    ("period=16.0, .*period=8", lambda cell, it: sg.TrajectorySet.of(cell, it[:1].at_speed(0.5))),
+    ("period=16.0, .*period=8", lambda cell, it: cell.check(it[:1].at_speed(0.5))),
+    ("position: expected an array of numbers", lambda cell, it: cell.torque("a", 0, 0)),
+    ("effort of a cell cannot be changed", lambda cell, it: setattr(cell, "effort", 0.3)),
+    ("workspace of a cell cannot", lambda cell, it: setattr(cell, "workspace", sg.Workspace())),
+    ("robot is None, expected text or a path", lambda cell, it: sg.Cell(None)),
+    ("folder is 5", lambda cell, it: it.select(1).save(5)),
+    ("folder is None", lambda cell, it: sg.TrajectorySet.load(None, cell)),
+    ("folder is 5", lambda cell, it: sg.seeds(cell, 2, folder=5)),
+    ("folder is 5", lambda cell, it: sg.surrogates(cell, it, 5)),
+    ("path is None", lambda cell, it: sg.Generator.load(None, cell)),
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.excite("planar2", 1)),
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.identify("planar2", ["a.csv"])),
     ("count is 0", lambda cell, it: sg.excite(cell, 0)),
     ("count is '3'", lambda cell, it: sg.seeds(cell, "3")),
     ("seed is -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
+    ("seed is 1.5", lambda cell, it: sg.seeds(cell, 2, 1.5)),
     ("settings are 'parameters', expected GoalSettings", lambda cell, it: sg.excite(cell, goal="parameters")),
     ("recordings is empty", lambda cell, it: sg.identify(cell, None)),
     ("there is no recording .*a.csv", lambda cell, it: sg.identify(cell, Path("a.csv"))),
@@ -256,6 +276,8 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path, 
     assert more.valid.all()
     with pytest.raises(sg.SideganError, match=r"states are \(3,\), \(3,\), \(3,\), expected three times"):
         arm.torque(*np.zeros((3, 3)))
+    with pytest.raises(sg.SideganError, match="states: expected an array of numbers"):
+        arm.torque("a", 0, 0)
     with pytest.raises(sg.SideganError, match="recordings is empty"):
         sg.identify(cell, [])
     locked = sg.Cell("planar2", locked={"elbow": 0.0})
@@ -281,7 +303,13 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
     generator.save(tmp_path / "eigen.pt")
     again = sg.Generator.load(tmp_path / "eigen.pt", cell)
-    assert np.array_equal(again.sample(20), made) and not np.array_equal(again.sample(20, seed=1), made)
+    assert np.array_equal(again.sample(20, np.int64(0)), made)
+    assert not np.array_equal(again.sample(20, seed=1), made)
+    for words, wrong in [("seed is 'a'", (2, "a")), ("seed is -1", (2, -1)), ("sample True", (True,))]:
+        with pytest.raises(sg.SideganError, match=words):
+            again.sample(*wrong)
+    with pytest.raises(sg.SideganError, match=r"cannot write \.: it is a folder"):
+        again.save(".")
     with pytest.raises(sg.SideganError, match=r"makes Trajectory\(.*period=8.*, the cell has .*period=4"):
         sg.Generator.load(
             tmp_path / "eigen.pt", sg.Cell("planar2", harmonics=3, period=4, workspace={"desk": None})

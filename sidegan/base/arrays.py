@@ -5,8 +5,19 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from sidegan.errors import ShapeError
 
 Array = np.ndarray[Any, np.dtype[Any]]
+
+
+def numbers(given: ArrayLike, name: str) -> Array:
+    """What a user gives as numbers, in float64; a ShapeError that names it if they are none."""
+    try:
+        return np.asarray(given, float)
+    except (TypeError, ValueError, RuntimeError) as error:  # RuntimeError: of a tensor with gradients
+        raise ShapeError(f"{name}: expected an array of numbers: {error}") from error
 
 
 def flatten(x: Array, first: int) -> Array:

@@ -12,12 +12,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sidegan.errors import ArtifactError, ShapeError, SideganError, StorageError
+from sidegan.errors import ArtifactError, ConfigError, ShapeError, SideganError, StorageError
 
 if TYPE_CHECKING:  # slow to import, as NumPy is, and `--help` must not wait for them
     import pyarrow as pa
 
     from sidegan.base.arrays import Array
+
+
+def path_of(given: object, name: str) -> Path:
+    """A path that a user gives as text or a path; a ConfigError that names it for anything else."""
+    if not isinstance(given, str | os.PathLike):
+        raise ConfigError(f"{name} is {given!r}, expected text or a path")
+    return Path(given)
 
 
 @contextmanager
@@ -27,6 +34,8 @@ def replacing(path: Path, folder: bool = True) -> Iterator[Path]:
     Content is synced to disk before the file is renamed. After any failure, including an interrupt, the
     temporary file is removed and ``path`` is unchanged. ``folder``: whether to create a missing folder.
     """
+    if not path.name:  # as of "."
+        raise StorageError(f"cannot write {path}: it is a folder")
     neighbour = path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.tmp")
     try:
         with writing(path):

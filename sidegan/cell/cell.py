@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, numbers
+from sidegan.base.storage import path_of
 from sidegan.base.typed import NonNegative, Number, Part, Seconds, Size, build, settings_of
 from sidegan.cell import notes
 from sidegan.cell.workspace import Workspace
 from sidegan.design.problem import Problem
-from sidegan.errors import ConfigError
+from sidegan.errors import ConfigError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Setup, load_robot, with_effort
@@ -47,7 +48,8 @@ class Cell:
     """An arm in its cell: description, surroundings, effort and home position.
 
     Everything not given gets a default, which ``notes`` explains. Properties are computed on first access,
-    and raise then. Units are SI, joints are in the order of the description.
+    and raise then; settings cannot be changed afterwards. Units are SI, joints are in the order of the
+    description.
 
     Args:
         robot: path of a URDF, xacro or MJCF file, the name of a built-in arm (``built_in_robots()``), or a
@@ -76,6 +78,12 @@ class Cell:
         ConfigError: when a setting is unknown or out of range; names it.
     """
 
+    robot: str
+    setup: Setup
+    choices: Choices
+    workspace: Workspace
+    _description: str
+
     def __init__(
         self,
         robot: str | Path,
@@ -88,17 +96,21 @@ class Cell:
         period: float = 16.0,
         **setup: Any,
     ) -> None:
-        self.robot = str(robot)
-        # The same file for each use, wherever the process goes in between.
-        self._description = str(Path(robot).absolute()) if Path(robot).is_file() else self.robot
+        path = path_of(robot, "robot")
         if isinstance(setup.get("limits"), str | Path):
             setup["limits"] = {"file": setup["limits"]}
-        self.setup = build(Setup, setup)
         own = {"home": home, "effort": effort, "clearance": clearance}
-        self.choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
-        self.workspace = settings_of(Workspace, workspace)
-        if self.choices.clearance is not None:
-            self.workspace = replace(self.workspace, clearance=self.choices.clearance)
+        choices = build(Choices, {**own, "harmonics": harmonics, "period": period})
+        around = settings_of(Workspace, workspace)
+        if choices.clearance is not None:
+            around = replace(around, clearance=choices.clearance)
+        # The same file for each use, wherever the process goes in between.
+        description = str(path.absolute()) if path.is_file() else str(robot)
+        vars(self).update(robot=str(robot), setup=build(Setup, setup), choices=choices, workspace=around)
+        vars(self).update(_description=description)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise ConfigError(f"{name} of a cell cannot be changed: make a new sidegan.Cell")
 
     def __repr__(self) -> str:
         return f"Cell({self.robot!r}, harmonics={self.choices.harmonics}, period={self.choices.period:g})"
@@ -191,16 +203,19 @@ class Cell:
         """Validity of short trajectories [rad/s], (B, J, H, 2), over their whole period.
 
         Raises:
-            ShapeError: when they are not of this family.
+            ShapeError: when they are not of this family, or a set of another arm, period or home.
         """
-        return check(self.constraints, self.trajectory, np.asarray(coefficients, float))
+        return check(self.constraints, self.trajectory, coefficients_of(coefficients, self))
 
     def torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque of the description [N·m or N], (…, J), including its friction and rotors.
 
         At positions [rad or m], velocities and accelerations, (…, J) each.
+
+        Raises:
+            ShapeError: when the states do not have equal shapes (…, J).
         """
-        return self.body.drive_torque(*(np.asarray(x, float) for x in (q, dq, ddq)))
+        return self.body.drive_torque(q, dq, ddq)
 
     def stamped(self) -> dict[str, Any]:
         """Plain values that, with the arm's digest, identify what is made for this cell."""
@@ -221,6 +236,23 @@ def require_cell(given: object) -> None:
     """Refuse everything but a cell, such as the path of a description, by a ConfigError."""
     if not isinstance(given, Cell):
         raise ConfigError(f"cell is {given!r}, expected a Cell, such as sidegan.Cell({given!r})")
+
+
+def coefficients_of(given: ArrayLike, cell: Cell) -> Array:
+    """Coefficients [rad/s], (N, J, H, 2), of a ``TrajectorySet`` of the cell's arm and family, or as given.
+
+    Raises:
+        ShapeError: when a set is of another arm, period, home or number of harmonics, or for no numbers.
+    """
+    own: Any = getattr(given, "cell", None)  # of a set, whose class is not known here
+    if isinstance(own, Cell):
+        family: Trajectory = getattr(given, "family")  # noqa: B009
+        if family != cell.trajectory or own.whole_arm.digest != cell.whole_arm.digest:
+            raise ShapeError(
+                f"the set is of {own.arm.name}, {family}; the cell has {cell.arm.name}, "
+                f"{cell.trajectory}: pass set.coefficients if the same numbers are meant for this cell"
+            )
+    return numbers(given, "coefficients")
 
 
 def described(arm: Arm) -> str:

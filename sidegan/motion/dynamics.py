@@ -7,8 +7,9 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array, split
+from sidegan.base.arrays import Array, numbers, split
 from sidegan.base.threads import threads
 from sidegan.errors import ShapeError
 from sidegan.kernels.chain import Chain
@@ -78,8 +79,9 @@ class RigidBody:
         flat = [x.reshape(-1, self.joints) for x in checked]
         return operations.torques(self.chain, flat, self.arm.inertial_parameters).reshape(q.shape)
 
-    def drive_torque(self, q: Array, dq: Array, ddq: Array) -> Array:
+    def drive_torque(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> Array:
         """Torque of the drives [N·m], (…, J): ``torque`` plus known friction and rotor inertia."""
+        q, dq, ddq = self._checked(q, dq, ddq)
         return self.torque(q, dq, ddq) + self.arm.known_drives.torque(dq, ddq)
 
     def sums(self, q: Array, dq: Array, ddq: Array, torque: Array) -> Array:
@@ -92,13 +94,14 @@ class RigidBody:
         states = self._checked(q, dq, ddq)
         return operations.sums(self.chain, self.base.columns, states, torque)
 
-    def _checked(self, q: Array, dq: Array, ddq: Array) -> list[Array]:
+    def _checked(self, q: ArrayLike, dq: ArrayLike, ddq: ArrayLike) -> list[Array]:
         """States as float64 arrays, after a check of their shapes."""
-        q, dq, ddq = (np.asarray(x, float) for x in (q, dq, ddq))
-        for name, x in (("position", q), ("velocity", dq), ("acceleration", ddq)):
-            if x.shape != q.shape or x.shape[-1:] != (self.joints,):
+        given = {"position": q, "velocity": dq, "acceleration": ddq}
+        states = {name: numbers(x, name) for name, x in given.items()}
+        for name, x in states.items():
+            if x.shape != states["position"].shape or x.shape[-1:] != (self.joints,):
                 raise ShapeError(f"{name} is {x.shape}, expected (…, {self.joints}), all three alike")
-        return [q, dq, ddq]
+        return [*states.values()]
 
 
 def gram(

@@ -8,6 +8,7 @@ closed form on time scaled to [0, 1]; rest is exact for any period.
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from sidegan.errors import ShapeError
 _CACHED = 1_000_000  # time points × harmonics up to which a basis is cached: 16 MB
 _KEPT = 32  # cached bases: half a gigabyte at worst, a few megabytes for the grids of a run
 _OUTSIDE = 1e-6  # share of the period by which rounding may put a time outside it
+_MOST = 10_000_000  # samples of a period, far more than a file or a figure needs
 _SAME = 1e-4  # [rad, rad/s] tolerance of common ends
 
 # Quintics over s = t / period, coefficients of s⁰ … s⁵. The first has unit slope at both ends, the second
@@ -78,12 +80,12 @@ class Trajectory:
         If the period is not a whole number of samples, the nearest rate for which it is applies.
 
         Raises:
-            ShapeError: when the rate leaves no sample in a period.
+            ShapeError: when the rate leaves no sample in a period, or too many for the memory.
         """
-        if not (np.isfinite(rate) and round(self.period * rate) >= 1):
-            raise ShapeError(f"a rate of {rate} Hz gives no sample in {self.period} s")
-        count = round(self.period * rate)
-        return np.linspace(0.0, self.period, count + 1)
+        samples = self.period * rate if isinstance(rate, Real) else np.nan
+        if not (0 < samples <= _MOST and round(samples) >= 1):
+            raise ShapeError(f"rate is {rate!r}, expected 1 to {_MOST:,} samples in {self.period} s [Hz]")
+        return np.linspace(0.0, self.period, round(samples) + 1)
 
     def grid(self, count: int) -> Array:
         """Uniform time grid [s] of cell centres over one period, (count,)."""

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from sidegan.base.arrays import Array
-from sidegan.base.storage import writing
+from sidegan.base.arrays import Array, numbers
+from sidegan.base.storage import path_of, writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
@@ -90,7 +90,7 @@ class IdentifiedModel:
         Raises:
             ShapeError: when the states do not have equal shapes (…, J).
         """
-        states = [np.asarray(x, float) for x in (q, dq, ddq)]
+        states = [numbers(x, "states") for x in (q, dq, ddq)]
         joints = self.arm.model.joints
         shape = states[0].shape
         if any(x.shape != shape or x.shape[-1:] != (joints,) for x in states):
@@ -105,9 +105,10 @@ class IdentifiedModel:
         Raises:
             StorageError: when a file cannot be written.
         """
-        with writing(Path(folder)):
-            Path(folder).mkdir(parents=True, exist_ok=True)
-        write_results(self.arm, self.origin, Path(folder))
+        path = path_of(folder, "folder")
+        with writing(path):
+            path.mkdir(parents=True, exist_ok=True)
+        write_results(self.arm, self.origin, path)
 
 
 def identify(

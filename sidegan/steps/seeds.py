@@ -7,8 +7,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from sidegan.base.names import stamp_of
-from sidegan.base.random import stream
-from sidegan.base.storage import writing
+from sidegan.base.random import seed_of, stream
+from sidegan.base.storage import path_of, writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError
@@ -44,13 +44,15 @@ def seeds(
         StorageError: when the folder cannot be written.
     """
     require_cell(cell)
+    seed = seed_of(seed)
     chosen = settings_of(Seeds, settings)
     chosen = chosen if count is None else build(Seeds, {**asdict(chosen), "count": count})
     if chosen.method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
     with TemporaryDirectory() as temporary:
         # other calls have other folders beside this one
-        work = Path(temporary if folder is None else folder, stamp_of(cell.identity(), asdict(chosen), seed))
+        kept = path_of(temporary if folder is None else folder, "folder")
+        work = kept / stamp_of(cell.identity(), asdict(chosen), seed)
         with writing(work):
             work.mkdir(parents=True, exist_ok=True)
         made = optimised(cell, chosen, seed, work, workers)

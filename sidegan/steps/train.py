@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.random import number
-from sidegan.base.storage import read_json, write_json, writing
+from sidegan.base.random import number, seed_of
+from sidegan.base.storage import path_of, read_json, write_json, writing
 from sidegan.base.typed import build, settings_of
-from sidegan.cell import Cell, require_cell
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.cell import Cell, coefficients_of, require_cell
+from sidegan.errors import ArtifactError, ConfigError, ShapeError
 from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
-from sidegan.steps.trajectories import TrajectorySet, coefficients_of
+from sidegan.steps.trajectories import TrajectorySet
 
 with extra("paper"):
     from sidegan.gan.generator import TrajectoryGenerator
@@ -52,9 +52,12 @@ class Generator:
         """New coefficients [rad/s], (count, J, H, 2), determined by the seed.
 
         Raises:
-            ShapeError: when count is not positive.
+            ConfigError: when the seed is not a whole number ≥ 0.
+            ShapeError: when count is not a positive whole number.
         """
-        return self.network.sample(count, seed)
+        if isinstance(count, bool):
+            raise ShapeError(f"cannot sample {count} trajectories, expected a positive whole number")
+        return self.network.sample(count, seed_of(seed) % 2**64)  # torch's seeds have 64 bits
 
     def save(self, path: str | Path) -> None:
         """Write a file of tensors and plain values.
@@ -62,7 +65,7 @@ class Generator:
         Raises:
             StorageError: when it cannot be written.
         """
-        self.network.save(Path(path))
+        self.network.save(path_of(path, "path"))
 
     @classmethod
     def load(cls, path: str | Path, cell: Cell) -> "Generator":
@@ -72,7 +75,7 @@ class Generator:
             ArtifactError: for a truncated or foreign file, a different arm or family of trajectories.
         """
         require_cell(cell)
-        network = TrajectoryGenerator.load(Path(path), cell.arm)
+        network = TrajectoryGenerator.load(path_of(path, "path"), cell.arm)
         if network.trajectory != cell.trajectory:
             raise ArtifactError(f"{path} makes {network.trajectory}, the cell has {cell.trajectory}")
         return cls(network)
@@ -181,7 +184,7 @@ def surrogates(
     settings = build(SurrogateSettings, changes)
     c = coefficients_of(seeds, cell)
     with random_kept():
-        return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
+        return _from_vanilla(cell, c, path_of(folder, "folder"), settings, seed, box, workers)
 
 
 def _from_vanilla(

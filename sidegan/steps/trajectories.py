@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import plain
+from sidegan.base.storage import path_of
 from sidegan.base.typed import build, settings_of
-from sidegan.cell import Cell, require_cell
+from sidegan.cell import Cell, TrajectoryFamily, coefficients_of, require_cell
 from sidegan.controllers import ExportSettings, export_set, require_exportable, slower
 from sidegan.design.excitation import condition_of, information_of
 from sidegan.design.search import ConditionGoal
@@ -47,7 +48,8 @@ class TrajectorySet:
 
     Attributes:
         cell: the arm in its cell.
-        library: coefficients, margins of every constraint, and excitation of each trajectory, as arrays.
+        library: coefficients, margins of every constraint, and excitation of each trajectory, as arrays
+            that cannot be changed.
         family: the trajectories' harmonics, period and home.
         aim: the goal that the set was designed for, if any.
     """
@@ -57,19 +59,20 @@ class TrajectorySet:
     family: Trajectory
     aim: Uncertain | ConditionGoal | None = None
 
+    def __post_init__(self) -> None:
+        for x in self.library.columns().values():  # measures would be wrong for other coefficients
+            x.flags.writeable = False
+
     @classmethod
     def of(cls, cell: Cell, coefficients: ArrayLike, source: str = "given") -> "TrajectorySet":
         """Trajectories with these coefficients [rad/s], (N, J, H, 2), of the cell's family.
 
         Raises:
             ConfigError: when the cell is none.
-            ShapeError: when they do not fit the family, or are empty.
+            ShapeError: when they do not fit the family, are those of a set with another, or are empty.
         """
         require_cell(cell)
-        try:
-            c = np.array(coefficients, float)
-        except (TypeError, ValueError) as error:
-            raise ShapeError(f"coefficients are not an array of numbers: {error}") from error
+        c = coefficients_of(coefficients, cell).copy()
         cell.trajectory.check(c)
         if not len(c):
             raise ShapeError("there are no coefficients, expected those of one trajectory or more")
@@ -83,7 +86,7 @@ class TrajectorySet:
             ArtifactError: when there is none, or it is for a different arm.
         """
         require_cell(cell)
-        stored = Library.load(Path(folder) / LIBRARY, cell.arm)
+        stored = Library.load(path_of(folder, "folder") / LIBRARY, cell.arm)
         joints, harmonics, _ = stored.coefficients.shape[1:]
         family = Trajectory(joints, harmonics, stored.period, stored.home)
         library = measured(cell.constraints, family, stored.coefficients, "")
@@ -179,15 +182,15 @@ class TrajectorySet:
         """The same paths at a share of the speed.
 
         Raises:
-            ConfigError: when the speed is not in (0, 1].
+            ConfigError: when the speed is not in (0, 1], or a trajectory would take longer than 1e5 s.
             InfeasibleError: when a slower trajectory is invalid, as when a weak arm needs its accelerations
                 to hold itself.
         """
+        speed = build(ExportSettings, {"speed": speed}).speed
         if speed == 1:
             return self
-        if not 0 < speed < 1:
-            raise ConfigError(f"speed is {speed!r}, expected a number in (0, 1]")
         family, c = slower(self.family, self.coefficients, speed)
+        build(TrajectoryFamily, {"period": family.period})  # its bounds hold at this speed, too
         found = check(self.cell.constraints, family, c)
         if not found.valid.all():
             first = int(found.valid.argmin())
@@ -251,7 +254,7 @@ class TrajectorySet:
         family, _ = slower(self.family, self.coefficients, settings.speed)
         require_exportable(self.cell.arm, family, settings)  # before a slow motion is sampled
         run = self.at_speed(settings.speed)
-        files = Path(folder) / FOLDER
+        files = path_of(folder, "folder") / FOLDER
         durations = export_set(self.cell.constraints, run.family, run.coefficients, settings, files)
         self.library.save(Path(folder) / LIBRARY)
         return durations
@@ -273,7 +276,7 @@ class TrajectorySet:
         titles = [f"{k} · cond {plain(x)}" for k, x in enumerate(self.conditions.tolist(), 1)]
         cell, c = self.cell, self.coefficients
         shown = cell.constraints, cell.whole_arm, self.family, c, titles, self.demands(rate)
-        write_view(Path(path), *shown, steps)
+        write_view(path_of(path, "path"), *shown, steps)
 
 
 def describe_weak_set(given: TrajectorySet, condition: float) -> str:
@@ -306,19 +309,3 @@ def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:
     share = most / limit if limited else most
     values = [f"{plain(row[j])} {units[j]}" for row, j in zip(most, share.argmax(1))]
     return [f"{used:.0%}, {value}" for used, value in zip(share.max(1), values)] if limited else values
-
-
-def coefficients_of(given: TrajectorySet | ArrayLike, cell: Cell) -> Array:
-    """Coefficients [rad/s], (N, J, H, 2), of a set of the cell's arm and family, or as given.
-
-    Raises:
-        ShapeError: when a set is of another arm, period, home or number of harmonics.
-    """
-    if not isinstance(given, TrajectorySet):
-        return np.asarray(given, float)
-    if given.family != cell.trajectory or given.cell.whole_arm.digest != cell.whole_arm.digest:
-        raise ShapeError(
-            f"the set is of {given.cell.arm.name}, {given.family}; the cell has {cell.arm.name}, "
-            f"{cell.trajectory}: pass set.coefficients if the same numbers are meant for this cell"
-        )
-    return given.coefficients

@@ -62,7 +62,11 @@ REFUSALS = [
         (r"coefficients\[2\] are not finite", roll_out_of(3, 2, 6, 2, value=value))
         for value in (NAN, INF, -INF)
     ),
-    *((r"gives no sample in 16\.0 s", partial(FAMILY.times, rate)) for rate in (0.0, -1.0, 0.01, NAN, INF)),
+    *(
+        (r"rate is .*, expected 1 to 10,000,000 samples in 16\.0 s", partial(FAMILY.times, rate))
+        for rate in (0.0, -1.0, 0.01, 1e12, 1e308, NAN, INF, -INF, "100", None, [100])
+    ),
+    ("velocity: expected an array of numbers", partial(PLANAR.drive_torque, [0, 0], ["a", "b"], [0, 0])),
     ("at least one sample, got 0", partial(FAMILY.grid, 0)),
     *(
         (r"expected 0 to 16.0 s", partial(FAMILY.roll_out, C, np.array([1.0, time])))
