@@ -1,6 +1,7 @@
 """Conversion between tensors and arrays, and files of tensors."""
 
 import io
+import zipfile
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -12,6 +13,9 @@ from torch import Tensor
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading, write_bytes
 from sidegan.base.threads import limited, threads
+from sidegan.errors import ArtifactError
+
+_ZIP = b"PK\x03\x04"  # how torch's files begin, but for those of the oldest versions
 
 if limited():  # torch is imported inside a block of ``on_threads``
     torch.set_num_threads(threads())
@@ -55,6 +59,14 @@ def write_network(path: Path, weights: Mapping[str, Tensor], arguments: Mapping[
 
 
 def read_tensors(path: Path) -> Any:
-    """Tensors and plain containers of them, on the CPU; an ArtifactError for other content, never code."""
+    """Tensors and plain containers of them, on the CPU; an ArtifactError for other content, never code.
+
+    The checksums that torch writes are verified, since torch itself does not.
+    """
     with reading(path, "tensor"):
-        return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+        content = path.read_bytes()
+        if content.startswith(_ZIP):
+            with zipfile.ZipFile(io.BytesIO(content)) as file:
+                if damaged := file.testzip():
+                    raise ArtifactError(f"{path} is damaged: the checksum of its part {damaged} is wrong")
+        return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
