@@ -4,6 +4,7 @@ import ast
 import inspect
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -272,3 +273,25 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     for words, wrong in [("no variant 'eigne'", ["eigne", cell]), ("learns from seeds", ["eigen", cell])]:
         with pytest.raises(sg.SideganError, match=words):
             sg.train(*wrong)
+
+
+def test_a_training_does_not_depend_on_what_torch_is_set_to_or_on_other_threads(cell, seeds):
+    def made():
+        return sg.train("vanilla", cell, seeds, **SMALL | {"width": 128, "batch": 60}).network.state_dict()
+
+    def same(other):
+        return all(torch.equal(x, other[name]) for name, x in first.items())
+
+    first = made()
+    with ThreadPoolExecutor(2) as threads:
+        assert all(map(same, threads.map(lambda _: made(), range(2))))
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(2 if before == 1 else 1)
+        torch.set_default_dtype(torch.float64)
+        with torch.inference_mode():
+            assert same(made())
+        assert torch.get_num_threads() != before and torch.get_default_dtype() == torch.float64
+    finally:
+        torch.set_num_threads(before)
+        torch.set_default_dtype(torch.float32)

@@ -29,7 +29,7 @@ with extra("paper"):
     from sidegan.gan.labels import Labelled
     from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates, negatives_count
     from sidegan.gan.side_gan import Data
-    from sidegan.gan.tensors import random_kept
+    from sidegan.gan.tensors import alone
     from sidegan.gan.training import Run, Trained, random_trajectories
     from sidegan.gan.training import train as run_training
 
@@ -91,6 +91,10 @@ def train(
 ) -> Generator:
     """Train a variant of SIDE-GAN.
 
+    The result follows from the arguments, on a given processor and version of torch. Trainings use one
+    thread, whatever torch is set to, and take turns if several threads call this; meanwhile, no other code
+    should draw from torch's global random numbers, as making and loading networks does.
+
     Args:
         variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or the fields of
             a ``Variant``, such as ``{"variant": "Vanilla", "weights": {"adversarial": 1}}``.
@@ -120,7 +124,7 @@ def train(
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
     c = None if seeds is None or not settings.seeded else coefficients_of(seeds, cell)
-    with TemporaryDirectory() as work, random_kept():
+    with TemporaryDirectory() as work, alone():
         folder = None if surrogates is None else Path(surrogates)
         if settings.features and folder is not None:
             _require_surrogates(folder, cell)
@@ -180,7 +184,7 @@ def surrogates(
     _require_box(box)
     settings = build(SurrogateSettings, changes)
     c = coefficients_of(seeds, cell)
-    with random_kept():
+    with alone():
         return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
 
 
