@@ -5,6 +5,7 @@ import inspect
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import torch
 import sidegan as sg
 from sidegan.base.arrays import flatten
 from sidegan.design.excitation import information_of
+from sidegan.gan.settings import RECIPES
 
 SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
 SEARCH = {"evaluations": 60, "patience": 60}
@@ -263,6 +265,9 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert torch.equal(before[0], torch.get_rng_state()) and (before[1] == np.random.get_state()[1]).all()
     made = generator.sample(20)
     assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
+    ways = {"rank": 0}, replace(RECIPES["eigen"].weights, rank=0.0)  # to leave out one loss alone
+    less = [sg.train("eigen", cell, seeds, surrogates=tmp_path, weights=x, **SMALL).history for x in ways]
+    assert less[0].equals(less[1]) and not less[0].equals(generator.history)
     generator.save(tmp_path / "eigen.pt")
     again = sg.Generator.load(tmp_path / "eigen.pt", cell)
     assert np.array_equal(again.sample(20), made) and not np.array_equal(again.sample(20, seed=1), made)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width, settings_of
 from sidegan.errors import ConfigError
 
 _Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
@@ -96,6 +96,15 @@ class Published:
     fitness: Literal["entropy", "minus_entropy", "ratio"] = "entropy"
 
 
+_GROUPS = {
+    "weights": Weights,
+    "refresh": Refresh,
+    "exact": ExactPhysics,
+    "reward": Reward,
+    "published": Published,
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
@@ -125,6 +134,12 @@ class Variant:
     published: Published | None = None  # only published variants
 
     def __post_init__(self) -> None:
+        if self.variant not in list(TRAITS):
+            raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}")
+        for name, kind in _GROUPS.items():  # mappings of their fields will do
+            given = getattr(self, name)
+            if not isinstance(given, kind) and (given is not None or name == "weights"):
+                object.__setattr__(self, name, settings_of(kind, given))
         if foreign := [k for k in self.traits.missing if getattr(self.weights, k)]:
             names = ", ".join(f"weights.{name}" for name in foreign)
             raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
@@ -146,6 +161,9 @@ class Variant:
             if self.published is not None and getattr(self, option):
                 nothing = "0" if option == "corrections" else "false"
                 raise ConfigError(f"the published networks have no {option}: set it to {nothing}")
+        later = "fitness" if self.features and self.fitness_start else ""
+        if not any(weight for name, weight in vars(self.weights).items() if name != later):
+            raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
 
     def rate(self, share: float) -> float:
         """Learning rate when a share of the training is done."""

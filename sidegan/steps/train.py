@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -18,7 +18,7 @@ from sidegan.base.extras import extra
 from sidegan.base.parallel import Job, run_jobs
 from sidegan.base.random import number
 from sidegan.base.storage import read_json, write_json, writing
-from sidegan.base.typed import build, settings_of
+from sidegan.base.typed import build, changed, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ArtifactError, ConfigError
 from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
@@ -105,7 +105,8 @@ def train(
         seed: random seed.
         box: bound on the generator's absolute coefficients [rad/s]; None: no bound.
         workers: processes for the surrogates; None: one per core.
-        **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20``.
+        **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20`` or
+            ``weights={"rank": 0}``, which keeps the other weights.
 
     Returns:
         The generator: ``sample(count)``, ``history``, ``save(path)``.
@@ -148,7 +149,7 @@ def _settings(variant: str | Variant | Mapping[str, Any], changes: dict[str, Any
         raise ConfigError(f"there is no variant {variant!r}, expected one of {', '.join(RECIPES)}")
     recipe = RECIPES[variant] if isinstance(variant, str) else settings_of(Variant, variant)
     name = variant if isinstance(variant, str) else recipe.variant.lower()
-    return name, build(Variant, {**asdict(recipe), **changes})
+    return name, changed(recipe, changes)
 
 
 def surrogates(
