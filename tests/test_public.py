@@ -207,6 +207,11 @@ REFUSED = [
     ("workers is -3", lambda cell, it: sg.seeds(cell, 3, workers=-3)),
     ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
+    ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.train("vanilla", cell, it)),
+    ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.surrogates(cell, it, "there")),
+    ("beyond the box of 0.001", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]], box=0.001)),
+    ("all 2 seeds are the same", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]])),
+    ("there are no seeds", lambda cell, it: sg.train("vanilla", cell, np.zeros((0, 2, 3, 2)))),
     ("box is inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),
 ]
 

@@ -3,6 +3,6 @@
 from sidegan.seeding.gradient import Gradient
 from sidegan.seeding.make import make_long, make_seeds
 from sidegan.seeding.result import Optimiser, SeedBatch
-from sidegan.seeding.settings import Long, Seeds
+from sidegan.seeding.settings import Long, Seeds, refuse_beyond
 
-__all__ = ["Gradient", "Long", "Optimiser", "SeedBatch", "Seeds", "make_long", "make_seeds"]
+__all__ = ["Gradient", "Long", "Optimiser", "SeedBatch", "Seeds", "make_long", "make_seeds", "refuse_beyond"]

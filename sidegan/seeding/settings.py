@@ -69,11 +69,6 @@ class Seeds:
         """The published seeds."""
         return PublishedSeeds(Path(self.folder or ""))
 
-    def refuse_beyond(self, c: Array) -> None:
-        """Refuse coefficients [rad/s] beyond the box by a ConfigError."""
-        if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
-            raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is no box")
-
     @property
     def optimiser(self) -> Optimiser:
         """The configured method."""
@@ -84,6 +79,15 @@ class Seeds:
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """The optimiser's problem."""
         return Problem(constraints, trajectory, self.samples, self.strongest)
+
+
+def refuse_beyond(c: Array, box: float | None) -> None:
+    """Refuse seeds [rad/s] beyond the box of generators trained on them by a ConfigError; None: no box."""
+    if box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * box:
+        raise ConfigError(
+            f"seeds reach {most:.3g} rad/s, beyond the box of {box:g}: use other seeds, or no box, "
+            "seeds.box=null in a command, box=None in Python"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

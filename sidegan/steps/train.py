@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
@@ -20,9 +21,11 @@ from sidegan.base.random import number
 from sidegan.base.storage import read_json, write_json, writing
 from sidegan.base.typed import build, changed, settings_of
 from sidegan.cell import Cell, require_cell
-from sidegan.errors import ArtifactError, ConfigError
+from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError
 from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
+from sidegan.seeding import refuse_beyond
 from sidegan.steps.trajectories import TrajectorySet, coefficients_of
+from sidegan.validity import summarise_faults
 
 with extra("paper"):
     from sidegan.gan.generator import TrajectoryGenerator
@@ -68,8 +71,12 @@ class Generator:
     def load(cls, path: str | Path, cell: Cell) -> "Generator":
         """A generator from a file that ``save`` wrote; no code in the file is executed.
 
+        The file holds the arm with its limits and effort, and the harmonics, period and home of trajectories,
+        which must be the cell's, but no workspace: check samples in the cell, as
+        ``TrajectorySet.of(cell, generator.sample(100)).valid`` does.
+
         Raises:
-            ArtifactError: for a truncated or foreign file, a different arm or family of trajectories.
+            ArtifactError: for a damaged or foreign file, a different arm or family of trajectories.
         """
         require_cell(cell)
         network = TrajectoryGenerator.load(Path(path), cell.arm)
@@ -99,11 +106,12 @@ def train(
         variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or the fields of
             a ``Variant``, such as ``{"variant": "Vanilla", "weights": {"adversarial": 1}}``.
         cell: the arm in its cell.
-        seeds: training data, a set or coefficients (N, J, H, 2) [rad/s]; ``"exact"`` needs none.
+        seeds: training data, a set or coefficients (N, J, H, 2) [rad/s], all valid in the cell; ``"exact"``
+            needs none.
         surrogates: folder from ``sidegan.surrogates`` for this cell, to share between variants; None: trains
             them first if the variant needs them.
         seed: random seed.
-        box: bound on the generator's absolute coefficients [rad/s]; None: no bound.
+        box: bound on the absolute coefficients [rad/s] of seeds and generator; None: no bound.
         workers: processes for the surrogates; None: one per core.
         **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20`` or
             ``weights={"rank": 0}``, which keeps the other weights.
@@ -112,8 +120,10 @@ def train(
         The generator: ``sample(count)``, ``history``, ``save(path)``.
 
     Raises:
-        ConfigError: when there is no such variant, it needs seeds, or a setting is out of range.
+        ConfigError: when there is no such variant, it needs seeds, these reach beyond the box or are
+            all the same, or a setting is out of range.
         ShapeError: when the seeds do not fit the cell.
+        InfeasibleError: when seeds are invalid in the cell; says how many.
         ArtifactError: when the surrogates are of another cell.
         SideganError: when the training diverges.
     """
@@ -124,17 +134,33 @@ def train(
         raise ConfigError(f"surrogates is {surrogates!r}, expected the folder that sidegan.surrogates filled")
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
-    c = None if seeds is None or not settings.seeded else coefficients_of(seeds, cell)
+    folder = None if surrogates is None else Path(surrogates)
+    if settings.features and folder is not None:
+        _require_surrogates(folder, cell)
+    c = None if seeds is None or not settings.seeded else _examples(seeds, cell, box)
     with TemporaryDirectory() as work, alone():
-        folder = None if surrogates is None else Path(surrogates)
-        if settings.features and folder is not None:
-            _require_surrogates(folder, cell)
-        elif settings.features and c is not None:
+        if settings.features and folder is None and c is not None:
             folder = Path(work, "surrogates")
             _from_vanilla(cell, c, folder, SurrogateSettings(), seed, box, workers)
         run = Run(name, number(seed, f"gan {name}"), Path(work, name))
         made = trained(cell, settings, c, run, surrogates=folder, box=box if settings.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
+
+
+def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -> Array:
+    """Coefficients of seeds [rad/s], (N, J, H, 2), which must be valid in this cell and in the box."""
+    c = coefficients_of(seeds, cell)
+    if not c.size:
+        raise ShapeError("there are no seeds, expected two or more")
+    found = cell.check(c)
+    if not found.valid.all():
+        raise InfeasibleError(
+            f"{np.sum(~found.valid)} of {len(c)} seeds are invalid in this cell: "
+            f"{summarise_faults(found.faults())}; make others by sidegan.seeds(cell), or learn from the "
+            "valid ones alone: some[some.valid], with some = sidegan.TrajectorySet.of(cell, seeds)"
+        )
+    refuse_beyond(c, box)
+    return c
 
 
 def _require_box(box: float | None) -> None:
@@ -166,10 +192,11 @@ def surrogates(
 
     Args:
         cell: the arm in its cell.
-        seeds: a set or coefficients (N, J, H, 2) [rad/s].
+        seeds: a set or coefficients (N, J, H, 2) [rad/s], all valid in the cell.
         folder: created if missing; ``train(…, surrogates=folder)`` reads it.
         seed: random seed.
-        box: bound on the absolute coefficients [rad/s] of the generator of further samples; None: no bound.
+        box: bound on the absolute coefficients [rad/s] of seeds and of the generator of further samples;
+            None: no bound.
         workers: processes; None: one per core.
         **changes: changes of the settings, fields of ``SurrogateSettings``, such as ``samples=2000``.
 
@@ -177,14 +204,15 @@ def surrogates(
         Held-out accuracies of the success predictor and mean R² of the converters, by name.
 
     Raises:
-        ConfigError: when a setting is unknown or out of range.
+        ConfigError: when a setting is unknown or out of range, or seeds reach beyond the box.
         ShapeError: when the seeds do not fit the cell.
+        InfeasibleError: when seeds are invalid in the cell; says how many.
         SideganError: when the training diverges.
     """
     require_cell(cell)
     _require_box(box)
     settings = build(SurrogateSettings, changes)
-    c = coefficients_of(seeds, cell)
+    c = _examples(seeds, cell, box)
     with alone():
         return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
 

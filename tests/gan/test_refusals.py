@@ -83,7 +83,14 @@ def test_files_of_another_arm_are_refused(arm, planar, family, seeds, tmp_path):
         (ShapeError, "coefficients are", {}, lambda seeds: seeds[:, :1]),
         (ShapeError, "not finite", {}, lambda seeds: seeds * np.nan),
         (ShapeError, "scaling needs at least two seeds", {}, lambda seeds: seeds[:1]),
-        (SideganError, "small diverged in epoch 0", {"learning_rate": 1e38}, lambda seeds: seeds),
+        (ConfigError, "all 64 seeds are the same", {}, lambda seeds: seeds[:1].repeat(64, 0)),
+        (SideganError, "small diverged in epoch 0: .*smaller", {"learning_rate": 1e38}, lambda seeds: seeds),
+        (
+            SideganError,
+            "its trajectories are not finite",
+            {"learning_rate": 1e38, "weights": replace(NONE, rank=1.0)},
+            lambda seeds: seeds,
+        ),
         (ConfigError, "small needs a success predictor", {"variant": "Eigen"}, lambda seeds: seeds),
     ],
 )
