@@ -5,6 +5,7 @@ import inspect
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -305,3 +306,26 @@ def test_a_training_does_not_depend_on_what_torch_is_set_to_or_on_other_threads(
     finally:
         torch.set_num_threads(before)
         torch.set_default_dtype(torch.float32)
+
+
+def test_a_training_shows_its_progress_and_resumes_in_its_folder(cell, seeds, tmp_path, monkeypatch, caplog):
+    def made(**options):
+        return sg.train("vanilla", cell, seeds, **SMALL | {"epochs": 3} | options).history
+
+    caplog.set_level("INFO")
+    monkeypatch.setattr("sidegan.base.progress._INTERVAL", 0)
+    whole, ends = made(), []
+    assert "epochs of vanilla: 1 of 3" in caplog.text
+
+    def show(done):
+        ends.append(done)
+        if len(ends) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("sidegan.steps.train.bar", lambda *_: nullcontext(show))
+    with pytest.raises(KeyboardInterrupt):
+        made(folder=tmp_path)
+    assert made(folder=tmp_path).equals(whole) and ends == [1, 2, 2, 3]  # the second had not been saved
+    assert made(folder=tmp_path).equals(whole) and len(ends) == 4 and len([*tmp_path.iterdir()]) == 1
+    for other in ({"seed": 1}, {"batch": 30}, {"box": 30.0}):
+        assert not made(folder=tmp_path, **other).equals(whole)

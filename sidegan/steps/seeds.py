@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from sidegan.base.names import stamp_of
-from sidegan.base.random import stream
+from sidegan.base.random import number, stream
 from sidegan.base.storage import writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
@@ -48,9 +48,10 @@ def seeds(
     chosen = chosen if count is None else build(Seeds, {**asdict(chosen), "count": count})
     if chosen.method == "published":
         raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
+    # other calls have other folders beside this one
+    stamp = stamp_of(cell.identity(), asdict(chosen), number(seed, "seeds"))
     with TemporaryDirectory() as temporary:
-        # other calls have other folders beside this one
-        work = Path(temporary if folder is None else folder, stamp_of(cell.identity(), asdict(chosen), seed))
+        work = Path(temporary if folder is None else folder, stamp)
         with writing(work):
             work.mkdir(parents=True, exist_ok=True)
         made = optimised(cell, chosen, seed, work, workers)

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
+from sidegan.base.names import stamp_of
 from sidegan.base.parallel import Job, run_jobs
+from sidegan.base.progress import bar
 from sidegan.base.random import number
-from sidegan.base.storage import read_json, write_json, writing
+from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.typed import build, changed, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError
@@ -93,6 +95,7 @@ def train(
     surrogates: str | Path | None = None,
     seed: int = 0,
     box: float | None = None,
+    folder: str | Path | None = None,
     workers: int | None = None,
     **changes: Any,
 ) -> Generator:
@@ -112,6 +115,7 @@ def train(
             them first if the variant needs them.
         seed: random seed.
         box: bound on the absolute coefficients [rad/s] of seeds and generator; None: no bound.
+        folder: for finished epochs, so that the same call can resume if interrupted; None: none are kept.
         workers: processes for the surrogates; None: one per core.
         **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20`` or
             ``weights={"rank": 0}``, which keeps the other weights.
@@ -125,6 +129,7 @@ def train(
         ShapeError: when the seeds do not fit the cell.
         InfeasibleError: when seeds are invalid in the cell; says how many.
         ArtifactError: when the surrogates are of another cell.
+        StorageError: when the folder cannot be written.
         SideganError: when the training diverges.
     """
     require_cell(cell)
@@ -134,17 +139,39 @@ def train(
         raise ConfigError(f"surrogates is {surrogates!r}, expected the folder that sidegan.surrogates filled")
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
-    folder = None if surrogates is None else Path(surrogates)
-    if settings.features and folder is not None:
-        _require_surrogates(folder, cell)
+    source = None if surrogates is None else Path(surrogates)
+    if settings.features and source is not None:
+        _require_surrogates(source, cell)
     c = None if seeds is None or not settings.seeded else _examples(seeds, cell, box)
-    with TemporaryDirectory() as work, alone():
-        if settings.features and folder is None and c is not None:
-            folder = Path(work, "surrogates")
-            _from_vanilla(cell, c, folder, SurrogateSettings(), seed, box, workers)
-        run = Run(name, number(seed, f"gan {name}"), Path(work, name))
-        made = trained(cell, settings, c, run, surrogates=folder, box=box if settings.boxed else None)
+    run = Run(name, number(seed, f"gan {name}"), Path())
+    # other calls have other folders beside this one
+    stamp = _stamp(cell, name, settings, c, run.seed, box, source)
+    with TemporaryDirectory() as temporary, alone():
+        work = Path(temporary if folder is None else folder, stamp)
+        with writing(work):
+            work.mkdir(parents=True, exist_ok=True)
+        if settings.features and source is None and c is not None:
+            source = work / "surrogates"
+            if not (source / _CELL).exists():  # which is written last
+                _from_vanilla(cell, c, source, SurrogateSettings(), seed, box, workers, work / "negatives")
+        run = replace(run, work=work / name)
+        made = _followed(cell, settings, c, run, source, box if settings.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
+
+
+def _stamp(
+    cell: Cell,
+    name: str,
+    settings: Variant,
+    seeds: Array | None,
+    seed: int,
+    box: float | None,
+    surrogates: Path | None,
+) -> str:
+    """Digest of all that a training's result follows from."""
+    learnt = None if seeds is None else seeds.tolist()
+    networks = [] if surrogates is None else [file_digest(file) for file in sorted(surrogates.glob("*.pt"))]
+    return stamp_of(cell.identity(), name, asdict(settings), learnt, seed, box, networks)
 
 
 def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -> Array:
@@ -213,8 +240,8 @@ def surrogates(
     _require_box(box)
     settings = build(SurrogateSettings, changes)
     c = _examples(seeds, cell, box)
-    with alone():
-        return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers)
+    with TemporaryDirectory() as work, alone():
+        return _from_vanilla(cell, c, Path(folder), settings, seed, box, workers, Path(work))
 
 
 def _from_vanilla(
@@ -225,14 +252,17 @@ def _from_vanilla(
     seed: int,
     box: float | None,
     workers: int | None,
+    work: Path,
 ) -> dict[str, float]:
-    """Train a vanilla GAN, then surrogates from its samples and seeds (N, J, H, 2), into a folder."""
+    """Train a vanilla GAN, then surrogates from its samples and seeds (N, J, H, 2), into a folder.
+
+    Finished epochs of the GAN are kept in ``work``.
+    """
     ((name, variant),) = settings.negatives.items()
     with writing(folder):  # before it is needed, since the training takes long
         folder.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory() as work:
-        run = Run(name, number(seed, f"gan {name}"), Path(work))
-        vanilla = trained(cell, variant, c, run, box=box if variant.boxed else None).generator
+    run = Run(name, number(seed, f"gan {name}"), work)
+    vanilla = _followed(cell, variant, c, run, None, box if variant.boxed else None).generator
     return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
 
 
@@ -267,6 +297,15 @@ def _require_surrogates(folder: Path, cell: Cell) -> None:
         raise ArtifactError(
             f"the surrogates in {folder} were trained for another cell: {', '.join(differing)} differ"
         )
+
+
+def _followed(
+    cell: Cell, variant: Variant, seeds: Array | None, run: Run, surrogates: Path | None, box: float | None
+) -> Trained:
+    """A training as by ``trained``, with its progress on the terminal or in the log."""
+    with bar(f"epochs of {run.name}", variant.epochs) as show:
+        shown = replace(run, progress=lambda done, total: show(done))
+        return trained(cell, variant, seeds, shown, surrogates=surrogates, box=box)
 
 
 def trained(
