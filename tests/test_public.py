@@ -171,6 +171,12 @@ def test_a_set_keeps_its_numbers_and_measures_itself_by_its_own_family(cell, exc
     assert slow.warnings == sg.TrajectorySet.of(own, slow.coefficients).warnings
 
 
+def test_the_papers_optimiser_needs_no_further_settings(cell):
+    less = {"method": "paper", "steps": 1, "ants": 20, "evaluations": 50}
+    made = sg.seeds(cell, 2, settings=less, workers=1)
+    assert made.valid.all() and np.abs(made.coefficients).max() <= 0.2 * (1 + 1e-6)
+
+
 REFUSED = [
     ("1 of 2 trajectories are invalid: 2 violates position of shoulder", lambda cell, it: it.save("set")),
     (
@@ -183,6 +189,9 @@ REFUSED = [
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.excite("planar2", 1)),
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.identify("planar2", ["a.csv"])),
     ("count is 0", lambda cell, it: sg.excite(cell, 0)),
+    ("method is 'papers'", lambda cell, it: sg.seeds(cell, settings={"method": "papers"})),
+    ("reads files", lambda cell, it: sg.seeds(cell, settings={"method": "published"})),
+    ("settings are 3", lambda cell, it: sg.seeds(cell, settings=3)),
     ("count is '3'", lambda cell, it: sg.seeds(cell, "3")),
     ("seed is -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
     ("settings are 'parameters', expected GoalSettings", lambda cell, it: sg.excite(cell, goal="parameters")),

@@ -46,13 +46,20 @@ class Seeds:
     shipped: str | None = None  # paper only: a file next to the settings, with seeds made by them
 
     def __post_init__(self) -> None:
+        if self.method not in list(_NEEDED):
+            raise ConfigError(f"method is {self.method!r}, expected one of {', '.join(_NEEDED)}")
         if self.method == "gradient" and self.reserve is None:
             object.__setattr__(self, "reserve", _RESERVE)
         needed, allowed = _NEEDED[self.method], _ALLOWED[self.method]
-        for name in sorted(set.union(*_NEEDED.values(), *_ALLOWED.values()) - allowed):
-            if (getattr(self, name) is not None) != (name in needed):
-                verb = "needs" if name in needed else "does not have"
-                raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
+        others = set.union(*_NEEDED.values(), *_ALLOWED.values()) - needed - allowed
+        missing = [name for name in sorted(needed) if getattr(self, name) is None]
+        foreign = [name for name in sorted(others) if getattr(self, name) is not None]
+        for verb, names in (("needs", missing), ("does not have", foreign)):
+            if names:
+                raise ConfigError(
+                    f"method {self.method} {verb} {', '.join(names)}; choose it by seeds={self.method}, "
+                    f"in Python sidegan.seeds(…, settings={{'method': {self.method!r}}})"
+                )
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}; seeds.folder=SIDE-GAN-Pytorch")
 
@@ -79,6 +86,22 @@ class Seeds:
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """The optimiser's problem."""
         return Problem(constraints, trajectory, self.samples, self.strongest)
+
+
+# The methods with the same values as in ``conf/seeds``, at scale quick.
+METHODS = {
+    "gradient": Seeds(),
+    "paper": Seeds(
+        method="paper",
+        batch=10,
+        steps=5,
+        attempts=20,
+        ants=100,
+        evaluations=20_000,
+        box=0.2,
+        strongest=35,  # as many base parameters as the authors' library finds
+    ),
+}
 
 
 def refuse_beyond(c: Array, box: float | None) -> None:

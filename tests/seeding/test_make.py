@@ -109,6 +109,8 @@ def test_the_folder_only_stamps_published_seeds():
     ("words", "method", "options"),
     [
         ("method paper needs evaluations", "paper", {"ants": 30, "box": 0.2}),
+        (r"needs ants, box, evaluations; .*in Python .*settings={'method': 'paper'}", "paper", {}),
+        ("method is 'papers', expected one of gradient, paper, published", "papers", {}),
         ("method gradient does not have ants", "gradient", {"reserve": 0.2, "ants": 30}),
         ("method gradient does not have strongest", "gradient", {"reserve": 0.2, "strongest": 35}),
         ("method published does not have reserve; choose it by seeds=pub", "published", {"reserve": 0.1}),
