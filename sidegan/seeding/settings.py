@@ -29,8 +29,8 @@ _ROUNDING = 1e-6  # of coefficients in single precision
 class Seeds:
     """The conventional optimiser that makes the seed set, or the folder of a published one."""
 
-    method: Literal["gradient", "paper", "published"] = "gradient"
-    count: Count = 400
+    method: Literal["gradient", "paper", "published"] = "gradient"  # the optimiser
+    count: Count = 400  # number of seeds
     samples: Size = 60  # time points per period
     batch: Size = 50  # trajectories per task
     steps: Count = 60  # evaluations; paper: generations of the colony
@@ -42,7 +42,7 @@ class Seeds:
     # null for published seeds without one.
     box: Positive | None = None
     strongest: Count | None = None  # number of eigenvalues in the eigenvalue fitness; null: all
-    folder: str | None = None  # published only
+    folder: str | None = None  # published only: a clone of the authors' repository
     shipped: str | None = None  # paper only: a file next to the settings, with seeds made by them
 
     def __post_init__(self) -> None:
