@@ -336,5 +336,5 @@ def test_a_training_shows_its_progress_and_resumes_in_its_folder(cell, seeds, tm
         made(folder=tmp_path)
     assert made(folder=tmp_path).equals(whole) and ends == [1, 2, 2, 3]  # the second had not been saved
     assert made(folder=tmp_path).equals(whole) and len(ends) == 4 and len([*tmp_path.iterdir()]) == 1
-    for other in ({"seed": 1}, {"batch": 30}, {"box": 30.0}):
+    for other in ({"seed": 1}, {"batch": 30}, {"box": np.float32(30)}):
         assert not made(folder=tmp_path, **other).equals(whole)

@@ -170,8 +170,9 @@ def _stamp(
 ) -> str:
     """Digest of all that a training's result follows from."""
     learnt = None if seeds is None else seeds.tolist()
+    bound = None if box is None else float(box)
     networks = [] if surrogates is None else [file_digest(file) for file in sorted(surrogates.glob("*.pt"))]
-    return stamp_of(cell.identity(), name, asdict(settings), learnt, seed, box, networks)
+    return stamp_of(cell.identity(), name, asdict(settings), learnt, seed, bound, networks)
 
 
 def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -> Array:
