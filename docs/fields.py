@@ -14,7 +14,10 @@ class Fields(griffe.Extension):
             return
         source = cls.filepath.read_text(encoding="utf-8").splitlines()
         own = (x for x in cls.attributes.values() if cls.lineno < x.lineno <= cls.endlineno)
-        fields = [x for x in own if x.is_public and "property" not in x.labels]
+        told = cls.docstring.value  # which may describe some itself
+        fields = [
+            x for x in own if x.is_public and "property" not in x.labels and f"\n    {x.name}: " not in told
+        ]
         if rows := [f"    {field.name}: {_comment(source, field)}" for field in fields]:
             cls.docstring.value += "\n\nAttributes:\n" + "\n".join(rows)
 

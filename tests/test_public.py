@@ -4,6 +4,9 @@ import ast
 import inspect
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,7 @@ import torch
 import sidegan as sg
 from sidegan.base.arrays import flatten
 from sidegan.design.excitation import information_of
+from sidegan.gan.settings import RECIPES
 
 SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
 SEARCH = {"evaluations": 60, "patience": 60}
@@ -174,6 +178,12 @@ def test_a_set_keeps_its_numbers_and_measures_itself_by_its_own_family(cell, exc
     assert slow.warnings == sg.TrajectorySet.of(own, slow.coefficients).warnings
 
 
+def test_the_papers_optimiser_needs_no_further_settings(cell):
+    less = {"method": "paper", "steps": 1, "ants": 20, "evaluations": 50}
+    made = sg.seeds(cell, 2, settings=less, workers=1)
+    assert made.valid.all() and np.abs(made.coefficients).max() <= 0.2 * (1 + 1e-6)
+
+
 REFUSED = [
     ("1 of 2 trajectories are invalid: 2 violates position of shoulder", lambda cell, it: it.save("set")),
     (
@@ -202,6 +212,9 @@ REFUSED = [
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.excite("planar2", 1)),
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.identify("planar2", ["a.csv"])),
     ("count is 0", lambda cell, it: sg.excite(cell, 0)),
+    ("method is 'papers'", lambda cell, it: sg.seeds(cell, settings={"method": "papers"})),
+    ("reads files", lambda cell, it: sg.seeds(cell, settings={"method": "published"})),
+    ("settings are 3", lambda cell, it: sg.seeds(cell, settings=3)),
     ("count is '3'", lambda cell, it: sg.seeds(cell, "3")),
     ("seed is -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
     ("seed is 1.5", lambda cell, it: sg.seeds(cell, 2, 1.5)),
@@ -234,6 +247,11 @@ REFUSED = [
     ("workers is -3", lambda cell, it: sg.seeds(cell, 3, workers=-3)),
     ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
+    ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.train("vanilla", cell, it)),
+    ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.surrogates(cell, it, "there")),
+    ("beyond the box of 0.001", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]], box=0.001)),
+    ("all 2 seeds are the same", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]])),
+    ("there are no seeds", lambda cell, it: sg.train("vanilla", cell, np.zeros((0, 2, 3, 2)))),
     ("box is inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),
 ]
 
@@ -301,6 +319,9 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     assert torch.equal(before[0], torch.get_rng_state()) and (before[1] == np.random.get_state()[1]).all()
     made = generator.sample(20)
     assert made.shape == (20, 2, 3, 2) and len(generator.history) == 2
+    ways = {"rank": 0}, replace(RECIPES["eigen"].weights, rank=0.0)  # to leave out one loss alone
+    less = [sg.train("eigen", cell, seeds, surrogates=tmp_path, weights=x, **SMALL).history for x in ways]
+    assert less[0].equals(less[1]) and not less[0].equals(generator.history)
     generator.save(tmp_path / "eigen.pt")
     again = sg.Generator.load(tmp_path / "eigen.pt", cell)
     assert np.array_equal(again.sample(20, np.int64(0)), made)
@@ -317,3 +338,48 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
     for words, wrong in [("no variant 'eigne'", ["eigne", cell]), ("learns from seeds", ["eigen", cell])]:
         with pytest.raises(sg.SideganError, match=words):
             sg.train(*wrong)
+
+
+def test_a_training_does_not_depend_on_what_torch_is_set_to_or_on_other_threads(cell, seeds):
+    def made():
+        return sg.train("vanilla", cell, seeds, **SMALL | {"width": 128, "batch": 60}).network.state_dict()
+
+    def same(other):
+        return all(torch.equal(x, other[name]) for name, x in first.items())
+
+    first = made()
+    with ThreadPoolExecutor(2) as threads:
+        assert all(map(same, threads.map(lambda _: made(), range(2))))
+    before = torch.get_num_threads()
+    try:
+        torch.set_num_threads(2 if before == 1 else 1)
+        torch.set_default_dtype(torch.float64)
+        with torch.inference_mode():
+            assert same(made())
+        assert torch.get_num_threads() != before and torch.get_default_dtype() == torch.float64
+    finally:
+        torch.set_num_threads(before)
+        torch.set_default_dtype(torch.float32)
+
+
+def test_a_training_shows_its_progress_and_resumes_in_its_folder(cell, seeds, tmp_path, monkeypatch, caplog):
+    def made(**options):
+        return sg.train("vanilla", cell, seeds, **SMALL | {"epochs": 3} | options).history
+
+    caplog.set_level("INFO")
+    monkeypatch.setattr("sidegan.base.progress._INTERVAL", 0)
+    whole, ends = made(), []
+    assert "epochs of vanilla: 1 of 3" in caplog.text
+
+    def show(done):
+        ends.append(done)
+        if len(ends) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("sidegan.steps.train.bar", lambda *_: nullcontext(show))
+    with pytest.raises(KeyboardInterrupt):
+        made(folder=tmp_path)
+    assert made(folder=tmp_path).equals(whole) and ends == [1, 2, 2, 3]  # the second had not been saved
+    assert made(folder=tmp_path).equals(whole) and len(ends) == 4 and len([*tmp_path.iterdir()]) == 1
+    for other in ({"seed": 1}, {"batch": 30}, {"box": np.float32(30)}):
+        assert not made(folder=tmp_path, **other).equals(whole)

@@ -9,6 +9,8 @@ import matplotlib
 import pytest
 
 import sidegan
+from sidegan.gan.settings import ExactPhysics, Refresh, Reward, Weights
+from sidegan.seeding import Seeds
 
 TUTORIALS = Path(__file__).parents[1] / "docs" / "tutorials"
 LARGEST = 100_000  # bytes of a picture
@@ -57,6 +59,8 @@ def test_tutorials_run(name, capsys, monkeypatch, tmp_path):
     assert printed in capsys.readouterr().out
 
 
-def test_the_reference_lists_every_public_name():
+def test_the_reference_lists_every_public_name_and_the_groups_of_their_settings():
     page = (TUTORIALS.parent / "api" / "index.md").read_text(encoding="utf-8")
     assert sorted(re.findall(r"^::: sidegan\.(\w+)$", page, re.MULTILINE)) == sorted(sidegan.__all__)
+    deeper = set(re.findall(r"^::: sidegan\.[\w.]+\.(\w+)$", page, re.MULTILINE))
+    assert {kind.__name__ for kind in (Seeds, Weights, Refresh, Reward, ExactPhysics)} <= deeper

@@ -82,6 +82,23 @@ def settings_of(kind: type[T], given: T | Mapping[str, Any] | None) -> T:
     return build(kind, given or {})  # type: ignore[arg-type]
 
 
+def changed(settings: T, changes: Mapping[str, Any]) -> T:
+    """Settings with changes; of a group given as a mapping, the settings that it names, as in a command.
+
+    Raises:
+        ConfigError: when a setting is unknown or out of range; names it.
+    """
+    return build(type(settings), _merged(dataclasses.asdict(settings), changes))  # type: ignore[call-overload]
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(values)
+    for key, new in changes.items():
+        groups = isinstance(new, Mapping) and isinstance(values.get(key), Mapping)
+        merged[key] = _merged(values[key], new) if groups else new
+    return merged
+
+
 def _plain(value: Any) -> Any:
     """Arrays, dataclasses and paths as JSON values."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from numbers import Integral
 from pathlib import Path
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import reading
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.limits import Box, LimitLayer
 from sidegan.gan.networks import ConvolutionalGenerator, Generator
@@ -106,13 +108,21 @@ class TrajectoryGenerator(nn.Module):
         """Generator for an arm from a file that ``save`` wrote; no code in the file is executed.
 
         Raises:
-            ArtifactError: for a truncated or foreign file, or a different arm.
+            ArtifactError: for a damaged, incomplete or foreign file, or a different arm.
         """
         content = read_tensors(path)
         if not isinstance(content, dict) or content.get("format") != _FORMAT:
             raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
+        with reading(path, "generator"):
+            return cls._of(path, content, arm).eval()
+
+    @classmethod
+    def _of(cls, path: Path, content: dict[str, Any], arm: Arm) -> "TrajectoryGenerator":
+        """Generator from the content of a file; any error if it is not what ``save`` writes."""
         if content["digest"] != arm.digest:
             raise ArtifactError(f"{path} was trained for {arm.unlike(content['robot'], content['digest'])}")
+        if not all(torch.isfinite(x).all() for x in content["weights"].values()):
+            raise ArtifactError(f"{path} has weights that are not finite")
         family = Trajectory(**content["trajectory"])
         joints = family.joints
         harmonics = family.harmonics
@@ -128,4 +138,4 @@ class TrajectoryGenerator(nn.Module):
         last = {name: content[name] for name in ("limited", "box", "corrections")}
         generator = cls(network, scaling, family, arm, **last)
         generator.load_state_dict(content["weights"])
-        return generator.eval()
+        return generator

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width, settings_of
 from sidegan.errors import ConfigError
 
 _Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
@@ -41,18 +41,17 @@ TRAITS: dict[Name, Traits] = {
 class Weights:
     """Weights of the generator's losses, off by default.
 
-    ``adversarial`` (D1), ``features`` (D2), ``success`` and ``fitness`` are the paper's. The others keep a
-    batch as diverse as the seeds: in the mean ``distance``, in the number of directions (``rank``), and in
-    the common ``offset``.
+    Each loss grows with what is said beside it. The first four are the paper's; the others keep a batch as
+    diverse as the seeds.
     """
 
-    adversarial: NonNegative = 0.0
-    features: NonNegative = 0.0
-    success: NonNegative = 0.0
-    fitness: NonNegative = 0.0
-    distance: NonNegative = 0.0
-    rank: NonNegative = 0.0
-    offset: NonNegative = 0.0
+    adversarial: NonNegative = 0.0  # a discriminator (D1) tells trajectories from seeds
+    features: NonNegative = 0.0  # another (D2) tells their predicted features from the seeds'
+    success: NonNegative = 0.0  # trajectories are predicted to be invalid; Exact: violate constraints
+    fitness: NonNegative = 0.0  # features are uneven; Predicting, Exact: sets predict torques badly
+    distance: NonNegative = 0.0  # trajectories are closer to each other than seeds, in the mean
+    rank: NonNegative = 0.0  # they span fewer directions than seeds
+    offset: NonNegative = 0.0  # they have a motion in common, measured by their mean cosine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +61,7 @@ class Refresh:
     samples: Size = 600  # new samples, labelled by exact physics
     window: Count = 6  # number of recent epochs whose samples are used
     steps: Natural = 40  # batches of 100
-    learning_rate: Positive = 1e-3
+    learning_rate: Positive = 1e-3  # of Adam
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,20 +95,29 @@ class Published:
     fitness: Literal["entropy", "minus_entropy", "ratio"] = "entropy"
 
 
+_GROUPS = {
+    "weights": Weights,
+    "refresh": Refresh,
+    "exact": ExactPhysics,
+    "reward": Reward,
+    "published": Published,
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
 
-    variant: Name
-    weights: Weights
-    epochs: Count = 50
+    variant: Name  # the class in ``gan.variants``
+    weights: Weights  # of the generator's losses
+    epochs: Count = 50  # of training; samples are measured by exact physics after each
     steps: Count | None = 18  # discriminator steps per epoch; null: one pass over the seeds
     width: Width = 256  # of generator and discriminators
     noise: Width = 100  # dimension of the generator's noise
-    batch: Annotated[int, Field(ge=2, le=10**5)] = 100
+    batch: Annotated[int, Field(ge=2, le=10**5)] = 100  # trajectories per step
     generator_steps: Count = 2  # per discriminator step
     fitness_start: Natural = 10  # first epoch with the fitness loss
-    learning_rate: Positive = 2e-3
+    learning_rate: Positive = 2e-3  # the largest
     warm_up: Share = 0.0  # share of the training over which the learning rate rises
     last_rate: Share = 0.02  # final share of the learning rate, after a cosine decay
     betas: tuple[Beta, Beta] = (0.5, 0.999)  # of Adam
@@ -125,6 +133,12 @@ class Variant:
     published: Published | None = None  # only published variants
 
     def __post_init__(self) -> None:
+        if self.variant not in list(TRAITS):
+            raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}")
+        for name, kind in _GROUPS.items():  # mappings of their fields will do
+            given = getattr(self, name)
+            if not isinstance(given, kind) and (given is not None or name == "weights"):
+                object.__setattr__(self, name, settings_of(kind, given))
         if foreign := [k for k in self.traits.missing if getattr(self.weights, k)]:
             names = ", ".join(f"weights.{name}" for name in foreign)
             raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
@@ -146,6 +160,9 @@ class Variant:
             if self.published is not None and getattr(self, option):
                 nothing = "0" if option == "corrections" else "false"
                 raise ConfigError(f"the published networks have no {option}: set it to {nothing}")
+        later = "fitness" if self.features and self.fitness_start else ""
+        if not any(weight for name, weight in vars(self.weights).items() if name != later):
+            raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
 
     def rate(self, share: float) -> float:
         """Learning rate when a share of the training is done."""
@@ -220,12 +237,12 @@ Negatives = Annotated[dict[str, Variant], Field(min_length=1, max_length=1)]
 class SurrogateSettings:
     """Training of our success predictor and converters."""
 
-    recipe: Literal["ours"] = "ours"
-    # source of samples in addition to the seeds
+    recipe: Literal["ours"] = "ours"  # the published one is for commands alone
+    # variant, under its name, whose samples they learn from in addition to the seeds
     negatives: Negatives = field(default_factory=lambda: {"vanilla": RECIPES["vanilla"]})
-    samples: Count = 12_000
-    epochs: Count = 24
-    width: Count = 128
+    samples: Count = 12_000  # that are labelled by exact physics
+    epochs: Count = 24  # of each network's training
+    width: Count = 128  # of the networks
     margin_steps: Count = 24  # time points per trajectory for margins
     feature_steps: Count = 16  # time points per trajectory for the converter
 

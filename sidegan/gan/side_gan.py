@@ -24,6 +24,8 @@ from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints
 
+_REMEDY = "; a smaller learning_rate may help"
+
 
 @dataclass(frozen=True)
 class Data:
@@ -142,13 +144,15 @@ class SideGAN(pl.LightningModule):
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""
         batch = self(count)
+        if not torch.isfinite(batch.coefficients).all():
+            self.stop(f"its trajectories are not finite{_REMEDY}")
         losses = [*self.losses(), *self.floors]
         return torch.stack([weight * value(batch) for weight, value in losses if weight]).sum()
 
     def _step(self, adam: Any, loss: Tensor) -> None:
         """A step of an optimiser; a loss that is not finite ends the training before the step."""
         if not torch.isfinite(loss):
-            self.stop(f"the loss is {float(loss.detach())}; the last whole epoch is kept")
+            self.stop(f"the loss is {float(loss.detach())}{_REMEDY}")
         adam.zero_grad()
         self.manual_backward(loss)
         adam.step()

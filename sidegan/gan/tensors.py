@@ -1,8 +1,10 @@
 """Conversion between tensors and arrays, and files of tensors."""
 
 import io
-from collections.abc import Mapping
-from contextlib import AbstractContextManager
+import threading
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,11 @@ from torch import Tensor
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading, write_bytes
-from sidegan.base.threads import limited, threads
+from sidegan.base.threads import limited, one_thread, threads
+from sidegan.errors import ArtifactError
+
+_ZIP = b"PK\x03\x04"  # how torch's files begin, but for those of the oldest versions
+_training = threading.Lock()
 
 if limited():  # torch is imported inside a block of ``on_threads``
     torch.set_num_threads(threads())
@@ -31,9 +37,21 @@ def refusal(device: str) -> str:
     return ""
 
 
-def random_kept() -> AbstractContextManager[None]:
-    """Context after which torch's random numbers continue as if nothing had been drawn in it."""
-    return torch.random.fork_rng(range(torch.cuda.device_count()))
+@contextmanager
+def alone() -> Iterator[None]:
+    """Context in which trainings depend on their arguments alone, as in a worker of a command.
+
+    One at a time, since all threads of a process draw the same random numbers of torch; on one thread, in
+    single precision, with gradients. Afterwards torch's random numbers continue as if none had been drawn.
+    """
+    with _training, one_thread(), torch.random.fork_rng(range(torch.cuda.device_count())):
+        precision = torch.get_default_dtype()
+        torch.set_default_dtype(torch.float32)
+        try:
+            with torch.inference_mode(False), torch.enable_grad():
+                yield
+        finally:
+            torch.set_default_dtype(precision)
 
 
 def array(x: Tensor) -> Array:
@@ -55,6 +73,14 @@ def write_network(path: Path, weights: Mapping[str, Tensor], arguments: Mapping[
 
 
 def read_tensors(path: Path) -> Any:
-    """Tensors and plain containers of them, on the CPU; an ArtifactError for other content, never code."""
+    """Tensors and plain containers of them, on the CPU; an ArtifactError for other content, never code.
+
+    The checksums that torch writes are verified, since torch itself does not.
+    """
     with reading(path, "tensor"):
-        return torch.load(io.BytesIO(path.read_bytes()), map_location="cpu", weights_only=True)
+        content = path.read_bytes()
+        if content.startswith(_ZIP):
+            with zipfile.ZipFile(io.BytesIO(content)) as file:
+                if damaged := file.testzip():
+                    raise ArtifactError(f"{path} is damaged: the checksum of its part {damaged} is wrong")
+        return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)

@@ -12,7 +12,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.limits import Box
 from sidegan.gan.metrics import measure
@@ -57,13 +57,15 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     """Train a generator, or resume its interrupted training.
 
     Raises:
-        ConfigError: when a surrogate is missing.
+        ConfigError: when a surrogate is missing, or all seeds are the same.
         ShapeError: when the seeds do not fit.
-        SideganError: when the training diverges; the last complete epoch is kept.
+        SideganError: when the training diverges.
         KeyboardInterrupt: when interrupted.
     """
     torch.manual_seed(run.seed)
     data.trajectory.check(data.seeds)
+    if len(data.seeds) > 1 and not np.ptp(data.seeds, axis=0).any():
+        raise ConfigError(f"all {len(data.seeds)} seeds are the same trajectory, expected different ones")
     model = VARIANTS[settings.variant](settings, data, run.name)
     rows = TensorDataset(torch.arange(len(data.seeds)))
     order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # without replacement in each pass
@@ -95,7 +97,7 @@ class EpochMetrics(pl.Callback):
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
         c = generator.sample(run.evaluation, noise)
         if not np.isfinite(c).all():
-            pl_module.stop("not a number")
+            pl_module.stop("its trajectories are not finite")
         data = pl_module.data
         seeds = data.seeds if pl_module.settings.seeded else None
         metrics = measure(data.constraints, data.trajectory, c, seeds)

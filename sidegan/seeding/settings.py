@@ -29,8 +29,8 @@ _ROUNDING = 1e-6  # of coefficients in single precision
 class Seeds:
     """The conventional optimiser that makes the seed set, or the folder of a published one."""
 
-    method: Literal["gradient", "paper", "published"] = "gradient"
-    count: Count = 400
+    method: Literal["gradient", "paper", "published"] = "gradient"  # the optimiser
+    count: Count = 400  # number of seeds
     samples: Size = 60  # time points per period
     batch: Size = 50  # trajectories per task
     steps: Count = 60  # evaluations; paper: generations of the colony
@@ -42,17 +42,24 @@ class Seeds:
     # null for published seeds without one.
     box: Positive | None = None
     strongest: Count | None = None  # number of eigenvalues in the eigenvalue fitness; null: all
-    folder: str | None = None  # published only
+    folder: str | None = None  # published only: a clone of the authors' repository
     shipped: str | None = None  # paper only: a file next to the settings, with seeds made by them
 
     def __post_init__(self) -> None:
+        if self.method not in list(_NEEDED):
+            raise ConfigError(f"method is {self.method!r}, expected one of {', '.join(_NEEDED)}")
         if self.method == "gradient" and self.reserve is None:
             object.__setattr__(self, "reserve", _RESERVE)
         needed, allowed = _NEEDED[self.method], _ALLOWED[self.method]
-        for name in sorted(set.union(*_NEEDED.values(), *_ALLOWED.values()) - allowed):
-            if (getattr(self, name) is not None) != (name in needed):
-                verb = "needs" if name in needed else "does not have"
-                raise ConfigError(f"method {self.method} {verb} {name}; choose it by seeds={self.method}")
+        others = set.union(*_NEEDED.values(), *_ALLOWED.values()) - needed - allowed
+        missing = [name for name in sorted(needed) if getattr(self, name) is None]
+        foreign = [name for name in sorted(others) if getattr(self, name) is not None]
+        for verb, names in (("needs", missing), ("does not have", foreign)):
+            if names:
+                raise ConfigError(
+                    f"method {self.method} {verb} {', '.join(names)}; choose it by seeds={self.method}, "
+                    f"in Python sidegan.seeds(…, settings={{'method': {self.method!r}}})"
+                )
         if self.method == "published" and self.folder is None:
             raise ConfigError(f"folder is not set: git clone {REPOSITORY}; seeds.folder=SIDE-GAN-Pytorch")
 
@@ -69,11 +76,6 @@ class Seeds:
         """The published seeds."""
         return PublishedSeeds(Path(self.folder or ""))
 
-    def refuse_beyond(self, c: Array) -> None:
-        """Refuse coefficients [rad/s] beyond the box by a ConfigError."""
-        if self.box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * self.box:
-            raise ConfigError(f"seeds reach {most:.3g} rad/s, beyond seeds.box={self.box:g}; null is no box")
-
     @property
     def optimiser(self) -> Optimiser:
         """The configured method."""
@@ -84,6 +86,31 @@ class Seeds:
     def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
         """The optimiser's problem."""
         return Problem(constraints, trajectory, self.samples, self.strongest)
+
+
+# The methods with the same values as in ``conf/seeds``, at scale quick.
+METHODS = {
+    "gradient": Seeds(),
+    "paper": Seeds(
+        method="paper",
+        batch=10,
+        steps=5,
+        attempts=20,
+        ants=100,
+        evaluations=20_000,
+        box=0.2,
+        strongest=35,  # as many base parameters as the authors' library finds
+    ),
+}
+
+
+def refuse_beyond(c: Array, box: float | None) -> None:
+    """Refuse seeds [rad/s] beyond the box of generators trained on them by a ConfigError; None: no box."""
+    if box is not None and (most := float(np.abs(c).max())) > (1 + _ROUNDING) * box:
+        raise ConfigError(
+            f"seeds reach {most:.3g} rad/s, beyond the box of {box:g}: use other seeds, or no box, "
+            "seeds.box=null in a command, box=None in Python"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,10 +9,10 @@ from typing import Any
 from sidegan.base.names import stamp_of
 from sidegan.base.random import seed_of, stream
 from sidegan.base.storage import path_of, writing
-from sidegan.base.typed import build, settings_of
+from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.errors import ConfigError
-from sidegan.seeding import SeedBatch, Seeds, make_seeds
+from sidegan.seeding import METHODS, SeedBatch, Seeds, make_seeds
 from sidegan.steps.trajectories import TrajectorySet
 
 
@@ -31,7 +31,8 @@ def seeds(
         cell: the arm in its cell.
         count: number N of trajectories; None: that of the settings, or 400.
         seed: random seed; the same seed gives the same set for any number of workers.
-        settings: the optimiser and its effort: the fields of ``sidegan.seeding.Seeds``.
+        settings: the optimiser and its effort: the fields of ``sidegan.seeding.Seeds``; for the paper's own
+            optimiser, which takes seconds per seed, ``{"method": "paper"}``.
         folder: for finished parts, so that the same call can resume if interrupted; None: none are kept.
         workers: processes; None: one per core.
 
@@ -39,16 +40,14 @@ def seeds(
         The set: ``coefficients`` (N, J, H, 2) [rad/s], ``conditions`` (N,), ``motion(rate)``, ``to_frame()``.
 
     Raises:
-        ConfigError: when a setting is out of range, or the method is ``published``.
+        ConfigError: when a setting is unknown or out of range, or the method is ``published``.
         InfeasibleError: when too few starts become valid; names the violated constraints.
         StorageError: when the folder cannot be written.
     """
     require_cell(cell)
     seed = seed_of(seed)
-    chosen = settings_of(Seeds, settings)
-    chosen = chosen if count is None else build(Seeds, {**asdict(chosen), "count": count})
-    if chosen.method == "published":
-        raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
+    chosen = _chosen(settings)
+    chosen = chosen if count is None else changed(chosen, {"count": count})
     with TemporaryDirectory() as temporary:
         # other calls have other folders beside this one
         kept = path_of(temporary if folder is None else folder, "folder")
@@ -57,6 +56,17 @@ def seeds(
             work.mkdir(parents=True, exist_ok=True)
         made = optimised(cell, chosen, seed, work, workers)
     return TrajectorySet.of(cell, made.coefficients, chosen.method)
+
+
+def _chosen(settings: Seeds | Mapping[str, Any] | None) -> Seeds:
+    """Settings as given, with the defaults of their method; a ConfigError if they are wrong."""
+    given = {} if settings is None else settings
+    method = given.get("method", "gradient") if isinstance(given, Mapping) else getattr(given, "method", None)
+    if method == "published":
+        raise ConfigError("method published reads files: use sidegan.seeding.published.PublishedSeeds")
+    if isinstance(given, Mapping) and method in list(METHODS):
+        return changed(METHODS[method], given)
+    return settings_of(Seeds, given)
 
 
 def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int | None) -> SeedBatch:

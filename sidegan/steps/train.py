@@ -10,26 +10,31 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
+from sidegan.base.names import stamp_of
 from sidegan.base.parallel import Job, run_jobs
+from sidegan.base.progress import bar
 from sidegan.base.random import number, seed_of
-from sidegan.base.storage import path_of, read_json, write_json, writing
-from sidegan.base.typed import build, settings_of
+from sidegan.base.storage import file_digest, path_of, read_json, write_json, writing
+from sidegan.base.typed import build, changed, settings_of
 from sidegan.cell import Cell, coefficients_of, require_cell
-from sidegan.errors import ArtifactError, ConfigError, ShapeError
+from sidegan.errors import ArtifactError, ConfigError, InfeasibleError, ShapeError
 from sidegan.gan.settings import RECIPES, SurrogateSettings, Variant
+from sidegan.seeding import refuse_beyond
 from sidegan.steps.trajectories import TrajectorySet
+from sidegan.validity import summarise_faults
 
 with extra("paper"):
     from sidegan.gan.generator import TrajectoryGenerator
     from sidegan.gan.labels import Labelled
     from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates, negatives_count
     from sidegan.gan.side_gan import Data
-    from sidegan.gan.tensors import random_kept
+    from sidegan.gan.tensors import alone
     from sidegan.gan.training import Run, Trained, random_trajectories
     from sidegan.gan.training import train as run_training
 
@@ -71,8 +76,12 @@ class Generator:
     def load(cls, path: str | Path, cell: Cell) -> "Generator":
         """A generator from a file that ``save`` wrote; no code in the file is executed.
 
+        The file holds the arm with its limits and effort, and the harmonics, period and home of trajectories,
+        which must be the cell's, but no workspace: check samples in the cell, as
+        ``TrajectorySet.of(cell, generator.sample(100)).valid`` does.
+
         Raises:
-            ArtifactError: for a truncated or foreign file, a different arm or family of trajectories.
+            ArtifactError: for a damaged or foreign file, a different arm or family of trajectories.
         """
         require_cell(cell)
         network = TrajectoryGenerator.load(path_of(path, "path"), cell.arm)
@@ -89,30 +98,41 @@ def train(
     surrogates: str | Path | None = None,
     seed: int = 0,
     box: float | None = None,
+    folder: str | Path | None = None,
     workers: int | None = None,
     **changes: Any,
 ) -> Generator:
     """Train a variant of SIDE-GAN.
 
+    The result follows from the arguments, on a given processor and version of torch. Trainings use one
+    thread, whatever torch is set to, and take turns if several threads call this; meanwhile, no other code
+    should draw from torch's global random numbers, as making and loading networks does.
+
     Args:
         variant: ``"vanilla"``, ``"eigen"``, ``"diagonal"``, ``"prediction"`` or ``"exact"``; or the fields of
             a ``Variant``, such as ``{"variant": "Vanilla", "weights": {"adversarial": 1}}``.
         cell: the arm in its cell.
-        seeds: training data, a set or coefficients (N, J, H, 2) [rad/s]; ``"exact"`` needs none.
+        seeds: training data, a set or coefficients (N, J, H, 2) [rad/s], all valid in the cell; ``"exact"``
+            needs none.
         surrogates: folder from ``sidegan.surrogates`` for this cell, to share between variants; None: trains
             them first if the variant needs them.
         seed: random seed.
-        box: bound on the generator's absolute coefficients [rad/s]; None: no bound.
+        box: bound on the absolute coefficients [rad/s] of seeds and generator; None: no bound.
+        folder: for finished epochs, so that the same call can resume if interrupted; None: none are kept.
         workers: processes for the surrogates; None: one per core.
-        **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20``.
+        **changes: changes of the variant's settings, fields of ``Variant``, such as ``epochs=20`` or
+            ``weights={"rank": 0}``, which keeps the other weights.
 
     Returns:
         The generator: ``sample(count)``, ``history``, ``save(path)``.
 
     Raises:
-        ConfigError: when there is no such variant, it needs seeds, or a setting is out of range.
+        ConfigError: when there is no such variant, it needs seeds, these reach beyond the box or are
+            all the same, or a setting is out of range.
         ShapeError: when the seeds do not fit the cell.
+        InfeasibleError: when seeds are invalid in the cell; says how many.
         ArtifactError: when the surrogates are of another cell.
+        StorageError: when the folder cannot be written.
         SideganError: when the training diverges.
     """
     require_cell(cell)
@@ -122,17 +142,56 @@ def train(
         raise ConfigError(f"surrogates is {surrogates!r}, expected the folder that sidegan.surrogates filled")
     if seeds is None and settings.seeded:
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
-    c = None if seeds is None or not settings.seeded else coefficients_of(seeds, cell)
-    with TemporaryDirectory() as work, random_kept():
-        folder = None if surrogates is None else Path(surrogates)
-        if settings.features and folder is not None:
-            _require_surrogates(folder, cell)
-        elif settings.features and c is not None:
-            folder = Path(work, "surrogates")
-            _from_vanilla(cell, c, folder, SurrogateSettings(), seed, box, workers)
-        run = Run(name, number(seed, f"gan {name}"), Path(work, name))
-        made = trained(cell, settings, c, run, surrogates=folder, box=box if settings.boxed else None)
+    source = None if surrogates is None else Path(surrogates)
+    if settings.features and source is not None:
+        _require_surrogates(source, cell)
+    c = None if seeds is None or not settings.seeded else _examples(seeds, cell, box)
+    run = Run(name, number(seed, f"gan {name}"), Path())
+    # other calls have other folders beside this one
+    stamp = _stamp(cell, name, settings, c, run.seed, box, source)
+    with TemporaryDirectory() as temporary, alone():
+        work = path_of(temporary if folder is None else folder, "folder") / stamp
+        with writing(work):
+            work.mkdir(parents=True, exist_ok=True)
+        if settings.features and source is None and c is not None:
+            source = work / "surrogates"
+            if not (source / _CELL).exists():  # which is written last
+                _from_vanilla(cell, c, source, SurrogateSettings(), seed, box, workers, work / "negatives")
+        run = replace(run, work=work / name)
+        made = _followed(cell, settings, c, run, source, box if settings.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
+
+
+def _stamp(
+    cell: Cell,
+    name: str,
+    settings: Variant,
+    seeds: Array | None,
+    seed: int,
+    box: float | None,
+    surrogates: Path | None,
+) -> str:
+    """Digest of all that a training's result follows from."""
+    learnt = None if seeds is None else seeds.tolist()
+    bound = None if box is None else float(box)
+    networks = [] if surrogates is None else [file_digest(file) for file in sorted(surrogates.glob("*.pt"))]
+    return stamp_of(cell.identity(), name, asdict(settings), learnt, seed, bound, networks)
+
+
+def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -> Array:
+    """Coefficients of seeds [rad/s], (N, J, H, 2), which must be valid in this cell and in the box."""
+    c = coefficients_of(seeds, cell)
+    if not c.size:
+        raise ShapeError("there are no seeds, expected two or more")
+    found = cell.check(c)
+    if not found.valid.all():
+        raise InfeasibleError(
+            f"{np.sum(~found.valid)} of {len(c)} seeds are invalid in this cell: "
+            f"{summarise_faults(found.faults())}; make others by sidegan.seeds(cell), or learn from the "
+            "valid ones alone: some[some.valid], with some = sidegan.TrajectorySet.of(cell, seeds)"
+        )
+    refuse_beyond(c, box)
+    return c
 
 
 def _require_box(box: float | None) -> None:
@@ -147,7 +206,7 @@ def _settings(variant: str | Variant | Mapping[str, Any], changes: dict[str, Any
         raise ConfigError(f"there is no variant {variant!r}, expected one of {', '.join(RECIPES)}")
     recipe = RECIPES[variant] if isinstance(variant, str) else settings_of(Variant, variant)
     name = variant if isinstance(variant, str) else recipe.variant.lower()
-    return name, build(Variant, {**asdict(recipe), **changes})
+    return name, changed(recipe, changes)
 
 
 def surrogates(
@@ -164,10 +223,11 @@ def surrogates(
 
     Args:
         cell: the arm in its cell.
-        seeds: a set or coefficients (N, J, H, 2) [rad/s].
+        seeds: a set or coefficients (N, J, H, 2) [rad/s], all valid in the cell.
         folder: created if missing; ``train(…, surrogates=folder)`` reads it.
         seed: random seed.
-        box: bound on the absolute coefficients [rad/s] of the generator of further samples; None: no bound.
+        box: bound on the absolute coefficients [rad/s] of seeds and of the generator of further samples;
+            None: no bound.
         workers: processes; None: one per core.
         **changes: changes of the settings, fields of ``SurrogateSettings``, such as ``samples=2000``.
 
@@ -175,16 +235,17 @@ def surrogates(
         Held-out accuracies of the success predictor and mean R² of the converters, by name.
 
     Raises:
-        ConfigError: when a setting is unknown or out of range.
+        ConfigError: when a setting is unknown or out of range, or seeds reach beyond the box.
         ShapeError: when the seeds do not fit the cell.
+        InfeasibleError: when seeds are invalid in the cell; says how many.
         SideganError: when the training diverges.
     """
     require_cell(cell)
     _require_box(box)
     settings = build(SurrogateSettings, changes)
-    c = coefficients_of(seeds, cell)
-    with random_kept():
-        return _from_vanilla(cell, c, path_of(folder, "folder"), settings, seed, box, workers)
+    c = _examples(seeds, cell, box)
+    with TemporaryDirectory() as work, alone():
+        return _from_vanilla(cell, c, path_of(folder, "folder"), settings, seed, box, workers, Path(work))
 
 
 def _from_vanilla(
@@ -195,14 +256,17 @@ def _from_vanilla(
     seed: int,
     box: float | None,
     workers: int | None,
+    work: Path,
 ) -> dict[str, float]:
-    """Train a vanilla GAN, then surrogates from its samples and seeds (N, J, H, 2), into a folder."""
+    """Train a vanilla GAN, then surrogates from its samples and seeds (N, J, H, 2), into a folder.
+
+    Finished epochs of the GAN are kept in ``work``.
+    """
     ((name, variant),) = settings.negatives.items()
     with writing(folder):  # before it is needed, since the training takes long
         folder.mkdir(parents=True, exist_ok=True)
-    with TemporaryDirectory() as work:
-        run = Run(name, number(seed, f"gan {name}"), Path(work))
-        vanilla = trained(cell, variant, c, run, box=box if variant.boxed else None).generator
+    run = Run(name, number(seed, f"gan {name}"), work)
+    vanilla = _followed(cell, variant, c, run, None, box if variant.boxed else None).generator
     return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
 
 
@@ -237,6 +301,15 @@ def _require_surrogates(folder: Path, cell: Cell) -> None:
         raise ArtifactError(
             f"the surrogates in {folder} were trained for another cell: {', '.join(differing)} differ"
         )
+
+
+def _followed(
+    cell: Cell, variant: Variant, seeds: Array | None, run: Run, surrogates: Path | None, box: float | None
+) -> Trained:
+    """A training as by ``trained``, with its progress on the terminal or in the log."""
+    with bar(f"epochs of {run.name}", variant.epochs) as show:
+        shown = replace(run, progress=lambda done, total: show(done))
+        return trained(cell, variant, seeds, shown, surrogates=surrogates, box=box)
 
 
 def trained(

@@ -14,6 +14,7 @@ from sidegan.base.typed import (
     Positive,
     Text,
     build,
+    changed,
     names_in,
     suggest,
 )
@@ -62,6 +63,19 @@ def test_every_kind_of_value_round_trips():
     assert outer.files == 0.5
     assert build(Outer, {**GOOD, "files": ["a", GOOD["inner"]]}).files == ["a", Inner(3, "small")]
     assert build(Outer, dataclasses.asdict(outer)) == outer
+
+
+def test_a_change_of_a_group_keeps_its_other_settings():
+    outer = build(Outer, GOOD)
+    new = {"seed": 1, "inner": {"count": 4}, "many": {"first": {"count": 31}, "second": GOOD["inner"]}}
+    made = changed(outer, new)
+    assert (made.seed, made.rate, made.inner) == (1, outer.rate, Inner(4, "small"))
+    assert made.many == {"first": Inner(31, "large", 2.0), "second": Inner(3, "small")}
+    assert changed(outer, {"inner": Inner(4, "large")}).inner == Inner(4, "large")
+    with pytest.raises(
+        ConfigError, match=r"inner\.cuont: there is no such setting; did you mean inner\.count"
+    ):
+        changed(outer, {"inner": {"cuont": 3}})
 
 
 MISSPELT = {"cuont": 3, "kind": "small"}  # one mistake, and not a missing setting too

@@ -39,10 +39,35 @@ def test_samples_follow_their_seed(generator):
     assert (generator.sample(6, stream) != a).any()  # a stream goes on
 
 
-@pytest.mark.parametrize("change", [lambda c: torch.zeros(3), lambda c: [1, 2], lambda c: c | {"format": 7}])
-def test_a_foreign_file_is_refused(generator, planar, change, tmp_path):
+OTHER = "does not hold a trajectory generator of format 8"
+FOREIGN = [
+    (OTHER, lambda c: torch.zeros(3)),
+    (OTHER, lambda c: [1, 2]),
+    (OTHER, lambda c: c | {"format": 7}),
+    ("is not a complete generator file: 'digest'", lambda c: {"format": 8}),
+    ("is not a complete generator file: .*loading state_dict", lambda c: c | {"weights": {}}),
+    ("not a complete generator file: .*unexpected keyword", lambda c: c | {"network": {"sides": 4}}),
+    ("weights that are not finite", lambda c: c | {"weights": {k: x / 0 for k, x in c["weights"].items()}}),
+]
+
+
+@pytest.mark.parametrize(("words", "change"), FOREIGN)
+def test_a_foreign_file_is_refused(generator, planar, words, change, tmp_path):
     path = tmp_path / "g.pt"
     generator.save(path)
     torch.save(change(torch.load(path)), path)
-    with pytest.raises(ArtifactError, match="does not hold a trajectory generator of format 8"):
+    with pytest.raises(ArtifactError, match=words):
         TrajectoryGenerator.load(path, planar)
+
+
+def test_a_file_with_a_wrong_bit_is_refused_unless_it_changes_nothing(generator, planar, tmp_path):
+    path = tmp_path / "g.pt"
+    generator.save(path)
+    whole, made, refused = path.read_bytes(), generator.sample(5), 0
+    for byte in range(0, len(whole), len(whole) // 200):
+        path.write_bytes(bytes([*whole[:byte], whole[byte] ^ 0x40, *whole[byte + 1 :]]))
+        try:
+            assert np.array_equal(TrajectoryGenerator.load(path, planar).sample(5), made), byte
+        except ArtifactError:
+            refused += 1
+    assert refused > 100

@@ -50,7 +50,7 @@ def test_the_loss_is_the_weighted_sum_of_active_losses(made, full, monkeypatch):
 
 
 def test_discriminators_of_zero_weight_do_not_learn(made, full):
-    for weights, count in ((FULL, 2), (replace(FULL, features=0), 1), (NONE, 0)):
+    for weights, count in ((FULL, 2), (replace(FULL, features=0), 1), (replace(NONE, rank=1), 0)):
         model = made(replace(full, weights=weights))
         assert len(model.adversaries) == count
         assert len(model.configure_optimizers()) == 1 + (count > 0)

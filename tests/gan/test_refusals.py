@@ -1,5 +1,6 @@
 """Refusals of the room by their words."""
 
+import re
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -38,12 +39,31 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
         ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates to refresh"),
         ({"last_rate": 1.1}, "last_rate is 1.1, expected a number ≤ 1"),
         ({"variant": "PublishedVanilla"}, "PublishedVanilla needs settings published"),
+        ({"weights": asdict(NONE)}, "no loss has a weight in the first epoch"),
+        ({"variant": "Eigen", "weights": FIT, "fitness_start": 1}, "no loss has a weight in the first epoch"),
     ],
 )
 def test_impossible_variants_are_refused(vanilla, settings, words):
     with pytest.raises(ConfigError) as error:
         build(Variant, {**asdict(vanilla), "betas": [0, 0.9], **settings})
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"variant": "Colour"}, "variant is 'Colour', expected one of Vanilla, "),
+        ({"weights": {"rnak": 1}}, "rnak: there is no such setting; did you mean rank?"),
+        ({"weights": 3}, "settings are 3, expected Weights"),
+        ({"weights": None}, "no loss has a weight"),
+        ({"reward": {"proportional": 1}}, "Vanilla has no settings reward"),
+    ],
+)
+def test_a_variant_made_in_python_takes_groups_as_mappings_and_is_refused_alike(settings, words):
+    given = {"variant": "Vanilla", "weights": {"adversarial": 1.0}}
+    assert Variant(**given).weights == replace(NONE, adversarial=1.0)
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        Variant(**{**given, **settings})
 
 
 def test_files_of_another_arm_are_refused(arm, planar, family, seeds, tmp_path):
@@ -63,7 +83,14 @@ def test_files_of_another_arm_are_refused(arm, planar, family, seeds, tmp_path):
         (ShapeError, "coefficients are", {}, lambda seeds: seeds[:, :1]),
         (ShapeError, "not finite", {}, lambda seeds: seeds * np.nan),
         (ShapeError, "scaling needs at least two seeds", {}, lambda seeds: seeds[:1]),
-        (SideganError, "small diverged in epoch 0", {"learning_rate": 1e38}, lambda seeds: seeds),
+        (ConfigError, "all 64 seeds are the same", {}, lambda seeds: seeds[:1].repeat(64, 0)),
+        (SideganError, "small diverged in epoch 0: .*smaller", {"learning_rate": 1e38}, lambda seeds: seeds),
+        (
+            SideganError,
+            "its trajectories are not finite",
+            {"learning_rate": 1e38, "weights": replace(NONE, rank=1.0)},
+            lambda seeds: seeds,
+        ),
         (ConfigError, "small needs a success predictor", {"variant": "Eigen"}, lambda seeds: seeds),
     ],
 )

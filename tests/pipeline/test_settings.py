@@ -1,6 +1,7 @@
 """Every option of conf/ is valid, and settings reach the groups that refer to them."""
 
 import shlex
+from dataclasses import replace
 from itertools import zip_longest
 
 import pytest
@@ -11,6 +12,7 @@ from sidegan.pipeline.artifact import flatten
 from sidegan.pipeline.places import CONF, VERSIONS
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, changes
+from sidegan.seeding import METHODS
 from tests import tiny
 
 ROOT = VERSIONS.parents[2]
@@ -89,6 +91,11 @@ def test_conf_and_the_classes_have_the_same_defaults(words, groups):
 
 def test_conf_and_the_package_have_the_same_variants():
     assert configured("condition=gradient", "gan=all").gan == RECIPES
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_conf_and_the_package_have_the_same_optimisers_of_seeds(method):
+    assert replace(configured(f"seeds={method}").seeds, shipped=None) == METHODS[method]
 
 
 def test_floors_of_diversity_apply_to_every_variant_and_are_typed_like_any_setting():

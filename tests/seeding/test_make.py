@@ -7,7 +7,7 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding import Gradient, Seeds, make_long, make_seeds, result
+from sidegan.seeding import Gradient, Seeds, make_long, make_seeds, refuse_beyond, result
 from sidegan.validity import check
 from tests.seeding.conftest import METHODS
 
@@ -109,6 +109,8 @@ def test_the_folder_only_stamps_published_seeds():
     ("words", "method", "options"),
     [
         ("method paper needs evaluations", "paper", {"ants": 30, "box": 0.2}),
+        (r"needs ants, box, evaluations; .*in Python .*settings={'method': 'paper'}", "paper", {}),
+        ("method is 'papers', expected one of gradient, paper, published", "papers", {}),
         ("method gradient does not have ants", "gradient", {"reserve": 0.2, "ants": 30}),
         ("method gradient does not have strongest", "gradient", {"reserve": 0.2, "strongest": 35}),
         ("method published does not have reserve; choose it by seeds=pub", "published", {"reserve": 0.1}),
@@ -120,9 +122,10 @@ def test_settings_of_another_method_are_refused(words, method, options):
         Seeds(method=method, **COMMON, **options)
 
 
-def test_published_seeds_must_fit_their_box():
-    published = Seeds(method="published", **COMMON, folder="there", box=0.2)
-    published.refuse_beyond(np.array([0.2 * (1 + 1e-7), -0.1]))
-    with pytest.raises(ConfigError, match=r"seeds reach 0\.3 rad/s, beyond seeds\.box=0\.2; null is no box"):
-        published.refuse_beyond(np.array([-0.3, 0.1]))
-    replace(published, box=None).refuse_beyond(np.array([9.0]))
+def test_seeds_must_fit_the_box_of_their_generators():
+    refuse_beyond(np.array([0.2 * (1 + 1e-7), -0.1]), 0.2)
+    with pytest.raises(
+        ConfigError, match=r"seeds reach 0\.3 rad/s, beyond the box of 0\.2: .*seeds\.box=null"
+    ):
+        refuse_beyond(np.array([-0.3, 0.1]), 0.2)
+    refuse_beyond(np.array([9.0]), None)

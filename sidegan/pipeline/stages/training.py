@@ -18,6 +18,7 @@ from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import GENERATOR, HISTORY, REPORT, RunContext
 from sidegan.pipeline.stage import Stage, finite
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
+from sidegan.seeding import refuse_beyond
 from sidegan.seeding.published import WEIGHTS, Layout
 
 if TYPE_CHECKING:  # imports torch
@@ -111,7 +112,7 @@ def _train(run: RunContext, build: Build, name: str, training: int, variant: Var
     seeds, folder = None, None
     if variant.seeded:
         seeds = training_seeds(run).coefficients
-        run.cfg.seeds.refuse_beyond(seeds)
+        refuse_beyond(seeds, run.cfg.seeds.box)
     if variant.features:
         folder = run.store.require(surrogates(run))
     samples = _samples(run, variant)
