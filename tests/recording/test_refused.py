@@ -66,7 +66,19 @@ def twice(**names):
     return files.written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
 
 
+def stated(**units):
+    """Units in brackets behind the names of a signal's columns."""
+    headings = {f"{name}{j}": f"{name}{j} {unit}" for name, unit in units.items() for j in (1, 2)}
+    return files.written(lambda table: table.rename(columns=headings))
+
+
 ARRAYS = {"position": "q", "torque": "tau"}
+STATED = [
+    ("tau", "V", "torque=N·m"),
+    ("tau", "lbf", "torque=N·m"),
+    ("tau", "mA", "torque"),
+    ("q", "grad", "angle=rad"),
+]
 FILES = [
     ("there is no recording", lambda _, folder: folder / "a.csv", {}),
     ("neither a file nor a folder", lambda _, folder: os.mkfifo(folder / "a") or folder / "a", {}),
@@ -92,10 +104,10 @@ FILES = [
     ),
     ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
     ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
-    (
-        r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m",
-        files.written(lambda table: table.rename(columns={"tau1": "tau1 (%)", "tau2": "tau2 (%)"})),
-        {},
+    (r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m", stated(tau="(%)"), {}),
+    *(
+        (rf"1 .* states '{x}', .* already: recording\.units\.{to}", stated(**{name: f"[{x}]"}), {})
+        for name, x, to in STATED
     ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
     ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
