@@ -36,7 +36,7 @@ def text_table(path: Path) -> Table:
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
-    if not any(line.strip() for line in lines):
+    if not lines:
         raise RecordingError(f"{path} is empty")
     skipped = _comments(lines)
     lines = lines[skipped:]
@@ -45,6 +45,8 @@ def text_table(path: Path) -> Table:
     header = f"the header is line {skipped + before + 1}: {counted(before, 'line')} before it left out"
     skipped += before
     lines = lines[before:]
+    if not lines[0].strip():
+        raise RecordingError(f"{path} is empty, or begins with a blank line, expected a header line")
     lines[0] = lines[0].lstrip(_MARKS)
     names = _fields(lines[0], separator)
     form = {"sep": separator, "decimal": decimal, "encoding": encoding}
@@ -59,7 +61,7 @@ def text_table(path: Path) -> Table:
         raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
     names = [name or f"column {i + 1}" for i, name in enumerate(names)]
     units = _fields(lines[1], separator) if lines[1:] else []
-    stated = len(units) == len(names) and are_units(units)
+    stated = are_units(units)
     table = _text_rows(path, names, first=skipped + 2 + stated, **form)
     return replace(table, units=dict(zip(names, units)) if stated else {}, remarks=[header] if before else [])
 
@@ -78,7 +80,8 @@ def _preamble(lines: Sequence[str], separator: str, decimal: str) -> int:
     if not any(full):
         return 0
     (width, _), *_ = Counter(len(row) for row, has in zip(rows, full) if has).most_common(1)
-    return next((k for k in range(full.index(True)) if len(rows[k]) == width), 0)
+    like = [k for k, row in enumerate(rows) if len(row) == width and not are_units(row)]
+    return 0 if full[like[0]] else like[0]
 
 
 def _comments(lines: Sequence[str]) -> int:

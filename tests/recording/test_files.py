@@ -163,7 +163,7 @@ def structured(made, path):
 
 
 def preamble(made, path):
-    before = "Robot;planar2\nDate;2026-11-03\nRate;100 Hz\n\n"
+    before = "Robot;planar2\nDate;2026-11-03\n200\n\n"
     (path / "a.csv").write_text(before + table(made).to_csv(index=False, sep=";"))
 
 
