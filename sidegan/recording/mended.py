@@ -80,7 +80,7 @@ def steadied(recording: Recording, speed: Array) -> Recording:
     wrong: dict[str, Array] = {}
     for name, q, limit in zip(recording.joint_names, position.T, speed.tolist()):
         moved = np.abs(np.diff(q))
-        far = max(_FAR, _MANY * float(np.quantile(moved, _OFTEN)))
+        far = max(_FAR, _MANY * float(np.quantile(np.append(moved, 0.0), _OFTEN)))
         jumps = np.flatnonzero(moved > far)
         near = np.unique(np.clip(jumps[:, None] + np.arange(-_NEAR, _NEAR + 2), 0, len(q) - 1))
         around = np.clip(near[:, None] + np.arange(-_NEAR, _NEAR + 1), 0, len(q) - 1)

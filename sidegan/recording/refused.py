@@ -195,8 +195,8 @@ def refuse_overload(
         worst = int(size.argmax())
         raise RecordingError(
             f"{statistics.name}: the torque of {arm.joint_names[j]} is {raw[worst, j]:.4g} {unit} at "
-            f"{time[worst]:.6g} s, and {counted(len(beyond), 'sample')} of {len(size)} exceed "
-            f"{agreement.usual[j]:.4g} {unit}: remove these rows from the file"
+            f"{time[worst]:.6g} s, and beyond {agreement.usual[j]:.4g} {unit} in only "
+            f"{counted(len(beyond), 'sample')} of {len(size)}: remove these rows from the file"
         )
     measured = statistics.load
     smaller = _THOUSANDTH[measured]
