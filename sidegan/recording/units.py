@@ -58,12 +58,13 @@ _EXAMPLES = {  # for people
     "torque": "N·m, mNm, N·cm, kN·m, kgf·m, lbf·ft, lbf·in, oz·in",
     "current": "A, mA",
 }
+_IN_NAMES = {"rev", "revs", "turn", "turns"}  # names of joints may end like this: units in brackets only
 _BRACKETED = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _PER_SECOND = re.compile(r"(per)?s(ec)?[12]?$")
 _ELSE = re.compile(r"[mµuk]A(rms)?|[mk]?V|[Gg]rad|Hz")  # of other signals, or, as grad, ambiguous
 _RATED = re.compile(r".[%‰]|percent|pct|per_?mille")
 _ENDS = {"rad", "m", "nm", "n", "a", *(word for words in _SPELT.values() for word in words)}
-_ENDS |= {word for words in _STATED.values() for word in words if len(word) > 2}
+_ENDS |= {word for words in _STATED.values() for word in words if len(word) > 2} - _IN_NAMES
 SPELT_TIMES = frozenset(_SPELT["time"]) | {"s", "sec", "secs", "second", "seconds"}
 _WORDS = {*_ENDS, *SPELT_TIMES, *(word for words in _STATED.values() for word in words)}
 
@@ -146,7 +147,7 @@ def _headed(kind: str, slides: bool, heading: str) -> tuple[str, float]:
     for text in [*reversed(_BRACKETED.findall(heading)), *ends]:
         whole = _letters(text)
         for word in (whole, _PER_SECOND.sub("", whole)):
-            if word in stated and (len(word) > 2 or text not in ends):
+            if word in stated and (text not in ends or (len(word) > 2 and word not in _IN_NAMES)):
                 name = _SPELT[kind].get(word, text.strip())
                 return name, stated[word]
     words = re.findall(r"[a-zµμ°]+", heading.lower())

@@ -427,7 +427,19 @@ STATED = [
         ("torque", name, 1)
         for name in ("joint_states[0]", "effort_lb", "tau [left]", "tau1 (kg m²)", "tau (A)")
     ),
-    *(("position", name, 1) for name in ("q1 (measured)", "position[3]", "q (actual)", "q_min", "q [rad]")),
+    *(
+        ("position", name, 1)
+        for name in (
+            "q1 (measured)",
+            "position[3]",
+            "q (actual)",
+            "q_min",
+            "q [rad]",
+            "q_hip_rev",
+            "hip_turn.pos",
+            "q_wrist_turn",
+        )
+    ),
     *(("velocity", name, 1) for name in ("qd1 [rad/s]", "qd [rad/s^2]", "qd (m)", "qd_in", "qd1 [m/s]")),
 ]
 
