@@ -18,6 +18,7 @@ from sidegan.recording.commanded import Repeated, averaged, load_commanded
 from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.grid import Grid, noise_of
 from sidegan.recording.load import recording_name
+from sidegan.recording.mended import steadied
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import grid_for, preprocess, torque_of
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
@@ -180,6 +181,7 @@ def check_recording(
 
     ``known`` is the torque delay determined from several recordings; see ``preprocess`` for the others.
     """
+    recording = steadied(recording, arm.velocity_limit)
     statistics = statistics_of(recording, settings)
     refused.refuse_wrong_units(statistics, arm, settings.units)
     refused.refuse_idle(statistics, arm)
@@ -226,7 +228,7 @@ def check_recording(
     # an uncorrected delay would distort the estimated signs and gravity
     agreement = agreement_of(body, kept(given + left.seconds) if late and left.clear else segments)
     torques = [(x.time, torque_of(x, gains, settings.reverse)) for x in parts]
-    refused.refuse_overload(statistics, arm, agreement, settings.units)
+    refused.refuse_overload(statistics, arm, agreement, settings.units, torques)
     return CheckedRecording(
         joint_names=arm.joint_names,
         statistics=statistics,

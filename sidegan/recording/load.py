@@ -100,7 +100,7 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
     apart = _apart(signals, table.rows)
     parts = [_part(path.name, where, group, rows, settings.rate) for group, rows in apart]
     signals, corrupt, clocks = merged(parts)
-    remarks = [*_headed(where, settings.units, joints), *remarks, *clocks]
+    remarks = [*table.remarks, *_headed(table, where, settings.units, joints), *remarks, *clocks]
     return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
 
 
@@ -126,14 +126,15 @@ def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate:
     return Part(label, "time" in kept, {**kept, "time": time}, corrupt, [])
 
 
-def _headed(where: Where, units: Units, joints: Joints) -> list[str]:
+def _headed(table: Table, where: Where, units: Units, joints: Joints) -> list[str]:
     """A remark on units taken from column names."""
     found = []
     for name, columns in where.items():
         slides = (False,) if name == "time" else joints.slides
-        found += [(name, units.read(name, *joint)) for joint in zip(slides, columns)]
+        found += [(name, units.read(name, *joint)) for joint in zip(slides, map(table.heading, columns))]
     read = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
-    return [f"{read}, according to the column names; recording.units overrides them"] if read else []
+    source = "row of units" if table.units else "column names"
+    return [f"{read}, according to the {source}; recording.units overrides them"] if read else []
 
 
 def _suffix(path: Path) -> str:
@@ -182,9 +183,9 @@ def _in_si(
     x, marked = unmarked(x, where)
     if name == "position" and settings.units.position is not None:
         return settings.units.position.in_si(x, joints.slides), marked
-    headings = where if where[1:] else [*where] * len(joints.own)
+    headings = [table.heading(column) for column in where] * (1 if where[1:] else len(joints.own))
     for joint in zip(joints.slides, headings):
-        settings.units.refuse_rated(file, name, *joint)
+        settings.units.refuse_unknown(file, name, *joint)
     factors = [settings.units.factor(name, *joint) for joint in zip(joints.slides, headings)]
     return np.multiply(x, factors, out=x if where[1:] else None), marked
 

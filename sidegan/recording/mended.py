@@ -15,6 +15,9 @@ from sidegan.recording.statistics import SLOWEST
 _TURN = 2 * np.pi
 _AROUND = np.pi / 2  # [rad] largest rotation between two samples
 _GLITCHES = 1e-3  # share of samples that may jump otherwise
+_FAR = 0.02  # [rad or m] from the neighbours' median, up to which a sample is no jump
+_MANY, _OFTEN = 5.0, 0.95  # times this quantile of the steps between samples, up to which it is none
+_NEAR = 4  # neighbours on either side, and most samples until a position returns
 _AT_REST = 0.02  # [rad or m] range of encoder readings at rest
 _WITHOUT_DRIVES = 0.5  # [s] of constant torques from which drives are off
 # absolute values by which loggers mark that there is none: 999, 9999, …, and the ends of integers
@@ -65,6 +68,36 @@ def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
         return recording
     remark = f"positions of {listed(found)} jump by whole turns: unwrapped, so that they continue beyond ±π"
     return replace(recording, position=position, remarks=(*recording.remarks, remark))
+
+
+def steadied(recording: Recording, speed: Array) -> Recording:
+    """A recording without samples whose position is far from the neighbours' but returns: lost packets, say.
+
+    Far is more than the joint can move meanwhile at its ``speed`` [rad/s or m/s], (J,), and many times its
+    usual steps. Jumps that stay, for more than four samples, are left for ``refuse_jumps``.
+    """
+    time, position = recording.time, recording.position
+    wrong: dict[str, Array] = {}
+    for name, q, limit in zip(recording.joint_names, position.T, speed.tolist()):
+        moved = np.abs(np.diff(q))
+        far = max(_FAR, _MANY * float(np.quantile(np.append(moved, 0.0), _OFTEN)))
+        jumps = np.flatnonzero(moved > far)
+        near = np.unique(np.clip(jumps[:, None] + np.arange(-_NEAR, _NEAR + 2), 0, len(q) - 1))
+        around = np.clip(near[:, None] + np.arange(-_NEAR, _NEAR + 1), 0, len(q) - 1)
+        meanwhile = np.ptp(time[around], 1) * (limit if np.isfinite(limit) else 0.0)
+        off = np.abs(q[near] - np.median(q[around], 1))
+        wrong[name] = near[off > np.maximum(far, meanwhile)]
+    rows = np.unique(np.concatenate([*wrong.values()]))
+    if not len(rows):
+        return recording
+    joints = listed([name for name, found in wrong.items() if len(found)])
+    times = listed([f"{t:.6g}" for t in time[rows].tolist()], 3)
+    remark = (
+        f"the position of {joints} jumps and returns at {times} s: {counted(len(rows), 'sample')} left out"
+    )
+    kept = np.delete(np.arange(len(time)), rows)
+    signals: dict[str, Any] = {name: x[kept] for name, x in recording.signals().items()}
+    return replace(recording, time=time[kept], remarks=(*recording.remarks, remark), **signals)
 
 
 def driven(recording: Recording) -> Recording:

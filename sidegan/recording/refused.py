@@ -1,10 +1,12 @@
 """Refusal of unusable recordings: wrong units, no motion, impossible torques."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.agreement import Agreement
 from sidegan.recording.recording import Recording
@@ -23,6 +25,7 @@ _TINY = 2 * math.pi / DEGREES  # [rad] a turn, if radians are taken for degrees
 _USUAL = 0.15  # [s] longest usual time between samples
 _STRONG = 3.0  # times a torque limit: more than drives stand for a hundredth of the time
 _HEAVY = 30.0  # times the described torque: more than badly guessed masses explain
+_FEW = 1e-3  # share of the samples: fewer that are beyond the usual filtered torque are outliers
 _JUMP = 5.0  # times the usual largest steps, and times the joint's speed: a jump
 _LARGE = 0.99  # quantile of steps that is usual
 _LEAST_JUMP = 0.02  # [rad or m] below which a jump is a glitch
@@ -165,10 +168,17 @@ def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:
                 )
 
 
-def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, units: Units) -> None:
+def refuse_overload(
+    statistics: Statistics,
+    arm: Arm,
+    agreement: Agreement,
+    units: Units,
+    torques: Sequence[tuple[Array, Array]],
+) -> None:
     """Refuse torques far beyond the arm's limits, or without limits far beyond the described torques.
 
-    Limits below the described torques of the same motion are ignored.
+    Limits below the described torques of the same motion are ignored. ``torques`` are times (S,) [s] and
+    torques (S, J) [N·m or N] before filtering, which show whether a few samples are the cause.
     """
     limited = np.isfinite(arm.torque_limit).any() and (agreement.needed <= arm.torque_limit).all()
     most, than = (_STRONG, "its limit") if limited else (_HEAVY, "what the description predicts")
@@ -178,6 +188,16 @@ def refuse_overload(statistics: Statistics, arm: Arm, agreement: Agreement, unit
         return
     j = int(share.argmax())
     unit = "N" if arm.prismatic[j] else "N·m"
+    time, raw = (np.concatenate(x) for x in zip(*torques))
+    size = np.abs(raw[:, j])
+    beyond = np.flatnonzero(size > agreement.usual[j])
+    if len(beyond) < _FEW * len(size):
+        worst = int(size.argmax())
+        raise RecordingError(
+            f"{statistics.name}: the torque of {arm.joint_names[j]} is {raw[worst, j]:.4g} {unit} at "
+            f"{time[worst]:.6g} s, and beyond {agreement.usual[j]:.4g} {unit} in only "
+            f"{counted(len(beyond), 'sample')} of {len(size)}: remove these rows from the file"
+        )
     measured = statistics.load
     smaller = _THOUSANDTH[measured]
     if _HEAVY < share[j] <= 1e3 * most and getattr(units, measured) != smaller:

@@ -37,7 +37,7 @@ def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Ar
     if dates is not None:
         return dates[:, None], []
     stamps = table.numbers(columns[0])
-    heading = columns[0]
+    heading = table.heading(columns[0])
     known = units.time or units.read("time", False, heading)
     unit = "" if known else _since_1970(stamps)
     if unit:

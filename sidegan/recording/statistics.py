@@ -19,12 +19,14 @@ _BRIDGED = 0.25  # cut-off periods that are interpolated over
 _GAP_STEPS = 5.0  # sampling steps that are interpolated over
 _LEAST_SAMPLES = 10
 _RARE = 0.01  # share of backward steps below which they are restarts of a clock
+_LEADING = 0.0999999  # fraction of a second below which it has a leading zero
 _HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
 _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
 _LEAST_HEAD = 16  # samples of that part
 _MOVED = 0.005  # [rad or m] from its initial position beyond which the arm moves
 _ENERGY = 0.98  # share of the motion's energy below its bandwidth
 _CLIPPED = 5  # mean runs of equal samples at an extreme that mean saturation
+_NEXT = 0.2  # of such a run: longest time one quantum from the extreme, just before and after it
 _STUCK = 0.3  # share of its range through which a joint moves while its frozen torque is constant
 _LEAST_STUCK = 20  # samples of a frozen torque; fewer are coarse quantisation
 
@@ -109,6 +111,7 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
     """Clock of time stamps [s], (S,); ``name`` is for messages."""
     steps = np.diff(time)
     if (steps < 0).any():
+        _refuse_unpadded(name, time)
         row = int(np.argmax(steps < 0))
         # after a restart, the rows that follow are in order, and all of them early
         follow = time[row + 1 : row + 1 + _LEAST_SAMPLES]
@@ -134,6 +137,20 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
         gaps=tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
         gap=limit,
     )
+
+
+def _refuse_unpadded(name: str, time: Array) -> None:
+    """Refuse stamps (S,) whose fractions lack leading zeros: .8, .9 and then .10, within the same second."""
+    whole = np.floor(time)
+    back = np.flatnonzero(np.diff(time) < 0)
+    part = time - whole
+    if len(back) > 1 and (np.diff(whole) >= 0).all() and ((part == 0) | (part > _LEADING)).all():
+        k = int(back[0])
+        raise RecordingError(
+            f"{name}: {time[k]:.12g} s comes before {time[k + 1]:.12g} s, and so on {len(back)} times: were "
+            "nanoseconds put behind the point of seconds without their leading zeros? write them in a column "
+            "of their own, or with nine digits"
+        )
 
 
 def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
@@ -177,16 +194,22 @@ def _of_joint(x: Array) -> tuple[float, float, float, float]:
     upper = x.max()
     steps = np.abs(np.diff(x))
     quantum = steps.min(where=steps > 0, initial=np.inf)
-    clipped = max(_longest_run(x == lower), _longest_run(x == upper)) if upper > lower else 0
+    clipped = max(_longest_at(x, lower, quantum), _longest_at(x, upper, quantum)) if upper > lower else 0
     held = len(x) / (1 + np.count_nonzero(steps))  # mean run of equal samples: held or quantised signals
     clipped = clipped if clipped >= _CLIPPED * held else 0.0
     return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped
 
 
-def _longest_run(marked: Array) -> float:
-    """Length of the longest run of marked samples, of (S,)."""
-    begins, ends = stretches(marked)
-    return float((ends - begins).max(initial=0))
+def _longest_at(x: Array, extreme: float, quantum: float) -> float:
+    """Length of the longest run of samples (S,) at an extreme, not next to a longer time one quantum from it.
+
+    That is the peak of a coarsely quantised signal: it spends 0.4 times as long at the next value, or more.
+    """
+    begins, ends = stretches(x == extreme)
+    first, last = stretches(np.abs(x - extreme) < 1.5 * quantum)
+    around = np.searchsorted(first, begins, "right") - 1
+    longer = (last - first)[around] - (ends - begins)
+    return float((ends - begins).max(where=longer <= _NEXT * (ends - begins), initial=0))
 
 
 def _frozen(recording: Recording) -> tuple[tuple[int, float, float], ...]:

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,14 @@ class Table:
     columns: Mapping[str, Any]
     rows: Array  # row numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # row numbers and reasons of unreadable rows
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  # of columns, where a row below the header has them
+    remarks: Sequence[str] = ()  # for people, on how it was read
+
+    def heading(self, name: str) -> str:
+        """A column's name with its unit."""
+        return f"{name} [{self.units[name]}]" if name in self.units else name
 
     def first(self, name: str) -> str:
         """A column's first element as text; empty if there is none."""
@@ -90,11 +98,11 @@ def _plain(fields: Iterable[Any], before: str = "") -> Iterator[str]:
     """Names of columns and of structures' fields, without binary data, such as images."""
     import pyarrow as pa
 
-    for field in fields:
-        if pa.types.is_struct(field.type):
-            yield from _plain(field.type, f"{before}{field.name}.")
-        elif not pa.types.is_binary(field.type):
-            yield f"{before}{field.name}"
+    for part in fields:
+        if pa.types.is_struct(part.type):
+            yield from _plain(part.type, f"{before}{part.name}.")
+        elif not pa.types.is_binary(part.type):
+            yield f"{before}{part.name}"
 
 
 class _Parquet(Mapping[str, Any]):
@@ -175,8 +183,10 @@ def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield f"{prefix}{name}", np.asarray(value)
 
 
-def _of_arrays(arrays: Mapping[str, Any]) -> Table:
-    """A table of arrays (S,), (S, J), or (J, S)."""
+def _of_arrays(found: Mapping[str, Any]) -> Table:
+    """A table of arrays (S,), (S, J), or (J, S), and of structured ones, whose fields are columns."""
+    arrays = {name: x for name, x in found.items() if x.dtype.names is None}
+    arrays |= {part: x[part] for x in found.values() for part in x.dtype.names or ()}
     longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
     upright = {
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()

@@ -4,7 +4,9 @@ import csv
 import io
 import re
 import warnings
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any
@@ -15,13 +17,14 @@ import pandas as pd
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 from sidegan.recording.tables import Table
+from sidegan.recording.units import are_units
 
 _SKIPPED = re.compile(r"line (\d+): expected (\d+) fields, saw (\d+)")
 _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _LOOKED_AT = 100  # lines from which separator and decimal mark are inferred
 _SAMPLE = 1 << 16  # bytes from which the encoding is inferred
 _MARKS = "#% "  # before comments and the headers that numpy writes
-_FIELDS = ("position", "velocity", "effort")  # of a joint state, in its order
+_STATE = ("position", "velocity", "effort")  # of a joint state, in its order
 
 
 def text_table(path: Path) -> Table:
@@ -33,13 +36,19 @@ def text_table(path: Path) -> Table:
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
-    if not lines or not lines[0].strip():
+    if not lines:
         raise RecordingError(f"{path} is empty")
     skipped = _comments(lines)
     lines = lines[skipped:]
-    lines[0] = lines[0].lstrip(_MARKS)
     separator, decimal = _format_of(lines)
-    names = [name.strip() for name in next(csv.reader(lines[:1], delimiter=separator, skipinitialspace=True))]
+    before = _preamble(lines, separator, decimal)
+    header = f"the header is line {skipped + before + 1}: {counted(before, 'line')} before it left out"
+    skipped += before
+    lines = lines[before:]
+    if not lines[0].strip():
+        raise RecordingError(f"{path} is empty, or begins with a blank line, expected a header line")
+    lines[0] = lines[0].lstrip(_MARKS)
+    names = _fields(lines[0], separator)
     form = {"sep": separator, "decimal": decimal, "encoding": encoding}
     if echoed := _echoed(path, names):
         return _text_rows(path, echoed, first=skipped + 1, **form)
@@ -50,9 +59,29 @@ def text_table(path: Path) -> Table:
         )
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
-    return _text_rows(
-        path, [name or f"column {i + 1}" for i, name in enumerate(names)], first=skipped + 2, **form
-    )
+    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
+    units = _fields(lines[1], separator) if lines[1:] else []
+    stated = are_units(units)
+    table = _text_rows(path, names, first=skipped + 2 + stated, **form)
+    return replace(table, units=dict(zip(names, units)) if stated else {}, remarks=[header] if before else [])
+
+
+def _fields(line: str, separator: str) -> list[str]:
+    """Fields of a line, without quotes and blanks around them."""
+    rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
+    return [field.strip() for field in next(rows, [])]
+
+
+def _preamble(lines: Sequence[str], separator: str, decimal: str) -> int:
+    """Number of lines before the first that has as many fields as the rows of numbers below it."""
+    rows = [_fields(line, separator) for line in lines]
+    numbers = [sum(_is_number(field.replace(decimal, ".")) for field in row) for row in rows]
+    full = [2 * count > len(row) for count, row in zip(numbers, rows)]
+    if not any(full):
+        return 0
+    (width, _), *_ = Counter(len(row) for row, has in zip(rows, full) if has).most_common(1)
+    like = [k for k, row in enumerate(rows) if len(row) == width and not are_units(row)]
+    return 0 if full[like[0]] else like[0]
 
 
 def _comments(lines: Sequence[str]) -> int:
@@ -82,7 +111,7 @@ def _format_of(lines: Sequence[str]) -> tuple[str, str]:
     rows = lines[1:] or lines
     counts = {}
     for separator in ";\t, ":
-        fields = [field for row in rows for field in row.split(separator)]
+        fields = [field for row in rows for field in _fields(row, separator)]
         commas = sum(_DECIMAL_COMMA.fullmatch(field) is not None for field in fields)
         points = [field for field in fields if _is_number(field)]
         comma = separator in ";\t" and commas and not any("." in field for field in points)
@@ -111,10 +140,10 @@ def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
     signals, rest = divmod(len(fields) - 3 - joints, joints or 1)
     if not joints or rest or not all(numbers[3 + joints :]):
         return []
-    kinds = _FIELDS if signals == len(_FIELDS) else ("position", "effort")
+    kinds = _STATE if signals == len(_STATE) else ("position", "effort")
     names = [f"{kind}_{k}" for kind in ("name", *kinds) for k in range(joints)]
     header = ["stamp.sec", "stamp.nanosec", "frame", *names]
-    if signals != len(_FIELDS):
+    if signals != len(_STATE):
         raise RecordingError(
             f"{path} has joint states of {counted(joints, 'joint')} ({counted(signals, 'value')} each), no "
             f"header line of column names: add one, such as {','.join(header)}"

@@ -50,6 +50,7 @@ class Setup:
 
 PLAIN = Setup()
 _WORD = re.compile(r"…|[A-Za-z_/.~][\w/.~-]*")
+_EXACT = 2**53  # below which whole numbers, such as encoder counts, are written in full
 _NO_TEXT = {"null", "true", "false", "yes", "no", "on", "off", "nan", "inf"}
 
 
@@ -72,13 +73,16 @@ def changes(group: str, settings: Any) -> list[str]:
     """Settings of a group that differ from their defaults, as arguments of the command."""
     plain = type(settings)()
     given = {name: x for name, x in vars(settings).items() if x != getattr(plain, name)}
-    found = [changes(f"{group}.{name}", x) for name, x in given.items() if is_dataclass(x)]
-    own = [quote(f"{group}.{name}={_plain(x)}") for name, x in given.items() if not is_dataclass(x)]
+    inner = {name: x for name, x in given.items() if is_dataclass(getattr(plain, name))}
+    found = [changes(f"{group}.{name}", x) for name, x in inner.items()]
+    own = [quote(f"{group}.{name}={_plain(x)}") for name, x in given.items() if name not in inner]
     return [*own, *chain(*found)]
 
 
 def _plain(value: object) -> str:
     """A value as written in settings; text is quoted if it could be read as something else."""
+    if is_dataclass(value):  # instead of null
+        value = vars(value)
     match value:
         case None:
             return "null"
@@ -88,7 +92,9 @@ def _plain(value: object) -> str:
             return f"[{', '.join(map(_plain, value))}]"
         case bool():
             return str(value).lower()
-        case int() | float():
-            return f"{value:.6g}"
+        case int():
+            return str(value)
+        case float():
+            return f"{value:.0f}" if value.is_integer() and abs(value) < _EXACT else f"{value:.6g}"
     text = str(value)
     return text if _WORD.fullmatch(text) and text.lower() not in _NO_TEXT else f'"{text}"'

@@ -1,5 +1,6 @@
 """Files as programs and people write them are read back row by row; oddities are reported."""
 
+import csv
 import json
 import re
 from dataclasses import replace
@@ -15,6 +16,7 @@ from sidegan.recording.check import check_recording, read_and_check
 from sidegan.recording.load import load_recording
 from sidegan.recording.settings import Files
 from sidegan.recording.stationary import chain_of, stationary_positions
+from sidegan.recording.units import Units
 from sidegan.robot import Setup, load_robot
 from tests.recording import files
 from tests.recording.conftest import of_file, part_of, recorded
@@ -155,6 +157,22 @@ def matlab(made, path):
     scipy.io.savemat(path / "a.mat", {"log": log})
 
 
+def structured(made, path):
+    fields = {name: x.to_numpy() for name, x in table(made).items()}
+    np.savez(path / "a.npz", log=np.rec.fromarrays([*fields.values()], names=[*fields]))
+
+
+def preamble(made, path):
+    before = "Robot;planar2\nDate;2026-11-03\n200\n\n"
+    (path / "a.csv").write_text(before + table(made).to_csv(index=False, sep=";"))
+
+
+def units_below(made, path):
+    """A row of units below the header."""
+    rows = headed(made, "t", "q{}", "tau{}").to_csv(index=False).splitlines()
+    (path / "a.csv").write_text("\n".join([rows[0], "[ms],deg,deg,N.mm,N.mm", *rows[1:]]))
+
+
 def two_arms(made, path):
     other = {f"{name}_right_joint_{k}": 9.0 + k for name in ("q", "tau") for k in (1, 2)}
     names = {f"{name}{k}": f"{name}_left_joint_{k}" for name in ("q", "tau") for k in (1, 2)}
@@ -192,6 +210,26 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
         0,
         "position in deg",
     ),
+    **{
+        f"quotes, separated by {sep}": (
+            lambda m, p, form=form: text(
+                headed(m, "Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)"), p, **form
+            ),
+            0,
+            "position in deg",
+        )
+        for sep, form in {
+            "commas": {"quoting": csv.QUOTE_ALL},
+            "semicolons": {"quoting": csv.QUOTE_ALL, "sep": ";", "decimal": ","},
+        }.items()
+    },
+    "row of units": (
+        units_below,
+        0,
+        "time in ms, position in deg, torque in mNm, according to the row of units",
+    ),
+    "preamble": (preamble, 0, "the header is line 5: 4 lines before it left out"),
+    "structured array": (structured, 0, ""),
     "echo --csv": (echoed, 1, ""),
     "JSON lines": (lines, 1, ""),
     "MATLAB": (matlab, 0, ""),
@@ -363,6 +401,54 @@ def test_degrees_apply_to_revolute_and_millimetres_to_prismatic_joints(made, tmp
     renamed = table(made, **{"q1": None, "q2": None, **dict(zip(headings, q.T))})
     found = read(tmp_path, renamed, sliding=JOINTS[1:], units=units)
     np.testing.assert_allclose(found.position, made.position)
+
+
+STATED = [
+    *(("torque", f"tau1 [{unit}]", 1.3558179483) for unit in ("lbf.ft", "ft-lb", "lb ft")),
+    *(("torque", heading, 0.1129848290) for heading in ("Torque 1 (lbf·in)", "tau_1_in-lb")),
+    *(("torque", f"tau1 {unit}", 0.00706155181423) for unit in ("[oz-in]", "(ozf.in) (filtered)")),
+    *(("torque", heading, 0.01) for heading in ("tau1 [N.cm]", "tau1_Ncm", "effort[0] (N cm)")),
+    *(("torque", "tau1 [kN.m]", 1e3), ("torque", "tau1_kgf.cm", 0.0980665), ("torque", "tau1 [N*mm]", 1e-3)),
+    *(
+        ("position", "q1 [gon]", np.pi / 200),
+        ("position", "q1_mrad", 1e-3),
+        ("position", "q (rev)", 2 * np.pi),
+    ),
+    *(
+        ("velocity", "qd1 [mrad/s]", 1e-3),
+        ("velocity", "qd1 [rev/s]", 2 * np.pi),
+        ("current", "i1 [uA]", 1e-6),
+    ),
+    *(
+        ("torque", f"tau1 {what}", 1)
+        for what in ("[Nm] (filtered)", "(N·m)", "(in)", "(MA)", "[-]", "[Nm/rad]")
+    ),
+    *(
+        ("torque", name, 1)
+        for name in ("joint_states[0]", "effort_lb", "tau [left]", "tau1 (kg m²)", "tau (A)")
+    ),
+    *(
+        ("position", name, 1)
+        for name in (
+            "q1 (measured)",
+            "position[3]",
+            "q (actual)",
+            "q_min",
+            "q [rad]",
+            "q_hip_rev",
+            "hip_turn.pos",
+            "q_wrist_turn",
+        )
+    ),
+    *(("velocity", name, 1) for name in ("qd1 [rad/s]", "qd [rad/s^2]", "qd (m)", "qd_in", "qd1 [m/s]")),
+]
+
+
+@pytest.mark.parametrize(("signal", "heading", "factor"), STATED)
+def test_headings_state_units_and_other_things(signal, heading, factor):
+    Units().refuse_unknown("a.csv", signal, False, heading)
+    assert Units().factor(signal, heading=heading) == pytest.approx(factor, rel=1e-9)
+    assert bool(Units().read(signal, False, heading)) == (factor != 1)
 
 
 @pytest.mark.parametrize(("unit", "factor", "words"), [("m", 1e3, "millimetres"), ("mm", 1e-3, "metres")])

@@ -66,7 +66,19 @@ def twice(**names):
     return files.written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
 
 
+def stated(**units):
+    """Units in brackets behind the names of a signal's columns."""
+    headings = {f"{name}{j}": f"{name}{j} {unit}" for name, unit in units.items() for j in (1, 2)}
+    return files.written(lambda table: table.rename(columns=headings))
+
+
 ARRAYS = {"position": "q", "torque": "tau"}
+STATED = [
+    ("tau", "V", "torque=N·m"),
+    ("tau", "lbf", "torque=N·m"),
+    ("tau", "mA", "torque"),
+    ("q", "grad", "angle=rad"),
+]
 FILES = [
     ("there is no recording", lambda _, folder: folder / "a.csv", {}),
     ("neither a file nor a folder", lambda _, folder: os.mkfifo(folder / "a") or folder / "a", {}),
@@ -92,10 +104,10 @@ FILES = [
     ),
     ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
     ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
-    (
-        r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m",
-        files.written(lambda table: table.rename(columns={"tau1": "tau1 (%)", "tau2": "tau2 (%)"})),
-        {},
+    (r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m", stated(tau="(%)"), {}),
+    *(
+        (rf"1 .* states '{x}', .* already: recording\.units\.{to}", stated(**{name: f"[{x}]"}), {})
+        for name, x, to in STATED
     ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
     ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
@@ -157,6 +169,16 @@ def shuffled(time):
     return np.where(np.arange(len(time)) == 100, time[90], time)
 
 
+def unpadded(time):
+    """Seconds and nanoseconds of a clock, with a point between them."""
+    stamps = (1e9 * (time + 5)).round().astype(int).tolist()
+    return np.array([float(f"{t // 10**9}.{t % 10**9}") for t in stamps])
+
+
+def spike(torque):
+    return torque + 1e6 * (np.arange(len(torque)) == 700)
+
+
 def interrupted(time):
     """A sample that is stamped like the one before it, and two seconds without samples."""
     k = np.arange(len(time))
@@ -182,6 +204,11 @@ def within_a_turn(recording):
     return replace(recording, position=np.rad2deg(recording.position % (2 * np.pi)), velocity=None)
 
 
+def lost(samples):
+    """Which samples of a recording follow the 700th."""
+    return [700 < k <= 700 + samples for k in range(2000)]
+
+
 JUMPS = r"(shoulder|elbow) jumps by .* rad after sample 701, at .*: are rows missing"
 DEGREES, GAINS, TWO = 180 / math.pi, r"are the drive gains \(robot\.gains\)", (2.0, 2.0)
 UNITS = [("ms", "s", 1e3), ("ns", "s", 1e9), ("us", "ms", 1e3)]
@@ -203,6 +230,7 @@ CHECKED = [
     ("every torque is zero", but("torque", np.zeros_like), {}),
     ("torque of shoulder, elbow is constant", but("torque", np.ones_like), {}),
     ("has 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
+    ("has 1 sample, expected 10 or more", lambda recording: part_of(recording, slice(1)), {}),
     ("too short to identify from", scaled("time", 1e-300), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
     (DEAD, but("velocity", np.ones_like), {}),
@@ -210,6 +238,12 @@ CHECKED = [
     ("time runs backwards.* after sample 100: sort its rows by time$", but("time", shuffled), {}),
     ("backwards.*: sort its rows by time", but("time", lambda x: x[::-1]), {}),
     ("after sample 1000: the clock restarts, so split", but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}),
+    ("and so on .* times: were nanoseconds put behind the point", but("time", unpadded), {}),
+    (
+        r"elbow is 1e\+06 N·m at [67].* s, and beyond .* in only 1 sample of 2000",
+        change_elbow("torque", spike),
+        {},
+    ),
     ("set the drive gains", currents(), {}),
     ("robot.gains has 3 drive gains, the arm has 2 joints", currents(), {"gains": (1.0, 1.0, 1.0)}),
     ("robot.gains has 1 drive gain, the arm has 2 joints", currents(), {"gains": (1.0,)}),
@@ -217,6 +251,7 @@ CHECKED = [
     ("no joint stays faster than 100 rad/s", lambda same: same, {"still": 100.0}),
     (JUMPS, change_elbow("position", lambda x: x + 0.4 * (np.arange(len(x)) > 700)), {}),
     (JUMPS, missing, {}),
+    (r"elbow jumps by", change_elbow("position", lambda x: np.where(lost(5), 0.0, x)), {}),
     (LOW, lambda same: same, {"cutoff": 1e-11}),
 ]
 
@@ -236,6 +271,7 @@ WARNED = [
     ("1 sample with a repeated time stamp", but("time", interrupted)),
     ("the torque of shoulder, elbow is coarsely", but("torque", lambda x: (x / 9).round() * 9)),
     ("looks saturated", but("torque", lambda x: np.minimum(x, x.max() / 2))),
+    ("looks saturated", but("torque", lambda x: np.minimum(x, x.max() / 2).round(1))),
     ("1 corrupt row, left out; the first is row 7: ", but("corrupt", lambda _: ((7, "no number in q1"),))),
     (
         "is this the right arm, and its joint order?",
@@ -244,11 +280,27 @@ WARNED = [
 ]
 
 
+@pytest.mark.parametrize("samples", [1, 3, 4])
+def test_positions_that_jump_and_return_are_left_out(recording, samples):
+    at = lost(samples)
+    zeros = replace(recording, position=np.where(np.transpose([at]), 0.0, recording.position))
+    rest = part_of(recording, np.flatnonzero(~np.array(at)))
+    found, clean = check(zeros), check(rest)
+    assert f"elbow jumps and returns at {recording.time[701]:.6g}" in found.warnings[0]
+    assert f"{samples} sample" in found.warnings[0] and found.warnings[1:] == clean.warnings
+    np.testing.assert_array_equal(found.segments[0].position, clean.segments[0].position)
+
+
 def test_held_and_quantised_torques_are_not_taken_for_saturated(recording):
     k = np.arange(len(recording.time))
     held = replace(recording, torque=recording.torque[k - k % 8])
-    coarse = replace(recording, torque=(recording.torque / 2).round() * 2)
-    assert not [text for made in (held, coarse) for text in check(made).warnings if "saturated" in text]
+    noise = np.random.default_rng(0).standard_normal(recording.torque.shape)
+    found = [held]
+    for quantum in (1, 2):
+        for scatter in (0, 0.2, 0.5):
+            torque = (recording.torque + scatter * noise) / quantum
+            found.append(replace(recording, torque=torque.round() * quantum))
+    assert not [text for made in found for text in check(made).warnings if "saturated" in text]
 
 
 @pytest.mark.parametrize(("words", "change"), WARNED, ids=[words for words, _ in WARNED])
