@@ -242,10 +242,11 @@ def surrogates(
     """
     require_cell(cell)
     _require_box(box)
+    into = path_of(folder, "folder")
     settings = build(SurrogateSettings, changes)
     c = _examples(seeds, cell, box)
     with TemporaryDirectory() as work, alone():
-        return _from_vanilla(cell, c, path_of(folder, "folder"), settings, seed, box, workers, Path(work))
+        return _from_vanilla(cell, c, into, settings, seed, box, workers, Path(work))
 
 
 def _from_vanilla(

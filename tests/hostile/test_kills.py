@@ -56,7 +56,8 @@ def test_a_run_killed_three_times_ends_like_an_undisturbed_one(tmp_path, start):
     expected = contents(whole)
     for point in sorted(random.Random(SEED).sample(range(1, len(expected) - 1), KILLS)):
         process = start(torn)
-        while len(seen) < point and process.is_alive():  # as many files, of whatever it has written
+        # as many files, of whatever it has written, and a group of its own
+        while process.is_alive() and (len(seen) < point or os.getpgid(process.pid) != process.pid):
             seen |= files(torn)
             time.sleep(0.005)
         assert process.is_alive(), "it ended before its kill"
