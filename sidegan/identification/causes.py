@@ -100,16 +100,16 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
 
 
 def _odd_validation(found: IdentifiedArm, training: Agreement) -> list[str]:
-    """Contradictions between the description and a validation recording that training does not have."""
+    """A contradiction between the description and a validation recording, where training has none."""
     arm = found.model.arm
 
     def contradictions(agreement: Agreement) -> list[str]:
         texts = [agreement.exchanged(arm), agreement.gravity(arm), agreement.reversed(arm)]
         return [*filter(None, texts), *agreement.doubts(arm)]
 
-    usual = contradictions(training)
-    each = [(x.name, text) for x in found.validation for text in contradictions(x.agreement)]
-    return [f"{name}: {text}" for name, text in each if text not in usual][:1]
+    if contradictions(training):
+        return []
+    return [f"{x.name}: {text}" for x in found.validation for text in contradictions(x.agreement)][:1]
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
