@@ -275,6 +275,7 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path, 
         tables[-1].to_csv(tmp_path / f"{number}.csv", index=False)
     indexed = tables[0].set_index(pd.to_timedelta(tables[0].time, "s")).drop(columns="time")
     states, torques = (tables[1].filter(regex=kinds) for kinds in ("time|q_", "time|tau_"))
+    tables[2].index = pd.to_datetime(tables[2].time, unit="s").rename(None)  # not read, since there is a time
     given = [indexed, {"position": states, "torque": torques}]
     with caplog.at_level("INFO"):
         mixed = sg.identify(cell, given, validation=tables[2:])

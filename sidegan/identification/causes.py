@@ -54,13 +54,17 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     segments = [segment for recording in found.training for segment in recording.segments]
     agreement = agreement_of(model.body, segments)
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
+    if gravity and _error_with(found, agreement.load.gravity) > found.quality.judged.nmse_mean:
+        gravity = None  # other faults look like it to the description, but not to a model
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
     faults = [f"{x.name}: {text}" for x in found.recordings for text in x.faults]
     if unexplained:
-        because = faults or change_in(found) or _odd_validation(found, agreement) or disturbances(found)
+        because = change_in(found) or _odd_validation(found, agreement)
+        if not (because or faults):  # which look like disturbances
+            because = disturbances(found)
         if because:
-            return [*(Finding(USABLE, text) for text in because), *repairs], False
+            return [*(Finding(USABLE, text) for text in [*because, *faults]), *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     if exchanged:
@@ -74,11 +78,13 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         causes.insert(0, Finding(BAD, against))
     if not causes and unexplained:
         tilted = tilted_gravity(model, measurements_of(found.training))
-        if tilted is not None:
+        if tilted is not None and _error_with(found, tilted) < found.quality.judged.nmse_mean:
             agreement = agreement._replace(turned=True, load=agreement.load._replace(gravity=tilted))
             gravity = agreement.gravity(arm)
     if not causes and gravity is None and (shifted := _shifted(found)):
         causes.append(Finding(USABLE, shifted))
+    if unexplained:
+        causes += [Finding(USABLE, text) for text in faults]
     if not causes and gravity is None and not faults:
         remarks = _odd_scale(found, agreement)
         if not remarks and found.quality.verdict != GOOD:
@@ -89,13 +95,11 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         masses = (float(x[identifiable, 0].sum()) for x in (links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
     if gravity is not None:
-        turned = RigidBody(replace(arm, gravity=agreement.load.gravity))
-        error = _error_of(found, TorqueModel(turned, model.terms))
+        error = _error_with(found, agreement.load.gravity)
         now = found.quality.judged.nmse_mean
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, links) if identifiable[finding.joint]]
-    repairs += [Finding(GOOD, text) for text in faults]
     return [*causes, *repairs, *_offsets(found)], gravity is not None
 
 
@@ -117,6 +121,12 @@ def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0
     samples, held_out = (moved(measurements_of(x), zeros) for x in (found.training, found.validation))
     parameters = estimate(found.chosen.method, model, samples).parameters
     return found.quality.mean(score(model, parameters, held_out or samples))
+
+
+def _error_with(found: IdentifiedArm, gravity: Array) -> float:
+    """The same with another gravity [m/s²], (3,)."""
+    turned = RigidBody(replace(found.model.arm, gravity=gravity))
+    return _error_of(found, TorqueModel(turned, found.model.terms))
 
 
 def _shifted(found: IdentifiedArm) -> str:

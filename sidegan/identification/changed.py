@@ -146,8 +146,8 @@ class _Change:
         names = arm.named(self.after < _EXPLAINED * self.samples.before)
         if self.kind == "friction":
             return (
-                f"{where} the friction of {names} differs: is the arm warmer or colder there? record after "
-                "warming up, and identify from recordings of one temperature"
+                f"{where} the friction of {names} differs: is the arm warmer or colder there, or much slower "
+                "or faster? record after warming up, and identify from recordings of one temperature and pace"
             )
         if within:
             return (

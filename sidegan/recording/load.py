@@ -1,5 +1,6 @@
 """Recordings in SI units, read from files."""
 
+import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,8 @@ def _headed(table: Table, where: Where, units: Units, joints: Joints) -> list[st
     found = []
     for name, columns in where.items():
         slides = (False,) if name == "time" else joints.slides
-        found += [(name, units.read(name, *joint)) for joint in zip(slides, map(table.heading, columns))]
+        headings = _headings(table, columns, joints)
+        found += [(name, units.read(name, *joint)) for joint in zip(slides, headings)]
     read = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
     source = "row of units" if table.units else "column names"
     return [f"{read}, according to the {source}; recording.units overrides them"] if read else []
@@ -143,6 +145,12 @@ def _suffix(path: Path) -> str:
         return path.suffix.lower()
     with path.open("rb") as file:
         return ".parquet" if file.read(len(_PARQUET)) == _PARQUET else ""
+
+
+def _headings(table: Table, columns: Sequence[str], joints: Joints) -> list[str]:
+    """Columns' names with their units, without joints' names in brackets, which may look like units."""
+    names = re.compile(rf"[\[(]({'|'.join(map(re.escape, joints.names))})[\])]")
+    return [names.sub("", table.heading(column)) for column in columns]
 
 
 def _open(
@@ -183,7 +191,7 @@ def _in_si(
     x, marked = unmarked(x, where)
     if name == "position" and settings.units.position is not None:
         return settings.units.position.in_si(x, joints.slides), marked
-    headings = [table.heading(column) for column in where] * (1 if where[1:] else len(joints.own))
+    headings = _headings(table, where, joints) * (1 if where[1:] else len(joints.own))
     for joint in zip(joints.slides, headings):
         settings.units.refuse_unknown(file, name, *joint)
     factors = [settings.units.factor(name, *joint) for joint in zip(joints.slides, headings)]

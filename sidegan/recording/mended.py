@@ -83,7 +83,8 @@ def steadied(recording: Recording, speed: Array) -> Recording:
         far = max(_FAR, _MANY * float(np.quantile(np.append(moved, 0.0), _OFTEN)))
         jumps = np.flatnonzero(moved > far)
         near = np.unique(np.clip(jumps[:, None] + np.arange(-_NEAR, _NEAR + 2), 0, len(q) - 1))
-        around = np.clip(near[:, None] + np.arange(-_NEAR, _NEAR + 1), 0, len(q) - 1)
+        first = np.clip(near - _NEAR, 0, max(0, len(q) - 2 * _NEAR - 1))  # at the ends, the last few
+        around = np.minimum(first[:, None] + np.arange(2 * _NEAR + 1), len(q) - 1)
         meanwhile = np.ptp(time[around], 1) * (limit if np.isfinite(limit) else 0.0)
         off = np.abs(q[near] - np.median(q[around], 1))
         wrong[name] = near[off > np.maximum(far, meanwhile)]

@@ -144,7 +144,9 @@ def _refuse_unpadded(name: str, time: Array) -> None:
     whole = np.floor(time)
     back = np.flatnonzero(np.diff(time) < 0)
     part = time - whole
-    if len(back) > 1 and (np.diff(whole) >= 0).all() and ((part == 0) | (part > _LEADING)).all():
+    unpadded = (part == 0) | (part > _LEADING)
+    more_digits = part[back + 1] < 2 * _LEADING  # most begin with 1: 100 follows 99
+    if len(back) > 1 and (np.diff(whole) >= 0).all() and unpadded.all() and 2 * more_digits.sum() > len(back):
         k = int(back[0])
         raise RecordingError(
             f"{name}: {time[k]:.12g} s comes before {time[k + 1]:.12g} s, and so on {len(back)} times: were "

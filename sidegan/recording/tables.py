@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -186,7 +187,9 @@ def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 def _of_arrays(found: Mapping[str, Any]) -> Table:
     """A table of arrays (S,), (S, J), or (J, S), and of structured ones, whose fields are columns."""
     arrays = {name: x for name, x in found.items() if x.dtype.names is None}
-    arrays |= {part: x[part] for x in found.values() for part in x.dtype.names or ()}
+    parts = [(name, part) for name, x in found.items() for part in x.dtype.names or ()]
+    often = Counter([*arrays, *(part for _, part in parts)])
+    arrays |= {part if often[part] == 1 else f"{name}.{part}": found[name][part] for name, part in parts}
     longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
     upright = {
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()

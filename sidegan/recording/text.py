@@ -81,7 +81,8 @@ def _preamble(lines: Sequence[str], separator: str, decimal: str) -> int:
         return 0
     (width, _), *_ = Counter(len(row) for row, has in zip(rows, full) if has).most_common(1)
     like = [k for k, row in enumerate(rows) if len(row) == width and not are_units(row)]
-    return 0 if full[like[0]] else like[0]
+    header = like[0]
+    return 0 if full[header] or _is_number(rows[header][0].replace(decimal, ".")) else header
 
 
 def _comments(lines: Sequence[str]) -> int:

@@ -36,7 +36,7 @@ _SPELT = {  # lower-case spellings of these units other than SI, as words of a h
 _POUND, _KILOGRAM = 4.4482216152605, 9.80665  # [N] weights
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
 _FORCES = {
-    **{"n": 1.0, "mn": 1e-3, "dan": 10.0, "kn": 1e3, "g": _KILOGRAM / 1e3, "gf": _KILOGRAM / 1e3},
+    **{"n": 1.0, "mn": 1e-3, "cn": 1e-2, "dan": 10.0, "kn": 1e3, "g": _KILOGRAM / 1e3, "gf": _KILOGRAM / 1e3},
     **dict.fromkeys(("kg", "kgf"), _KILOGRAM),
     **dict.fromkeys(("lb", "lbs", "lbf"), _POUND),
     **dict.fromkeys(("oz", "ozf"), _POUND / 16),

@@ -20,6 +20,7 @@ from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.workflow import identify_arm
 from sidegan.recording.check import CheckedRecording, Role, read_and_check, split
+from sidegan.recording.column_names import stamps_of
 from sidegan.recording.overlap import refuse_shared
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import refuse_elsewhere, stationary_positions
@@ -127,7 +128,7 @@ def identify(
         cell: the arm in its cell; only its description is used.
         recordings: one or more to identify from: a file (CSV and others), a data frame with the same columns,
             or a mapping with one of them per signal, such as ``{"position": "q.csv", "torque": "tau.csv"}``.
-            The index of a data frame is a column if it has a name or holds times.
+            The index of a data frame, if it has a name or holds times, is read unless a column has the time.
         validation: recordings to test with, or the share of each recording, at its end, to hold out.
         recording: contents of the files and their preprocessing: the fields of ``RecordingSettings``, such as
             ``{"units": {"angle": "deg"}, "sent": "outputs/runs/excite", "delay": None}`` (None: measured).
@@ -272,13 +273,14 @@ def _named(given: Given, path: Path) -> Recorded:
 
 
 def _stored(frame: pd.DataFrame, path: Path) -> str:
-    """Path of a data frame, written with its index as a column if that has a name or holds times."""
+    """Path of a data frame, written with its index as a column if that may hold the time."""
     if frame.empty:
         raise ConfigError(f"{path.name} is a data frame without rows")
     timed = isinstance(frame.index, pd.DatetimeIndex | pd.TimedeltaIndex)
     name = frame.index.name if isinstance(frame.index.name, str) else "time" if timed else ""
     try:
-        frame = frame.reset_index(names=name) if name and name not in frame else frame
+        if name and not stamps_of([*map(str, frame)]):
+            frame = frame.reset_index(names=name)
         frame.to_parquet(path, index=False)
     except (ValueError, TypeError, NotImplementedError) as error:  # of pyarrow
         raise ConfigError(f"{path.name} is a data frame that cannot be stored: {error}") from error

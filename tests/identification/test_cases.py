@@ -246,10 +246,11 @@ DIFFERENT = [  # change of the torques in training, in validation, and the first
     (
         None,
         colder,
-        "^in changed the friction of joint_1, joint_2.* differs: is the arm warmer or colder there",
+        "^in changed the friction of joint_1, joint_2.* differs: is the arm warmer or colder there, or",
     ),
     (colder_at_first, None, r"^from about (5|6|7)\S* s of changed on the friction of joint_1.* differs"),
     (saturated, None, "^changed: the torque of joint_2 looks saturated"),
+    (saturated, colder, "the friction of .* differs"),
     (None, swapped, "^changed: torques look swapped: that of joint_2 fits joint_3"),
 ]
 

@@ -575,3 +575,18 @@ def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, p
     np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
     with pytest.raises(RecordingError, match=r"elbow is left out \(recording\.without\), but moves"):
         stationary_positions(planar, [path], of_file(without=["elbow"]))
+
+
+def test_fields_of_two_structured_arrays_are_told_apart(recording, tmp_path):
+    structured(recording, tmp_path)
+    log = np.load(tmp_path / "a.npz")["log"]
+    np.savez(tmp_path / "a.npz", measured=log, commanded=log)
+    with pytest.raises(RecordingError, match=r"time as 'measured\.t' and as 'commanded\.t'"):
+        load_recording(tmp_path / "a.npz", of_file(), JOINTS)
+
+
+def test_a_first_row_without_numbers_is_no_header(recording, tmp_path):
+    rows = table(recording).to_csv(index=False).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([rows[0], "0.0,,,,,", *(f"{row}," for row in rows[2:])]))
+    found = load_recording(tmp_path / "a.csv", of_file(), JOINTS)
+    assert [row for row, _ in found.corrupt] == [2] and len(found.time) == len(recording.time) - 1
