@@ -26,7 +26,7 @@ from sidegan.identification.verdict import (
 )
 from sidegan.identification.zeros import moved, shifted_zeros
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.agreement import Agreement, agreement_of
+from sidegan.recording.agreement import Agreement, agreement_of, to_reverse
 
 _ROUNDING = 1e-10
 _EXPLAINED = 0.5  # share of the error that may remain if a fault in the recordings is to explain it
@@ -54,7 +54,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     segments = [segment for recording in found.training for segment in recording.segments]
     agreement = agreement_of(model.body, segments)
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
-    if gravity and _error_with(found, agreement.load.gravity) > found.quality.judged.nmse_mean:
+    now = error = found.quality.judged.nmse_mean
+    if gravity and (error := _error_with(found, agreement.load.gravity)) > now:
         gravity = None  # other faults look like it to the description, but not to a model
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
@@ -78,7 +79,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         causes.insert(0, Finding(BAD, against))
     if not causes and unexplained:
         tilted = tilted_gravity(model, measurements_of(found.training))
-        if tilted is not None and _error_with(found, tilted) < found.quality.judged.nmse_mean:
+        if tilted is not None and (error := _error_with(found, tilted)) < now:
             agreement = agreement._replace(turned=True, load=agreement.load._replace(gravity=tilted))
             gravity = agreement.gravity(arm)
     if not causes and gravity is None and (shifted := _shifted(found)):
@@ -95,8 +96,6 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         masses = (float(x[identifiable, 0].sum()) for x in (links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
     if gravity is not None:
-        error = _error_with(found, agreement.load.gravity)
-        now = found.quality.judged.nmse_mean
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, links) if identifiable[finding.joint]]
@@ -172,7 +171,7 @@ def _driven(names: str) -> str:
     """Remark on joints with such friction."""
     return (
         f"the friction of {names} would drive the motion: is the sign of the torque reversed? "
-        f"(recording.reverse=[{names.replace(', ', ',')}])"
+        f"{to_reverse(names)}"
     )
 
 

@@ -12,6 +12,7 @@ from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.payload import LOAD, gathered
 from sidegan.identification.sums import solve
+from sidegan.recording.agreement import to_reverse
 from sidegan.robot import Arm
 
 _SILENT = 1e-9  # relative to the joint with the largest effect: below it, the load has none
@@ -52,7 +53,7 @@ class Gains:
         negative = self._clear & (self.gains < 0)
         positive = self._clear & ~negative
         if self.exchanged:
-            also = f" If so, signs of currents are reversed, too {_to_reverse(arm, positive)}"
+            also = f" If so, signs of currents are reversed, too {to_reverse(arm.named(positive))}"
             return [
                 f"the currents of {arm.named(self._taken_off)} change as if the load were taken off: are "
                 f"recordings and loaded exchanged?{also if positive.any() else ''}"
@@ -66,7 +67,7 @@ class Gains:
         if negative.any():
             doubts.append(
                 f"the gain of {arm.named(negative)} is negative: is the sign of its current reversed? "
-                f"{_to_reverse(arm, negative)}"
+                f"{to_reverse(arm.named(negative))}"
             )
         if odd := arm.named(positive & self.against):
             doubts.append(
@@ -74,11 +75,6 @@ class Gains:
                 "is load.centre right?"
             )
         return doubts
-
-
-def _to_reverse(arm: Arm, joints: Array) -> str:
-    """The setting that reverses the currents of marked joints, (J,), in parentheses."""
-    return f"(recording.reverse=[{arm.named(joints).replace(', ', ',')}])"
 
 
 def drive_gains(

@@ -118,10 +118,7 @@ class Agreement(NamedTuple):
         names = arm.named(self.runs_against(driven))
         if not names:
             return None
-        return (
-            f"the torque of {names} runs against the description: is its sign wrong? "
-            f"(recording.reverse=[{names.replace(', ', ',')}])"
-        )
+        return f"the torque of {names} runs against the description: is its sign wrong? {to_reverse(names)}"
 
     def exchanged(self, arm: Arm) -> str | None:
         """Warning about joints whose torques or motions look swapped or reversed; None if there are none."""
@@ -161,6 +158,11 @@ class Agreement(NamedTuple):
                 f"the motion does not show whether the sign of the torque of {arm.named(silent)} is right"
             )
         return warnings
+
+
+def to_reverse(names: str) -> str:
+    """The setting that reverses the torques of joints, as ``Arm.named`` lists them, in parentheses."""
+    return f"(recording.reverse=[{names.replace(', ', ',')}])"
 
 
 def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
