@@ -47,8 +47,6 @@ def change_in(found: IdentifiedArm) -> list[str]:
 class _Extended:
     """A model with further columns for changed parts: a load on the last link, and friction."""
 
-    kinds = ("changes",)  # not empty, so that ``gather`` uses the regressor
-
     def __init__(self, model: TorqueModel) -> None:
         joints, first = model.joints, model.count
         self.model, self.joints = model, joints
@@ -79,7 +77,7 @@ class _Part:
 
     recording: CheckedRecording
     begin: float  # [s]
-    data: Gathered
+    data: Gathered[_Extended]
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +165,7 @@ def _parts(found: IdentifiedArm, recording: CheckedRecording) -> list[_Part]:
         return []
     cuts = np.array_split(np.arange(len(time)), _WINDOWS)
     samples = [Measurements(*(x[rows] for x in signals)) for rows in cuts]
-    data = [gather(_Extended(found.model), x) for x in samples]  # type: ignore[arg-type]
+    data = [gather(_Extended(found.model), x) for x in samples]
     return [_Part(recording, float(time[rows[0]]), x) for rows, x in zip(cuts, data)]
 
 

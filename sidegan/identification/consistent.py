@@ -32,7 +32,7 @@ _BELIEVED = 1.0  # parameters' worth of prior belief that a link's strength is t
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0, 1e-6, 1e-8)
 
 
-def consistent(data: Gathered, strength: float | None = None) -> Fit:
+def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fit:
     """The most likely physically consistent parameters; links and terms are in ``standard``.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the

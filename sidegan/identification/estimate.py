@@ -15,7 +15,7 @@ from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
 # Fit of samples, with the strength of the pull towards the description for methods that have one.
-METHODS: dict[str, Callable[[Gathered, float | None], Fit]] = {
+METHODS: dict[str, Callable[[Gathered[TorqueModel], float | None], Fit]] = {
     "ols": lambda data, _: least_squares(data.sums),
     "weighted": lambda data, _: reweighted(data.sums),
     "consistent": consistent,

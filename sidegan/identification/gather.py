@@ -1,7 +1,7 @@
 """Samples of a model, piece by piece: their sums, residuals and reach."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -19,17 +19,30 @@ class Reach(NamedTuple):
     fastest: Array  # highest speed [rad/s or m/s]
 
 
+class Linear(Protocol):
+    """A model of J joints whose torques are linear in its P parameters."""
+
+    joints: int
+    count: int  # P
+
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
+        """Regressor, (S, J, P), of states (S, J); see ``TorqueModel``."""
+
+
+Model = TypeVar("Model", bound=Linear)
+
+
 @dataclass(frozen=True)
-class Gathered:
+class Gathered(Generic[Model]):
     """Samples and the sums over them that methods fit parameters to."""
 
-    model: TorqueModel  # to be fitted
+    model: Model  # to be fitted
     sums: Sums  # over all samples
     pieces: list[Measurements]  # without gaps
     reach: Reach  # of the motion
 
 
-def gather(model: TorqueModel, measurements: Samples) -> Gathered:
+def gather(model: Model, measurements: Samples) -> Gathered[Model]:
     """Sums over the measurements of one or several recordings.
 
     Raises:
@@ -52,13 +65,13 @@ def gather(model: TorqueModel, measurements: Samples) -> Gathered:
     return Gathered(model, sums, parts, Reach(high - low, fastest))
 
 
-def residual_of(model: TorqueModel, part: Measurements, parameters: Array) -> Array:
+def residual_of(model: Linear, part: Measurements, parameters: Array) -> Array:
     """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
     return part.torque - torques_of(_regressor(model, part), parameters)
 
 
-def _sums(model: TorqueModel, part: Measurements) -> Sums:
-    if model.kinds or part.joints != model.joints:
+def _sums(model: Linear, part: Measurements) -> Sums:
+    if not isinstance(model, TorqueModel) or model.kinds or part.joints != model.joints:
         return sums_of(_regressor(model, part), part.torque)
     # For rigid bodies alone the same sums need no regressor in memory.
     products = model.body.sums(*part.states, part.torque)
@@ -66,7 +79,7 @@ def _sums(model: TorqueModel, part: Measurements) -> Sums:
     return Sums(information, moment, energy, part.torque.sum(0), np.array(float(len(part))))
 
 
-def _regressor(model: TorqueModel, part: Measurements) -> Array:
+def _regressor(model: Linear, part: Measurements) -> Array:
     if part.joints != model.joints:
         raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
     return model.regressor(*part.inputs)

@@ -106,8 +106,6 @@ class Loaded:
     ``tared`` sensors have further offsets, (J,), in the runs with the load; their columns precede the load's.
     """
 
-    kinds = ("load",)  # not empty, so that ``gather`` uses the regressor
-
     def __init__(self, model: TorqueModel, carried: bool, tared: bool = False) -> None:
         self._model = model
         self._carried = carried
@@ -125,7 +123,7 @@ class Loaded:
 
 def gathered(
     model: TorqueModel, unloaded: list[Measurements], loaded: list[Measurements], tared: bool = False
-) -> list[Gathered]:
+) -> list[Gathered[Loaded]]:
     """Sums over the runs without the load, then over those with it, for the same parameters."""
     runs = ((unloaded, False), (loaded, True))
-    return [gather(Loaded(model, x, tared), samples) for samples, x in runs]  # type: ignore[arg-type]
+    return [gather(Loaded(model, x, tared), samples) for samples, x in runs]

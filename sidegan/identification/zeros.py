@@ -66,7 +66,7 @@ def _fitted(model: TorqueModel, samples: Measurements, free: Array) -> _Fitted:
     before = plain.squares(parameters)
     for _ in range(_ROUNDS):
         shifted = _Shifted(model, parameters, free)
-        data = gather(shifted, moved([samples], zeros))  # type: ignore[arg-type]
+        data = gather(shifted, moved([samples], zeros))
         fit = reweighted(data.sums)
         parameters, change = fit.parameters[:-joints], _UNIT * fit.parameters[-joints:]
         zeros = zeros + np.clip(change, -_FARTHEST, _FARTHEST)
@@ -81,18 +81,17 @@ def _fitted(model: TorqueModel, samples: Measurements, free: Array) -> _Fitted:
 class _Shifted:
     """A model and small changes of the joints' zeros, whose columns come last, in units of ``_UNIT``."""
 
-    kinds = ("zeros",)  # not empty, so that ``gather`` uses the regressor
-
     def __init__(self, model: TorqueModel, parameters: Array, free: Array) -> None:
         self._model, self._parameters, self._free = model, parameters, free
         self.joints = model.joints
         self.count = model.count + model.joints
 
-    def regressor(self, q: Array, *others: Array) -> Array:
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
         """Regressor, (S, J, P + J), of states (S, J)."""
         added = np.zeros((len(q), self.joints, self.joints))
         for j in np.flatnonzero(self._free):
             step = _STEP * np.eye(self.joints)[j]
-            less, more = (self._model.torque(self._parameters, x, *others) for x in (q - step, q + step))
+            ends = q - step, q + step
+            less, more = (self._model.torque(self._parameters, x, dq, ddq, sign) for x in ends)
             added[:, :, j] = _UNIT * (less - more) / (2 * _STEP)
-        return np.concatenate([self._model.regressor(q, *others), added], 2)
+        return np.concatenate([self._model.regressor(q, dq, ddq, sign), added], 2)
