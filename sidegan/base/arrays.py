@@ -28,3 +28,8 @@ def flatten(x: Array, first: int) -> Array:
 def split(x: Array, most: int) -> Iterator[Array]:
     """Parts of at most ``most`` rows; an empty array is a single part."""
     return (x[k : k + most] for k in range(0, max(1, len(x)), most))
+
+
+def geometric_mean(x: Array) -> float:
+    """Geometric mean of positive numbers."""
+    return float(np.exp(np.log(x).mean()))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.design.excitation import excite
 from sidegan.design.fidelity import beyond, diversity, mean_distance, proportions
 from sidegan.design.prediction import (
@@ -72,5 +72,5 @@ def expected_errors(constraints: Constraints, trajectory: Trajectory, c: Array) 
         nmse = np.array(np.inf)
         if len(c) >= TOGETHER:
             nmse = predicting.of_draws(c[:_POOL], draws=_DRAWS)
-        errors |= {name: float(nmse.mean()), f"{name}_geometric": float(np.exp(np.log(nmse).mean()))}
+        errors |= {name: float(nmse.mean()), f"{name}_geometric": geometric_mean(nmse)}
     return errors

@@ -5,7 +5,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.identification.fit import Fit, covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import Gathered, gather
 from sidegan.identification.identified import IdentifiedArm
@@ -117,7 +117,7 @@ class _Change:
     @property
     def remaining(self) -> float:
         """Share of the squared residuals that remains, geometric mean over joints."""
-        return float(np.exp(np.log(self.after / np.maximum(self.samples.before, _TINY)).mean()))
+        return geometric_mean(self.after / np.maximum(self.samples.before, _TINY))
 
     @property
     def mass(self) -> float:
@@ -127,7 +127,7 @@ class _Change:
     @property
     def believed(self) -> bool:
         """Whether the change explains the residuals, and is significant."""
-        left = np.exp(np.log(self.after / np.maximum(self.sums.energy, _TINY)).mean())
+        left = geometric_mean(self.after / np.maximum(self.sums.energy, _TINY))
         least = _NOTABLE * self.samples.model.model.arm.inertial_parameters[:, 0].sum()
         heavy = abs(self.mass) > max(_SURE * self.deviation, least)
         return self.remaining < _EXPLAINED and left < _FITS and (self.kind != "load" or heavy)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import scipy  # its parts are imported when they are used
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import InfeasibleError
 from sidegan.identification.fit import LEAST, Fit, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
@@ -127,7 +127,7 @@ def _most_probable(model: TorqueModel, information: Array, standard: Array, pull
     total[:size, :size] += prior
     inverse = np.linalg.solve(total, np.eye(count, size))[:size]
     determined = 10 - (inverse @ prior).diagonal().reshape(-1, 10).sum(1)
-    usual = np.exp(np.log(pull.strength).mean())
+    usual = geometric_mean(pull.strength)
     return np.clip((determined + _BELIEVED) / (2 * distances + _BELIEVED / usual), *_STRENGTHS)
 
 

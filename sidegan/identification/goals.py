@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.base.names import listed, plain
 from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
@@ -52,7 +52,7 @@ class Parameters:
 
     def summary(self, deviations: Array, before: Array) -> str:
         """Sentence on how far the deviations fall."""
-        share = float(np.exp(np.log(deviations / before).mean()))
+        share = geometric_mean(deviations / before)
         whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
         percent = plain(100 * share, ".2g")
         return f"{whose} the parameters' deviations fall to {percent}% (geometric mean)"

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.design.goal import Goal
 from sidegan.identification.goals import purpose_of, usual_torque
 from sidegan.identification.model import Terms, TorqueModel
@@ -77,7 +77,7 @@ class Uncertain:
     @property
     def left(self) -> float:
         """Geometric mean of the ratios of deviations after and before the set."""
-        return float(np.exp(np.log(self.deviations / self.before).mean()))
+        return geometric_mean(self.deviations / self.before)
 
 
 def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:

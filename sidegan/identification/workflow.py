@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sidegan.base.arrays import geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import estimate
@@ -86,4 +87,4 @@ def preferred(method: str, errors: Mapping[str, Score]) -> str:
 def excess(method: str, errors: Mapping[str, Score]) -> float:
     """Ratio of the consistent model's nMSE to that of another method, geometric mean over joints."""
     consistent, other = (np.maximum(errors[name].nmse, _PERFECT) for name in (CONSISTENT, method))
-    return float(np.exp(np.log(consistent / other).mean()))
+    return geometric_mean(consistent / other)

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.identification.fit import covariance_of, reweighted, torque_errors
 from sidegan.identification.gather import gather
 from sidegan.identification.measurements import Measurements, thinned
@@ -75,7 +75,7 @@ def _fitted(model: TorqueModel, samples: Measurements, free: Array) -> _Fitted:
     covariance = covariance_of(data.sums, fit, torque_errors(data, fit))
     deviation = _UNIT * np.sqrt(np.maximum(covariance.diagonal()[-joints:], 0))
     shares = data.sums.squares(fit.parameters) / np.maximum(before, np.finfo(float).tiny)
-    return _Fitted(zeros, deviation, float(np.exp(np.log(np.maximum(shares, 1e-12)).mean())))
+    return _Fitted(zeros, deviation, geometric_mean(np.maximum(shares, 1e-12)))
 
 
 class _Shifted:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.recording import SIGN_WIDTH
 
@@ -30,7 +30,7 @@ class Load(NamedTuple):
     @property
     def misfit(self) -> float:
         """Geometric mean of the unexplained shares: all joints count equally, whatever their noise."""
-        return float(np.exp(np.log(np.maximum(self.left, _TINY)).mean()))
+        return geometric_mean(np.maximum(self.left, _TINY))
 
 
 class _Torques:

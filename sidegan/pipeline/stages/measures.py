@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.base.storage import write_json, write_parquet
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
 from sidegan.library.measure import likeness
@@ -77,7 +77,7 @@ def _make(run: RunContext, build: Build, pool: Pool) -> None:
         mean = errors.mean(1)
         geometric = np.exp(np.log(errors).mean(1))
         frames.append(pd.DataFrame({"noise": name, "nmse": mean, "geometric": geometric}))
-        report |= {name: float(mean.mean()), f"{name}_geometric": float(np.exp(np.log(geometric).mean()))}
+        report |= {name: float(mean.mean()), f"{name}_geometric": geometric_mean(geometric)}
     rows = pd.concat(frames).assign(set=pool.name, training=pool.training or 0)
     write_parquet(build.folder / RESULTS, arrow(rows))
     write_json(build.folder / REPORT, finite(report))
