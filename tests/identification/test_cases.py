@@ -9,7 +9,7 @@ import pytest
 
 from sidegan.identification.verdict import BAD, GOOD, USABLE, implausible_links, implausible_mass
 from sidegan.motion.dynamics import RigidBody
-from sidegan.report.identification.content import advice
+from sidegan.report.identification.content import advice, facts
 from sidegan.robot import Setup, load_robot
 from tests.identification.recordings import COULOMB, VISCOUS, checked, identified
 
@@ -134,6 +134,7 @@ def test_gravity_along_another_direction_is_reported_with_the_mount_to_set(direc
     first = result.quality.reasons[0]
     assert result.quality.verdict == BAD and words in first and "reverse" not in first
     assert advice(result).startswith("Use none") and not any("excite it" in x for x in result.quality.reasons)
+    assert not any("use this" in name for name in facts(result))
     said = [float(x) for x in first.partition("robot.mount=[")[2].partition("]")[0].split(",")]
     turned, truth = (load_robot("kuka_lwr4", Setup(mount=tuple(angles))) for angles in (said, mount))
     training, validation = recordings(turned, truth=truth)

@@ -117,8 +117,9 @@ def facts(identified: IdentifiedArm) -> dict[str, str]:
     quality, chosen, use = identified.quality, identified.chosen, identified.use
     errors = {name: shown(score.nmse_mean) for name, score in identified.tested.items()}
     names = {name: _NAMES.get(name, name) for name in (chosen.method, EQUAL_WEIGHTS, CONSISTENT)}
+    advised = use if quality.verdict != BAD else None
     return {
-        **{f"nMSE, {name}" + " (use this)" * (key == use): errors[key] for key, name in names.items()},
+        **{f"nMSE, {name}" + " (use this)" * (key == advised): errors[key] for key, name in names.items()},
         "nMSE, description": shown(quality.nominal_score.nmse_mean),
         "condition number": f"{chosen.condition:.3g}",
         "parameters": f"{identified.model.count}, {len(quality.weak)} weak",
