@@ -1,7 +1,6 @@
 """The names at the top of the package: what they are, and the work of a lab by them, small."""
 
 import ast
-import inspect
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -47,16 +46,6 @@ def test_every_public_name_exists_at_run_time_and_for_type_checkers():
     assert set(sg.__all__) <= set(dir(sg))
     with pytest.raises(AttributeError, match="no attribute 'sedes'"):
         sg.sedes  # noqa: B018
-
-
-@pytest.mark.parametrize("name", sg.__all__)
-def test_every_name_is_documented(name):
-    thing = getattr(sg, name)
-    assert len(inspect.getdoc(thing)) > 20
-    if inspect.isfunction(thing):
-        doc = inspect.getdoc(thing)
-        undocumented = [key for key in inspect.signature(thing).parameters if f"{key}:" not in doc]
-        assert not undocumented or name == "built_in_robots", f"{name}: {undocumented}"
 
 
 def test_importing_the_package_imports_nothing_unused():
@@ -142,16 +131,6 @@ def test_a_reloaded_set_is_checked_in_its_new_cell(cell, excitation, tmp_path):
     assert not sg.TrajectorySet.load(tmp_path / "slow", blocked).valid.any()
 
 
-def test_a_fit_that_fails_repeats_what_was_found_in_the_recordings(cell, excitation, monkeypatch):
-    monkeypatch.setattr("sidegan.identification.consistent._OBJECTIVE_SCALES", ())
-    part = excitation.to_frame(rate=100)
-    q, dq, ddq = (part.filter(regex=f"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
-    columns = dict(zip(("tau_shoulder", "tau_elbow"), -(cell.torque(q, dq, ddq) + 2 * dq).T))
-    table = part[["time", "q_shoulder", "q_elbow"]].assign(**columns)[part.trajectory == 1]
-    with pytest.raises(sg.SideganError, match=r"no physically possible links .*; .* runs against the descr"):
-        sg.identify(cell, table)
-
-
 def test_finished_parts_of_seeds_serve_the_same_call_alone(cell, tmp_path):
     less = {"steps": 20, "samples": 20, "batch": 20}
 
@@ -186,38 +165,23 @@ def test_the_papers_optimiser_needs_no_further_settings(cell):
 
 REFUSED = [
     ("1 of 2 trajectories are invalid: 2 violates position of shoulder", lambda cell, it: it.save("set")),
-    (
-        "urscript, which moves 6 revolute joints",
-        lambda cell, it: it.select(1).save("set", {"formats": ["urscript"]}),
-    ),
     ("speed is 0", lambda cell, it: it.at_speed(0)),
-    ("speed is '0.5'", lambda cell, it: it.at_speed("0.5")),
     ("period is .*, expected a number ≤ 100000", lambda cell, it: it.at_speed(1e-9)),
     ("rate is '100'", lambda cell, it: it.to_frame("100")),
     ("no coefficients", lambda cell, it: sg.TrajectorySet.of(cell, np.zeros((0, 2, 3, 2)))),
     ("coefficients: expected an array of numbers", lambda cell, it: sg.TrajectorySet.of(cell, "abc")),
-    ("coefficients: expected an array of numbers", lambda cell, it: cell.check("abc")),
-    ("coefficients: expected an array of numbers", lambda cell, it: sg.train("vanilla", cell, "abc")),
-    ("period=16.0, .*period=8", lambda cell, it: sg.TrajectorySet.of(cell, it[:1].at_speed(0.5))),
     ("period=16.0, .*period=8", lambda cell, it: cell.check(it[:1].at_speed(0.5))),
     ("position: expected an array of numbers", lambda cell, it: cell.torque("a", 0, 0)),
     ("effort of a cell cannot be changed", lambda cell, it: setattr(cell, "effort", 0.3)),
-    ("workspace of a cell cannot", lambda cell, it: setattr(cell, "workspace", sg.Workspace())),
     ("robot is None, expected text or a path", lambda cell, it: sg.Cell(None)),
-    ("folder is 5", lambda cell, it: it.select(1).save(5)),
-    ("folder is None", lambda cell, it: sg.TrajectorySet.load(None, cell)),
     ("folder is 5", lambda cell, it: sg.seeds(cell, 2, folder=5)),
-    ("folder is 5", lambda cell, it: sg.surrogates(cell, it, 5)),
     ("path is None", lambda cell, it: sg.Generator.load(None, cell)),
-    ("cell is 'planar2', expected a Cell", lambda cell, it: sg.excite("planar2", 1)),
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.identify("planar2", ["a.csv"])),
     ("count is 0", lambda cell, it: sg.excite(cell, 0)),
     ("method is 'papers'", lambda cell, it: sg.seeds(cell, settings={"method": "papers"})),
     ("reads files", lambda cell, it: sg.seeds(cell, settings={"method": "published"})),
     ("settings are 3", lambda cell, it: sg.seeds(cell, settings=3)),
-    ("count is '3'", lambda cell, it: sg.seeds(cell, "3")),
     ("seed is -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
-    ("seed is 1.5", lambda cell, it: sg.seeds(cell, 2, 1.5)),
     ("settings are 'parameters', expected GoalSettings", lambda cell, it: sg.excite(cell, goal="parameters")),
     ("recordings is empty", lambda cell, it: sg.identify(cell, None)),
     ("there is no recording .*a.csv", lambda cell, it: sg.identify(cell, Path("a.csv"))),
@@ -229,18 +193,13 @@ REFUSED = [
         lambda cell, it: sg.identify(cell, {"position": it.to_frame(100)}),
     ),
     ("validation is -0.5", lambda cell, it: sg.identify(cell, "a.csv", -0.5)),
-    ("validation is 30", lambda cell, it: sg.identify(cell, "a.csv", 30)),
     ("gains is 1.0", lambda cell, it: sg.identify(cell, "a.csv", gains=1.0)),
     ("gains is .*not zero", lambda cell, it: sg.identify(cell, "a.csv", gains=[2, float("nan")])),
     ("careful is 5", lambda cell, it: it.select(1).save("set", sg.ExportSettings(careful=5.0))),
-    ("clearance is -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
     ("rehearse is for the command", lambda cell, it: it.save("set", {"rehearse": True})),
-    ("cannot choose 2 of 1 valid trajectories", lambda cell, it: it.select(2)),
     ("ignores noise", lambda cell, it: it.select(1, noise=[1, 1])),
     ("noise is .*, expected 2", lambda cell, it: it.select(1, "d_optimal", noise=[1])),
     ("none of these 2 trajectories", lambda cell, it: it[[]]),
-    ("coefficients are .2, 2, 2, 3, 2.", lambda cell, it: sg.TrajectorySet.of(cell, [it, it])),
-    ("cell is 'planar2'", lambda cell, it: sg.TrajectorySet.load("set", "planar2")),
     ("known is 3", lambda cell, it: sg.excite(cell, 1, known=3)),
     ("period=8.0.*period=16.0", lambda cell, it: sg.train("vanilla", sg.Cell("planar2", harmonics=3), it)),
     ("no such setting", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
@@ -248,11 +207,9 @@ REFUSED = [
     ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
     ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.train("vanilla", cell, it)),
-    ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.surrogates(cell, it, "there")),
     ("beyond the box of 0.001", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]], box=0.001)),
     ("all 2 seeds are the same", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]])),
     ("there are no seeds", lambda cell, it: sg.train("vanilla", cell, np.zeros((0, 2, 3, 2)))),
-    ("box is inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),
 ]
 
 
