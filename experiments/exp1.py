@@ -11,8 +11,7 @@ import pandas as pd
 
 from experiments import training
 from experiments.artifacts import Artifacts
-from experiments.pages import leave
-from experiments.reference import PAPER
+from experiments.pages import PAPER, leave
 from experiments.verdicts import (
     ALONE,
     CONFIDENCE,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.pages import DOCS, leave
+from experiments.pages import DOCS, FOLDER, leave
 from sidegan.base.names import plain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.arms import of_arms as tasks_of_arms
@@ -57,7 +57,7 @@ def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
     rows = joined.set_axis([f"{arm} {name}" for arm, name in joined.index])
     leave(folder, tracker, shown, rows)
     target = Path(first.publish or folder) / f"{NAME}.md"
-    template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
+    template = FOLDER / "templates" / f"{NAME}.md.j2"
     context = {"arms": arms, "cfg": first, "captions": {"arms": _ARMS, "transfer": _TRANSFER}}
     write_page(template, target, {name: table for name, (table, _) in shown.items()}, {}, **context)
     tracker.log_artifact(target, "report")
