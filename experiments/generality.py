@@ -93,20 +93,16 @@ def of_others(run: RunContext) -> pd.Series | None:
     return long[long["on"] != long["generated for"]].value.astype(float)
 
 
-def page() -> str | None:
-    """Text of the published page, if it exists."""
-    path = DOCS / f"{NAME}.md"
-    return path.read_text(encoding="utf-8") if path.exists() else None
-
-
 def _published(first: str, run: RunContext) -> pd.DataFrame | None:
     """The last table of the published page whose first column has this name.
 
     None without the page, and for runs that it says nothing about: at another scale than the paper's, or of
     another arm than the first of the page, with which the others are compared.
     """
-    text = page() if run.cfg.scale["name"] == FULL else None
-    tables = [] if text is None else read_tables(text)
+    path = DOCS / f"{NAME}.md"
+    if run.cfg.scale["name"] != FULL or not path.exists():
+        return None
+    tables = read_tables(path.read_text(encoding="utf-8"))
     table = next((table for table in reversed(tables) if table.columns[0] == first), None)
     return None if table is None or table.iloc[0, 0] != run.cell.arm.name else table
 

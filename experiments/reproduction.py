@@ -91,6 +91,9 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
 def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -> dict[str, Any]:
     """Values for the template, apart from tables and figures."""
     artifacts = next(iter(conditions.values()))
+    checked: dict[str, list[str]] = {}  # definitions of valid, each with the conditions that use it
+    for name, made in conditions.items():
+        checked.setdefault(made.run.cell.constraints.described(), []).append(name)
     return {
         "docs": Path(os.path.relpath(DOCS, target.parent.resolve())),
         "generality": generality.of_arms(artifacts.run) is not None,
@@ -100,7 +103,7 @@ def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -
         "paper": PAPER,
         "confidence": CONFIDENCE,
         "described": {name: described(made) for name, made in conditions.items()},
-        "checked": checked(conditions),
+        "checked": checked,
         "readings": exp2.READINGS,
         "plants": {name: exp1.on_plants(made.plant, made.cfg.gan) for name, made in conditions.items()},
         "verdicts": {name: _verdicts(judged, name) for name in conditions},
@@ -122,14 +125,6 @@ def described(artifacts: Artifacts) -> str:
     surrogates = "shipped" if shipped else "retrained"
     recipe = "our recipe" if shipped is None else f"their recipe, surrogates {surrogates}"
     return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}."
-
-
-def checked(conditions: Conditions) -> dict[str, list[str]]:
-    """Definitions of valid, each with the conditions that use it."""
-    words: dict[str, list[str]] = {}
-    for name, made in conditions.items():
-        words.setdefault(made.run.cell.constraints.described(), []).append(name)
-    return words
 
 
 def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:

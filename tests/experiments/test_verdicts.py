@@ -141,11 +141,12 @@ def test_another_basis_gives_the_same_torques_and_only_a_rotation_the_same_trace
         assert np.isclose(np.square(y @ change).sum(), np.square(y).sum()) == same
 
 
-def test_arms_are_judged_by_the_page_on_them(monkeypatch):
+def test_arms_are_judged_by_the_page_on_them(monkeypatch, tmp_path):
     text = "| arm | generator | valid | mean distance | … geometric |\n| --- | --- | --- | --- | --- |\n"
     text += "| a | eigen | 0.9 | 1 | 0.5 |\n| b | eigen | 0.9 | 1 | 2 |\n"
     others = "\n| generated for | a | b |\n| --- | --- | --- |\n| a | 1 | 0.005 |\n| b | — | 1 |\n"
-    monkeypatch.setattr(generality, "page", lambda: text + others)
+    (tmp_path / "generality.md").write_text(text + others, encoding="utf-8")
+    monkeypatch.setattr(generality, "DOCS", tmp_path)
 
     def verdicts_on(arm, scale):
         cell = SimpleNamespace(arm=SimpleNamespace(name=arm))
@@ -155,5 +156,5 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch):
     assert verdicts_on("a", "paper") == [MIXED, HOLDS]
     for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
         assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
-    monkeypatch.setattr(generality, "page", lambda: None)
+    (tmp_path / "generality.md").unlink()
     assert verdicts_on("a", "paper") == [UNKNOWN, UNKNOWN]
