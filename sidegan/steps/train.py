@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -41,6 +41,7 @@ with extra("paper"):
 _CELL = "cell.json"  # beside surrogates: what they were trained for
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Generator:
     """A trained generator of trajectories for an arm.
 
@@ -49,9 +50,8 @@ class Generator:
         history: exact physics of its samples, a row per epoch of training; empty if loaded from a file.
     """
 
-    def __init__(self, network: TrajectoryGenerator, history: pd.DataFrame | None = None) -> None:
-        self.network = network
-        self.history = pd.DataFrame() if history is None else history
+    network: TrajectoryGenerator
+    history: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def sample(self, count: int, seed: int = 0) -> Array:
         """New coefficients [rad/s], (count, J, H, 2), determined by the seed.
