@@ -182,6 +182,8 @@ def _once(joined: pd.DataFrame) -> pd.DataFrame:
 
 def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
     """The tables of a condition, by name."""
+    longs = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in made.longs.items()}
+    searches = tables.formatted(pd.DataFrame(longs).T, COLUMNS["long"], NOT_MEASURED)
     shown = {
         "generators": tables.generators(made.generators),
         "likeness": tables.likeness(made.generators),
@@ -190,7 +192,7 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "table1": exp1.table1(made.errors, made.plant, made.expected, made.constant),
         "factors": exp1.factors(made.errors, made.expected, made.plant, made.cfg.gan),
         "sets": tables.excitation_sets(made.errors),
-        "long": _longs(made),
+        "long": searches.rename_axis("single long trajectory"),
         "readings": exp2.readings(made),
         "table3": exp2.table3(made.whole_facts),
         "whole": exp2.errors(made.whole_errors),
@@ -220,13 +222,6 @@ def _seed_facts(artifacts: Artifacts) -> dict[str, float]:
     }
 
 
-def _longs(artifacts: Artifacts) -> pd.DataFrame:
-    """Table of the searches for the single long trajectories."""
-    reports = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in artifacts.longs.items()}
-    table = tables.formatted(pd.DataFrame(reports).T, COLUMNS["long"], NOT_MEASURED)
-    return table.rename_axis("single long trajectory")
-
-
 def _timing(artifacts: Artifacts) -> pd.DataFrame:
     """Table of the times in the paper's text, and ours."""
     speed, run, seed = artifacts.speed, artifacts.run, artifacts.seed_seconds
@@ -249,36 +244,28 @@ def _timing(artifacts: Artifacts) -> pd.DataFrame:
 
 
 def _figures(made: Artifacts) -> dict[str, "Figure"]:
-    """The figures of a condition, by name."""
+    """The figures of a condition, by name; the last three are of motion in space."""
     eigen = made.generators[made.generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal")}
     subsets = made.subsets[made.subsets.kept]
-    taught = ("seeds", "seeds trained on")
-    return {
-        "training": training.figure(made.histories, made.few_seeds, union),
-        "nmse": figures.errors(made.errors),
-        **training.pictures(made),
-        "sizes": figures.panels(subsets, taught, ["success"]),
-        **_motion(made),
-    }
-
-
-def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
-    """The 3D figures, by name."""
-    run, family = artifacts.run, artifacts.run.cell.trajectory
-    first = artifacts.cfg.trainings[0]
-    generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
+    arm, family = made.run.cell.arm, made.run.cell.trajectory
+    first = made.cfg.trainings[0]
+    generated = made.generated("eigen", first).coefficients[:_TRACES]
     traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
-    longs = zip(artifacts.cfg.long.harmonics, artifacts.longs.items())
-    sets = {name: (long_family(run, h), library.coefficients) for h, (name, (_, library)) in longs}
+    longs = zip(made.cfg.long.harmonics, made.longs.items())
+    sets = {name: (long_family(made.run, h), library.coefficients) for h, (name, (_, library)) in longs}
     for name in (SEEDS, "eigen"):
-        sets[name] = family, artifacts.selected(name, first).coefficients
+        sets[name] = family, made.selected(name, first).coefficients
     stacked = []
     for (name, (kind, c)), shade in zip(sets.items(), colours(sets)):
         size = f"{kind.period:.4g} s" if len(c) == 1 else f"{len(c)} × {kind.period:.4g} s"
         stacked.append(Bundle(f"{tables.title(name)}\n{size}", kind, c, shade))
     return {
-        "traces": motion.paths(run.cell.arm, traces),
-        "poses": motion.poses(run.cell.arm, family, generated[0], _POSES),
-        "stacked": motion.paths(run.cell.arm, stacked),
+        "training": training.figure(made.histories, made.few_seeds, union),
+        "nmse": figures.errors(made.errors),
+        **training.pictures(made),
+        "sizes": figures.panels(subsets, ("seeds", "seeds trained on"), ["success"]),
+        "traces": motion.paths(arm, traces),
+        "poses": motion.poses(arm, family, generated[0], _POSES),
+        "stacked": motion.paths(arm, stacked),
     }
