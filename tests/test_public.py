@@ -125,6 +125,16 @@ def test_a_reloaded_set_is_checked_in_its_new_cell(cell, excitation, tmp_path):
     assert not sg.TrajectorySet.load(tmp_path / "slow", blocked).valid.any()
 
 
+def test_a_fit_that_fails_repeats_what_was_found_in_the_recordings(cell, excitation, monkeypatch):
+    monkeypatch.setattr("sidegan.identification.consistent._OBJECTIVE_SCALES", ())
+    part = excitation.to_frame(rate=100)
+    q, dq, ddq = (part.filter(regex=f"^{kind}_").to_numpy() for kind in ("q", "dq", "ddq"))
+    columns = dict(zip(("tau_shoulder", "tau_elbow"), -(cell.torque(q, dq, ddq) + 2 * dq).T))
+    table = part[["time", "q_shoulder", "q_elbow"]].assign(**columns)[part.trajectory == 1]
+    with pytest.raises(sg.SideganError, match=r"no physically possible links .*; .* runs against the descr"):
+        sg.identify(cell, table)
+
+
 def test_finished_parts_of_seeds_serve_the_same_call_alone(cell, tmp_path):
     less = {"steps": 20, "samples": 20, "batch": 20}
 
@@ -159,6 +169,10 @@ def test_the_papers_optimiser_needs_no_further_settings(cell):
 
 REFUSED = [
     ("1 of 2 trajectories are invalid: 2 violates position of shoulder", lambda cell, it: it.save("set")),
+    (
+        "urscript, which moves 6 revolute joints",
+        lambda cell, it: it.select(1).save("set", {"formats": ["urscript"]}),
+    ),
     ("speed is 0", lambda cell, it: it.at_speed(0)),
     ("period is .*, expected a number ≤ 100000", lambda cell, it: it.at_speed(1e-9)),
     ("rate is '100'", lambda cell, it: it.to_frame("100")),
@@ -168,14 +182,20 @@ REFUSED = [
     ("position: expected an array of numbers", lambda cell, it: cell.torque("a", 0, 0)),
     ("effort of a cell cannot be changed", lambda cell, it: setattr(cell, "effort", 0.3)),
     ("robot is None, expected text or a path", lambda cell, it: sg.Cell(None)),
+    ("folder is 5", lambda cell, it: it.select(1).save(5)),
+    ("folder is None", lambda cell, it: sg.TrajectorySet.load(None, cell)),
     ("folder is 5", lambda cell, it: sg.seeds(cell, 2, folder=5)),
+    ("folder is 5", lambda cell, it: sg.surrogates(cell, it, 5)),
     ("path is None", lambda cell, it: sg.Generator.load(None, cell)),
+    ("cell is 'planar2', expected a Cell", lambda cell, it: sg.excite("planar2", 1)),
     ("cell is 'planar2', expected a Cell", lambda cell, it: sg.identify("planar2", ["a.csv"])),
     ("count is 0", lambda cell, it: sg.excite(cell, 0)),
     ("method is 'papers'", lambda cell, it: sg.seeds(cell, settings={"method": "papers"})),
     ("reads files", lambda cell, it: sg.seeds(cell, settings={"method": "published"})),
     ("settings are 3", lambda cell, it: sg.seeds(cell, settings=3)),
+    ("count is '3'", lambda cell, it: sg.seeds(cell, "3")),
     ("seed is -1", lambda cell, it: sg.excite(cell, 1, seed=-1)),
+    ("seed is 1.5", lambda cell, it: sg.seeds(cell, 2, 1.5)),
     ("settings are 'parameters', expected GoalSettings", lambda cell, it: sg.excite(cell, goal="parameters")),
     ("recordings is empty", lambda cell, it: sg.identify(cell, None)),
     ("there is no recording .*a.csv", lambda cell, it: sg.identify(cell, Path("a.csv"))),
@@ -187,13 +207,17 @@ REFUSED = [
         lambda cell, it: sg.identify(cell, {"position": it.to_frame(100)}),
     ),
     ("validation is -0.5", lambda cell, it: sg.identify(cell, "a.csv", -0.5)),
+    ("validation is 30", lambda cell, it: sg.identify(cell, "a.csv", 30)),
     ("gains is 1.0", lambda cell, it: sg.identify(cell, "a.csv", gains=1.0)),
     ("gains is .*not zero", lambda cell, it: sg.identify(cell, "a.csv", gains=[2, float("nan")])),
     ("careful is 5", lambda cell, it: it.select(1).save("set", sg.ExportSettings(careful=5.0))),
+    ("clearance is -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
     ("rehearse is for the command", lambda cell, it: it.save("set", {"rehearse": True})),
     ("ignores noise", lambda cell, it: it.select(1, noise=[1, 1])),
     ("noise is .*, expected 2", lambda cell, it: it.select(1, "d_optimal", noise=[1])),
     ("none of these 2 trajectories", lambda cell, it: it[[]]),
+    ("coefficients are .2, 2, 2, 3, 2.", lambda cell, it: sg.TrajectorySet.of(cell, [it, it])),
+    ("cell is 'planar2'", lambda cell, it: sg.TrajectorySet.load("set", "planar2")),
     ("known is 3", lambda cell, it: sg.excite(cell, 1, known=3)),
     ("period=8.0.*period=16.0", lambda cell, it: sg.train("vanilla", sg.Cell("planar2", harmonics=3), it)),
     ("no such setting", lambda cell, it: sg.train({"variant": "Vanilla", "weigths": {}}, cell, it)),
@@ -201,9 +225,11 @@ REFUSED = [
     ("surrogates is {}, expected the folder", lambda cell, it: sg.train("eigen", cell, it, surrogates={})),
     ("box is -1", lambda cell, it: sg.train("vanilla", cell, it, box=-1)),
     ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.train("vanilla", cell, it)),
+    ("1 of 2 seeds are invalid in this cell: 1 violate", lambda cell, it: sg.surrogates(cell, it, "there")),
     ("beyond the box of 0.001", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]], box=0.001)),
     ("all 2 seeds are the same", lambda cell, it: sg.train("vanilla", cell, it[[0, 0]])),
     ("there are no seeds", lambda cell, it: sg.train("vanilla", cell, np.zeros((0, 2, 3, 2)))),
+    ("box is inf", lambda cell, it: sg.train("vanilla", cell, it, box=np.inf)),
 ]
 
 

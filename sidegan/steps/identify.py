@@ -15,7 +15,7 @@ from sidegan.base.arrays import Array, numbers
 from sidegan.base.storage import path_of, writing
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
-from sidegan.errors import ConfigError, ShapeError
+from sidegan.errors import ConfigError, InfeasibleError, ShapeError
 from sidegan.identification import EstimationSettings, Terms
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.workflow import identify_arm
@@ -221,7 +221,11 @@ def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: Recording
 
 def identified(cell: Cell, checked: Checked, terms: Terms, estimation: EstimationSettings) -> IdentifiedModel:
     """Identify an arm from checked recordings; raises the errors of ``identify``."""
-    found = identify_arm(checked.arm, checked.training, checked.validation, terms, estimation)
+    try:
+        found = identify_arm(checked.arm, checked.training, checked.validation, terms, estimation)
+    except InfeasibleError as error:  # the recordings' faults may be why
+        known = dict.fromkeys(text for recording in checked.recordings for text in recording.warnings)
+        raise InfeasibleError("; ".join([str(error), *known])) from error
     settings = {**checked.origin.settings, "model": asdict(terms), "identify": asdict(estimation)}
     command = " ".join([checked.origin.command, *changes("model", terms), *changes("identify", estimation)])
     return IdentifiedModel(found, checked.origin._replace(command=command, settings=settings))
