@@ -29,8 +29,7 @@ from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
-from sidegan.plant import Plant
-from sidegan.plant.settings import IDEAL
+from sidegan.plant import IDEAL, Plant
 from sidegan.robot import load_robot
 from sidegan.validity import Constraints, Plane, check
 

@@ -32,35 +32,23 @@ Report = dict[str, Any]
 
 @dataclass(frozen=True)
 class Artifacts:
-    """Results of a run, read when they are first needed.
-
-    Attributes:
-        run: context of the run.
-        expected: expected NMSE of every excitation set over the noise, by set, training, weighted and joint.
-        constant: the same under constant noise, weighted.
-        draws: expected NMSE of random draws from every measured set, by set, training and noise.
-        plant: NMSE of every excitation set executed by plants, by set, training, repeat, ….
-        whole_errors: NMSE of experiment 2, first reading, by set, training, repeat, weighted and joint.
-        whole_facts: covariance norm and samples of experiment 2 by set, training and repeat.
-        density: samples of kernel density estimates, a row for each bandwidth.
-        seeds: report of the seed set, with its costs.
-        random: report of the random valid trajectories.
-        surrogates: report of the surrogates.
-        speed: generation speed of the eigen variant's first training, and the machine.
-
-    Raises:
-        ArtifactError: by every member, when its artifact does not exist.
-    """
+    """Results of a run, read when they are first needed; an ArtifactError where one does not exist."""
 
     run: RunContext
 
+    # Expected NMSE of every excitation set over the noise, by set, training, weighted and joint; the same
+    # under constant noise, weighted; of random draws from every measured set, by set, training and noise.
     expected = cached_property(lambda self: self._expected("paper"))
     constant = cached_property(lambda self: self._expected("constant"))
     draws = cached_property(lambda self: pd.concat(map(self.run.frame, self._measures.values())))
+    # NMSE of every excitation set executed by plants, by set, training, repeat, weighted and joint.
     plant = cached_property(lambda self: self._of_sets(plant))
+    # Experiment 2, first reading: NMSE by set, training, repeat, weighted and joint; norms and samples.
     whole_errors = cached_property(lambda self: self._replicated(0))
     whole_facts = cached_property(lambda self: self._replicated(0, FACTS))
+    # Samples of kernel density estimates, a row for each bandwidth.
     density = cached_property(lambda self: self.run.frame(density(self.run)))
+    # Reports, with their costs; speed: of generation, by the eigen variant's first training, and the machine.
     seeds = cached_property(lambda self: self.report(seed_set(self.run)))
     random = cached_property(lambda self: self.report(random_set(self.run)))
     surrogates = cached_property(lambda self: self.report(surrogates(self.run)))

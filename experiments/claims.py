@@ -12,7 +12,7 @@ import pandas as pd
 
 from experiments import claims_identification, claims_training
 from experiments.artifacts import Artifacts
-from experiments.reference import PAPER
+from experiments.pages import PAPER
 from experiments.verdicts import HOLDS, MIXED, NOT, OPEN, PART, UNDECIDED, UNKNOWN, Judgement
 from sidegan.base.names import counted
 

@@ -1,6 +1,6 @@
 """Criteria of the claims about identification (tables I, II and III)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -8,7 +8,7 @@ import pandas as pd
 
 from experiments import exp1, exp2
 from experiments.artifacts import Artifacts
-from experiments.reference import PAPER
+from experiments.pages import PAPER
 from experiments.verdicts import (
     GANS,
     REPEAT,
@@ -87,7 +87,9 @@ def _improve(made: Artifacts, which: Callable[[list[int]], int]) -> Judgement:
     """Whether every variant improves on the seeds measured least or most often."""
     gains = {n: _gain(made, n, which) for n in GANS}
     most = max(made.cfg.replication.replicas)
-    return Judgement.of_each(map(above, gains.values()), _improvements(gains), {"most": most})
+    parts = (f"{name} {words(interval(x).turned(exp2.percent))}" for name, x in gains.items())
+    ours = f"[%, geometric mean over joints] {'; '.join(parts)}"
+    return Judgement.of_each(map(above, gains.values()), ours, {"most": most})
 
 
 def _more_than_vanilla(made: Artifacts) -> Judgement:
@@ -119,7 +121,8 @@ def _not_less(made: Artifacts) -> Judgement:
     In ratios of errors, the generated set's error would cancel: they are the same for every variant.
     """
     replicas = made.cfg.replication.replicas
-    effects = {n: _percent(made, n, max) - _percent(made, n, min) for n in GANS}
+    most, least = ({n: _gain(made, n, which, "improvement") for n in GANS} for which in (max, min))
+    effects = {n: most[n] - least[n] for n in GANS}
     geometric = {
         n: _gain(made, n, max).map(exp2.percent) - _gain(made, n, min).map(exp2.percent) for n in GANS
     }
@@ -155,24 +158,11 @@ def _table1(made: Artifacts, frame: str) -> dict[str, pd.Series]:
     return by_set(raw[~raw.weighted.astype(bool)], "nmse", made.cfg.gan)
 
 
-def _improvements(gains: Mapping[str, pd.Series]) -> str:
-    """Improvements [%] and their intervals."""
-    parts = (f"{name} {words(interval(x).turned(exp2.percent))}" for name, x in gains.items())
-    return f"[%, geometric mean over joints] {'; '.join(parts)}"
+def _gain(made: Artifacts, name: str, which: Callable[[list[int]], int], key: str = "gain") -> pd.Series:
+    """Unweighted log ratio of the error of the seeds, measured least or most often, to that of a variant.
 
-
-def _gain(made: Artifacts, name: str, which: Callable[[list[int]], int]) -> pd.Series:
-    """Log ratio of the error of the seeds, measured least or most often, to that of a variant."""
-    return _improved(made, name, which, "gain")
-
-
-def _percent(made: Artifacts, name: str, which: Callable[[list[int]], int]) -> pd.Series:
-    """Improvement [%] of a variant over the seeds, measured least or most often, as in Table II."""
-    return _improved(made, name, which, "improvement")
-
-
-def _improved(made: Artifacts, name: str, which: Callable[[list[int]], int], key: str) -> pd.Series:
-    """Unweighted improvement, mean over joints, by training and noise draw."""
+    Mean over joints, by training and noise draw. With key ``improvement``: in per cent, as in Table II.
+    """
     errors = made.whole_errors
     replicas = which(made.cfg.replication.replicas)
     part = exp2.improvement(errors[~errors.weighted], name, f"seeds ×{replicas}")

@@ -12,7 +12,7 @@ from scipy.stats import kendalltau
 
 from experiments import generality
 from experiments.artifacts import Artifacts
-from experiments.reference import PAPER
+from experiments.pages import PAPER
 from experiments.training import EARLY, LATE, RELIABLE
 from experiments.verdicts import (
     GANS,
@@ -142,7 +142,9 @@ def _comparable(made: Artifacts) -> Judgement:
         for name in SIDE_GANS
         for key in ("distance", "rank_uncentred")
     }
-    shares_of |= {f"{name}, coverage": np.log(x) for name, x in _coverage(made).items()}
+    covered = made.generators.set_index(TRAINING).astype({"coverage": float}).groupby("name").coverage
+    others = covered.get_group(SEEDS).mean()  # by the other half of the seeds
+    shares_of |= {f"{name}, coverage": np.log(covered.get_group(name) / others) for name in SIDE_GANS}
     cosines = {name: at(made, name, "cosine", LATE) for name in SIDE_GANS}
     alike = (above(x, np.log(_COMPARABLE)) for x in shares_of.values())
     ours = f"relative to the seeds: {ratios(shares_of)}; mean cosine: {intervals(cosines)}"
@@ -159,19 +161,10 @@ def _no_collapse(made: Artifacts) -> Judgement:
     return Judgement.of_each(parts, ours, {"collapsed": _COLLAPSED, "late": LATE})
 
 
-def _coverage(made: Artifacts) -> dict[str, pd.Series]:
-    """Coverage of the seeds by each library, relative to that by other seeds, by training."""
-    parts = dict(
-        iter(made.generators.set_index(TRAINING).astype({"coverage": float}).groupby("name").coverage)
-    )
-    return {name: parts[name] / parts[SEEDS].mean() for name in SIDE_GANS}
-
-
 def _inertial(made: Artifacts) -> Judgement:
     effects = {n: -x for n, x in _gains(made, "distance_diagonal", 1).items()}
-    return Judgement.of_each(
-        map(not_below, effects.values()), f"relative to vanilla, all epochs: {ratios(effects)}"
-    )
+    ours = f"relative to vanilla, all epochs: {ratios(effects)}"
+    return Judgement.of_each(map(not_below, effects.values()), ours)
 
 
 def _diverse_diagonals(made: Artifacts) -> Judgement:
@@ -296,9 +289,8 @@ def _checked(made: Artifacts) -> Judgement:
 
 def _grows(made: Artifacts) -> Judgement:
     exponent = made.speed["growth"]
-    return _measured(
-        exponent, 3.0, f"cost of an evaluation grows with the {exponent:.2f}th power of its length"
-    )
+    text = f"cost of an evaluation grows with the {exponent:.2f}th power of its length"
+    return _measured(exponent, 3.0, text)
 
 
 def _measured(value: float, enough: float, text: str) -> Judgement:

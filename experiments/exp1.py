@@ -11,8 +11,7 @@ import pandas as pd
 
 from experiments import training
 from experiments.artifacts import Artifacts
-from experiments.pages import leave
-from experiments.reference import PAPER
+from experiments.pages import PAPER, leave
 from experiments.verdicts import (
     ALONE,
     CONFIDENCE,
@@ -99,8 +98,9 @@ def table1(
         if label in (EXPECTED, PLANT, PLANT_WEIGHTED):
             rows[f"{label}, geometric mean"] = _by_set(geometric(part).set_index("set").nmse)
     columns = tables.ordered(raw["set"].unique())
+    kinds = {name: name.partition("-")[0] for name in columns} | dict.fromkeys(SIDE_GANS, "generated")
     for label, paper in PAPER["table1"].items():
-        rows[label] = {name: paper.get(_kind(name), "—") for name in columns}
+        rows[label] = {name: paper.get(kinds[name], "—") for name in columns}
     table = pd.DataFrame.from_dict(rows, orient="index", columns=columns).fillna("—")
     table.columns = [tables.title(name) for name in columns]
     return table.rename_axis("nMSE")
@@ -185,13 +185,6 @@ def geometric(frame: pd.DataFrame) -> pd.DataFrame:
     levels = [key for key in ("set", TRAINING, REPEAT, "weighted") if key in frame]
     logs = np.log(frame.nmse).groupby([frame[key] for key in levels]).mean()
     return np.exp(logs).reset_index()
-
-
-def _kind(name: str) -> str:
-    """Name of the paper's column that a set belongs to."""
-    if name.startswith("long"):
-        return "long"
-    return "generated" if name in SIDE_GANS else name
 
 
 def summary(artifacts: Artifacts) -> pd.DataFrame:

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.pages import leave
-from experiments.reference import PAPER
+from experiments.pages import PAPER, leave
 from experiments.verdicts import REPEAT, TRAINING, interval, of_several, words
 from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config

@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.artifacts import Artifacts
-from experiments.pages import DOCS, leave
+from experiments.pages import DOCS, FOLDER, leave
 from sidegan.base.names import plain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.arms import of_arms as tasks_of_arms
@@ -57,7 +57,7 @@ def present(arms: Arms, folder: Path, tracker: Tracker) -> None:
     rows = joined.set_axis([f"{arm} {name}" for arm, name in joined.index])
     leave(folder, tracker, shown, rows)
     target = Path(first.publish or folder) / f"{NAME}.md"
-    template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
+    template = FOLDER / "templates" / f"{NAME}.md.j2"
     context = {"arms": arms, "cfg": first, "captions": {"arms": _ARMS, "transfer": _TRANSFER}}
     write_page(template, target, {name: table for name, (table, _) in shown.items()}, {}, **context)
     tracker.log_artifact(target, "report")
@@ -93,20 +93,16 @@ def of_others(run: RunContext) -> pd.Series | None:
     return long[long["on"] != long["generated for"]].value.astype(float)
 
 
-def page() -> str | None:
-    """Text of the published page, if it exists."""
-    path = DOCS / f"{NAME}.md"
-    return path.read_text(encoding="utf-8") if path.exists() else None
-
-
 def _published(first: str, run: RunContext) -> pd.DataFrame | None:
     """The last table of the published page whose first column has this name.
 
     None without the page, and for runs that it says nothing about: at another scale than the paper's, or of
     another arm than the first of the page, with which the others are compared.
     """
-    text = page() if run.cfg.scale["name"] == FULL else None
-    tables = [] if text is None else read_tables(text)
+    path = DOCS / f"{NAME}.md"
+    if run.cfg.scale["name"] != FULL or not path.exists():
+        return None
+    tables = read_tables(path.read_text(encoding="utf-8"))
     table = next((table for table in reversed(tables) if table.columns[0] == first), None)
     return None if table is None or table.iloc[0, 0] != run.cell.arm.name else table
 

@@ -1,10 +1,11 @@
-"""Results of an experiment as files and records."""
+"""The paper's numbers and claims, and results of an experiment as files and records."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
+import yaml
 
 from sidegan.pipeline.sweep import leave_results
 from sidegan.pipeline.tracking import Tracker
@@ -13,7 +14,11 @@ from sidegan.report import export
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
-DOCS = Path(__file__).parent.parent / "docs"
+FOLDER = Path(__file__).parent
+DOCS = FOLDER.parent / "docs"
+PAPER, COLUMNS = (
+    yaml.safe_load((FOLDER / f"{name}.yaml").read_text(encoding="utf-8")) for name in ("paper", "columns")
+)
 
 
 def leave(

@@ -8,28 +8,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from experiments import claims, comparisons, exp1, exp2, generality, training
+from experiments import claims, exp1, exp2, generality, training
 from experiments.artifacts import Artifacts, comparison
-from experiments.pages import DOCS
-from experiments.reference import PAPER
+from experiments.pages import COLUMNS, DOCS, FOLDER, PAPER
 from experiments.verdicts import CONFIDENCE, GANS
-from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
-from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages.baselines import long_family
+from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS
+from sidegan.pipeline.stages.training import generator, generators, surrogates
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import export, figures, motion, tables
 from sidegan.report.document import write_page
 from sidegan.report.motion import Bundle
-from sidegan.report.style import colours
+from sidegan.report.style import NOT_MEASURED, colours
 
 if TYPE_CHECKING:  # slow to import
     from matplotlib.figure import Figure
 
 NAME = "reproduction"  # of the page, its template, and the folder of its tables and figures
+_ON_BOX = 1e-3  # share of the largest coefficient
+_AT_LIMIT = 0.01  # rad
 _TRACES, _POSES = 8, 6  # generated trajectories, and poses along one of them, as in the paper's figure 2
 
 # Tables over all conditions, with the rows to show on the page; all rows if none are named.
@@ -70,7 +71,7 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
     judged = claims.claims(conditions)
     target = Path(first.cfg.publish or folder)
     target = target if target.suffix == ".md" else target / f"{NAME}.md"
-    template = Path(__file__).parent / "templates" / f"{NAME}.md.j2"
+    template = FOLDER / "templates" / f"{NAME}.md.j2"
     shown = _all_tables(conditions, judged)
     numbers = metrics(conditions)
     drawn = {
@@ -90,6 +91,9 @@ def present(conditions: Conditions, folder: Path, tracker: Tracker) -> None:
 def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -> dict[str, Any]:
     """Values for the template, apart from tables and figures."""
     artifacts = next(iter(conditions.values()))
+    checked: dict[str, list[str]] = {}  # definitions of valid, each with the conditions that use it
+    for name, made in conditions.items():
+        checked.setdefault(made.run.cell.constraints.described(), []).append(name)
     return {
         "docs": Path(os.path.relpath(DOCS, target.parent.resolve())),
         "generality": generality.of_arms(artifacts.run) is not None,
@@ -99,7 +103,7 @@ def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -
         "paper": PAPER,
         "confidence": CONFIDENCE,
         "described": {name: described(made) for name, made in conditions.items()},
-        "checked": checked(conditions),
+        "checked": checked,
         "readings": exp2.READINGS,
         "plants": {name: exp1.on_plants(made.plant, made.cfg.gan) for name, made in conditions.items()},
         "verdicts": {name: _verdicts(judged, name) for name in conditions},
@@ -123,14 +127,6 @@ def described(artifacts: Artifacts) -> str:
     return f"{artifacts.seeds['count']:.0f} seeds {seeds}, {recipe}."
 
 
-def checked(conditions: Conditions) -> dict[str, list[str]]:
-    """Definitions of valid, each with the conditions that use it."""
-    words: dict[str, list[str]] = {}
-    for name, made in conditions.items():
-        words.setdefault(made.run.cell.constraints.described(), []).append(name)
-    return words
-
-
 def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
     """Numbers to compare later runs by, for the seeds and every variant, mean over trainings."""
     rows = {}
@@ -149,10 +145,11 @@ def metrics(conditions: Conditions) -> dict[str, dict[str, float]]:
 def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str, pd.DataFrame]:
     """The page's tables, shown or linked, by name."""
     tables_of = {name: _tables(made) for name, made in conditions.items()}
+    seeds = pd.DataFrame({name: _seed_facts(made) for name, made in conditions.items()}).T
     return {
         "claims": claims.table(judged),
         "findings": claims.findings(judged),
-        "seeds": _once(comparisons.seed_sets(conditions)),
+        "seeds": _once(tables.formatted(seeds, COLUMNS["seeds"]).rename_axis("condition")),
         **{key: _joined(key, tables_of) for key in _JOINED},
         **{f"{name}-{key}": table for name, shown in tables_of.items() for key, table in shown.items()},
     }
@@ -185,6 +182,8 @@ def _once(joined: pd.DataFrame) -> pd.DataFrame:
 
 def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
     """The tables of a condition, by name."""
+    longs = {f"{name.removeprefix('long-')} harmonics": dict(x) for name, (x, _) in made.longs.items()}
+    searches = tables.formatted(pd.DataFrame(longs).T, COLUMNS["long"], NOT_MEASURED)
     shown = {
         "generators": tables.generators(made.generators),
         "likeness": tables.likeness(made.generators),
@@ -193,54 +192,80 @@ def _tables(made: Artifacts) -> dict[str, pd.DataFrame]:
         "table1": exp1.table1(made.errors, made.plant, made.expected, made.constant),
         "factors": exp1.factors(made.errors, made.expected, made.plant, made.cfg.gan),
         "sets": tables.excitation_sets(made.errors),
-        "long": comparisons.longs(made),
+        "long": searches.rename_axis("single long trajectory"),
         "readings": exp2.readings(made),
         "table3": exp2.table3(made.whole_facts),
         "whole": exp2.errors(made.whole_errors),
-        "density": comparisons.densities(made.density),
-        "timing": comparisons.timing(made),
+        "density": tables.formatted(made.density, COLUMNS["density"]).set_index("bandwidth [Scott's]"),
+        "timing": _timing(made),
     }
     return shown | {name: table for name, (table, _) in exp2.tables2(made.whole_errors, made.cfg).items()}
 
 
+def _seed_facts(artifacts: Artifacts) -> dict[str, float]:
+    """Numbers that characterise a seed set."""
+    library = artifacts.run.load(seed_set(artifacts.run))
+    c = library.coefficients
+    margin = library.margins["position"]
+    on_box = np.abs(c) > (1 - _ON_BOX) * np.abs(c).max()
+    lower, middle, upper = np.quantile(library.fitness, [0.25, 0.5, 0.75])
+    kept = ("count", "diagonal_ratio", "distance", "rank")
+    return {key: float(artifacts.seeds[key]) for key in kept} | {
+        "condition": middle,
+        "lower": lower,
+        "upper": upper,
+        "mean": float(np.abs(c).mean()),
+        "a_on_box": float(on_box[..., 0].mean()),
+        "b_on_box": float(on_box[..., 1].mean()),
+        "at_limit": float((margin < _AT_LIMIT).mean()),
+        "seconds": artifacts.seed_seconds,
+    }
+
+
+def _timing(artifacts: Artifacts) -> pd.DataFrame:
+    """Table of the times in the paper's text, and ours."""
+    speed, run, seed = artifacts.speed, artifacts.run, artifacts.seed_seconds
+    trainings = [artifacts.costs(generator(run, *one))["cpu_seconds"] for one in generators(run)]
+    long = max(report["cpu_seconds"] for report, _ in artifacts.longs.values())
+    rows = {
+        "long": ("the single long trajectory, CPU", long),
+        "seed": ("one seed, CPU", seed),
+        "seeds": ("the seed set, CPU", seed * run.cfg.seeds.count),
+        "surrogates": ("the surrogates, CPU", artifacts.costs(surrogates(run))["cpu_seconds"]),
+        "training": ("one training, CPU", float(np.mean(trainings))),
+        "generation": ("one generated trajectory", speed["generation_seconds"]),
+        "checked": ("one valid trajectory, checked", 1 / speed["valid_per_second"]),
+    }
+    frame = pd.DataFrame.from_dict(rows, orient="index", columns=["what", "ours"])
+    frame["paper"] = pd.Series(PAPER["seconds"], dtype=float)
+    table = tables.formatted(frame.assign(ratio=frame.paper / frame.ours), COLUMNS["timing"])
+    ours = COLUMNS["timing"]["ours"][0]
+    return table.assign(**{ours: table[ours].replace("—", NOT_MEASURED)}).set_index("what")
+
+
 def _figures(made: Artifacts) -> dict[str, "Figure"]:
-    """The figures of a condition, by name."""
+    """The figures of a condition, by name; the last three are of motion in space."""
     eigen = made.generators[made.generators.name == "eigen"]
     union = {key: float(eigen[f"union_{key}"].mean()) for key in ("distance", "distance_diagonal")}
     subsets = made.subsets[made.subsets.kept]
-    taught = ("seeds", "seeds trained on")
+    arm, family = made.run.cell.arm, made.run.cell.trajectory
+    first = made.cfg.trainings[0]
+    generated = made.generated("eigen", first).coefficients[:_TRACES]
+    traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
+    longs = zip(made.cfg.long.harmonics, made.longs.items())
+    sets = {name: (long_family(made.run, h), library.coefficients) for h, (name, (_, library)) in longs}
+    for name in (SEEDS, "eigen"):
+        sets[name] = family, made.selected(name, first).coefficients
+    stacked = []
+    for (name, (kind, c)), shade in zip(sets.items(), colours(sets)):
+        size = f"{kind.period:.4g} s" if len(c) == 1 else f"{len(c)} × {kind.period:.4g} s"
+        stacked.append(Bundle(f"{tables.title(name)}\n{size}", kind, c, shade))
     return {
         "training": training.figure(made.histories, made.few_seeds, union),
         "nmse": figures.errors(made.errors),
         **training.pictures(made),
-        "sizes": figures.panels(subsets, taught, ["success"]),
-        **_motion(made),
+        "sizes": figures.panels(subsets, ("seeds", "seeds trained on"), ["success"]),
+        "traces": motion.paths(arm, traces),
+        "poses": motion.poses(arm, family, generated[0], _POSES),
+        "stacked": motion.paths(arm, stacked),
     }
-
-
-def _motion(artifacts: Artifacts) -> dict[str, "Figure"]:
-    """The 3D figures, by name."""
-    run = artifacts.run
-    family = artifacts.run.cell.trajectory
-    first = artifacts.cfg.trainings[0]
-    generated = artifacts.generated("eigen", first).coefficients[:_TRACES]
-    traces = [Bundle(f"trajectory {k + 1}", family, c[None]) for k, c in enumerate(generated)]
-    longs = zip(artifacts.cfg.long.harmonics, artifacts.longs.items())
-    sets = {name: (long_family(run, h), library.coefficients) for h, (name, (_, library)) in longs}
-    for name in (SEEDS, "eigen"):
-        sets[name] = family, artifacts.selected(name, first).coefficients
-    stacked = [
-        Bundle(f"{tables.title(name)}\n{_described(*bundle)}", *bundle, shade)
-        for (name, bundle), shade in zip(sets.items(), colours(sets))
-    ]
-    return {
-        "traces": motion.paths(run.cell.arm, traces),
-        "poses": motion.poses(run.cell.arm, family, generated[0], _POSES),
-        "stacked": motion.paths(run.cell.arm, stacked),
-    }
-
-
-def _described(family: Trajectory, coefficients: Array) -> str:
-    """Text with the number and duration of a set's trajectories."""
-    duration = f"{family.period:.4g} s"
-    return duration if len(coefficients) == 1 else f"{len(coefficients)} × {duration}"

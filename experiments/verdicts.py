@@ -71,7 +71,12 @@ def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str,
     levels = [name for name in (TRAINING, REPEAT) if name in frame]
     mean = frame.groupby(["set", *levels])[key].mean()
     parts = {str(name): mean.xs(name) for name in mean.index.get_level_values("set").unique()}
-    return {name: x if name in trained else _untrained(x) for name, x in parts.items()}
+    untrained = {  # without the level of trainings; a single value if there is no other level
+        name: x.droplevel(TRAINING) if x.index.nlevels > 1 else x.set_axis([0])
+        for name, x in parts.items()
+        if name not in trained
+    }
+    return parts | untrained
 
 
 def log_ratio(first: pd.Series, second: pd.Series) -> pd.Series:
@@ -214,11 +219,6 @@ def intervals(values: Mapping[str, pd.Series]) -> str:
 def ratios(effects: Mapping[str, pd.Series]) -> str:
     """Text with geometric means of ratios and their intervals, from log ratios by name."""
     return "; ".join(f"{name} {words(interval(x).turned(np.exp))} ×" for name, x in effects.items())
-
-
-def _untrained(values: pd.Series) -> pd.Series:
-    """Values without the level of trainings; a single value if there is no other level."""
-    return values.droplevel(TRAINING) if values.index.nlevels > 1 else values.set_axis([0])
 
 
 def _matched(values: pd.Series, other: pd.Series) -> pd.Series:

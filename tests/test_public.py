@@ -1,7 +1,6 @@
 """The names at the top of the package: what they are, and the work of a lab by them, small."""
 
 import ast
-import inspect
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -15,7 +14,6 @@ import pytest
 import torch
 
 import sidegan as sg
-from sidegan.base.arrays import flatten
 from sidegan.design.excitation import information_of
 from sidegan.gan.settings import RECIPES
 
@@ -47,16 +45,6 @@ def test_every_public_name_exists_at_run_time_and_for_type_checkers():
     assert set(sg.__all__) <= set(dir(sg))
     with pytest.raises(AttributeError, match="no attribute 'sedes'"):
         sg.sedes  # noqa: B018
-
-
-@pytest.mark.parametrize("name", sg.__all__)
-def test_every_name_is_documented(name):
-    thing = getattr(sg, name)
-    assert len(inspect.getdoc(thing)) > 20
-    if inspect.isfunction(thing):
-        doc = inspect.getdoc(thing)
-        undocumented = [key for key in inspect.signature(thing).parameters if f"{key}:" not in doc]
-        assert not undocumented or name == "built_in_robots", f"{name}: {undocumented}"
 
 
 def test_importing_the_package_imports_nothing_unused():
@@ -109,11 +97,6 @@ def test_a_set_is_selected_from_valid_trajectories(cell, excitation):
     c = excitation.coefficients
     pool = sg.TrajectorySet.of(cell, np.concatenate([9 * c[:1], c]))  # the first is far too fast
     assert pool.valid.tolist() == [False, True, True, True]
-    best = pool.select(2, "d_optimal")
-    together = [np.concatenate([c[:k], c[k + 1 :]]) for k in range(3)]
-    information = [information_of(cell.body, cell.trajectory, pair).sum(0) for pair in together]
-    most = together[np.linalg.slogdet(information)[1].argmax()]
-    assert {*map(tuple, flatten(best.coefficients, 1))} == {*map(tuple, flatten(most, 1))}
     for noise in (None, [0.1, 100]):  # on which the choice depends
         information = information_of(cell.body, cell.trajectory, c[:2], noise)
         first = c[np.linalg.slogdet(information)[1].argmax()]
@@ -191,18 +174,13 @@ REFUSED = [
         lambda cell, it: it.select(1).save("set", {"formats": ["urscript"]}),
     ),
     ("speed is 0", lambda cell, it: it.at_speed(0)),
-    ("speed is '0.5'", lambda cell, it: it.at_speed("0.5")),
     ("period is .*, expected a number ≤ 100000", lambda cell, it: it.at_speed(1e-9)),
     ("rate is '100'", lambda cell, it: it.to_frame("100")),
     ("no coefficients", lambda cell, it: sg.TrajectorySet.of(cell, np.zeros((0, 2, 3, 2)))),
     ("coefficients: expected an array of numbers", lambda cell, it: sg.TrajectorySet.of(cell, "abc")),
-    ("coefficients: expected an array of numbers", lambda cell, it: cell.check("abc")),
-    ("coefficients: expected an array of numbers", lambda cell, it: sg.train("vanilla", cell, "abc")),
-    ("period=16.0, .*period=8", lambda cell, it: sg.TrajectorySet.of(cell, it[:1].at_speed(0.5))),
     ("period=16.0, .*period=8", lambda cell, it: cell.check(it[:1].at_speed(0.5))),
     ("position: expected an array of numbers", lambda cell, it: cell.torque("a", 0, 0)),
     ("effort of a cell cannot be changed", lambda cell, it: setattr(cell, "effort", 0.3)),
-    ("workspace of a cell cannot", lambda cell, it: setattr(cell, "workspace", sg.Workspace())),
     ("robot is None, expected text or a path", lambda cell, it: sg.Cell(None)),
     ("folder is 5", lambda cell, it: it.select(1).save(5)),
     ("folder is None", lambda cell, it: sg.TrajectorySet.load(None, cell)),
@@ -235,7 +213,6 @@ REFUSED = [
     ("careful is 5", lambda cell, it: it.select(1).save("set", sg.ExportSettings(careful=5.0))),
     ("clearance is -1", lambda cell, it: sg.Cell("planar2", workspace=sg.Workspace(clearance=-1.0))),
     ("rehearse is for the command", lambda cell, it: it.save("set", {"rehearse": True})),
-    ("cannot choose 2 of 1 valid trajectories", lambda cell, it: it.select(2)),
     ("ignores noise", lambda cell, it: it.select(1, noise=[1, 1])),
     ("noise is .*, expected 2", lambda cell, it: it.select(1, "d_optimal", noise=[1])),
     ("none of these 2 trajectories", lambda cell, it: it[[]]),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from sidegan.base.names import counted, listed
-from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
+from sidegan.robot import describe_doubtful_links, describe_placeholder_links, doubtful_links
 from sidegan.robot.collision import length_of
 from sidegan.robot.setup import allowed
 from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
@@ -29,9 +29,20 @@ def doubts(cell: "Cell") -> Iterator[str]:
         yield describe_weak_limits(cell.whole_arm)
         yield describe_excessive_friction(cell.whole_arm)
     yield _far_regions(cell)
-    yield _touching(cell)
+    if touching := mostly_touching(constraints.arm):
+        pairs = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
+        yield (
+            f"links that touch in most configurations: {pairs}; correct their shapes or, if contact "
+            f"is expected, leave them unchecked by {allowed(touching, arm.setup.may_touch)}"
+        )
     yield describe_displaced_shapes(arm)
-    yield _masses(arm)
+    masses = describe_doubtful_links(arm)
+    if masses and not arm.inertial_parameters.any():
+        yield f"{masses}; torques are unknown: torque limits are not checked, peaks are not shown"
+    elif masses:
+        last = max(map(arm.link_names.index, doubtful_links(arm)))
+        moved = listed(arm.joint_names[: last + 1])
+        yield f"{masses}; real torques of {moved} may differ greatly from those checked and shown"
     if placeholders := describe_placeholder_links(arm):
         yield (
             f"{placeholders}: torques, torque limits, energies and expected uncertainties mean "
@@ -39,18 +50,6 @@ def doubts(cell: "Cell") -> Iterator[str]:
         )
     if constraints.arm.capsules.only_points:
         yield f"{arm.name} has no moving collision shapes: only its joint origins are kept out of regions"
-
-
-def _masses(arm: Arm) -> str:
-    """A sentence on links with doubtful masses, and the torques that depend on them; empty if none."""
-    masses = describe_doubtful_links(arm)
-    if masses and not arm.inertial_parameters.any():
-        return f"{masses}; torques are unknown: torque limits are not checked, peaks are not shown"
-    if masses:
-        last = max(map(arm.link_names.index, doubtful_links(arm)))
-        moved = listed(arm.joint_names[: last + 1])
-        return f"{masses}; real torques of {moved} may differ greatly from those checked and shown"
-    return ""
 
 
 def _far_regions(cell: "Cell") -> str:
@@ -62,18 +61,6 @@ def _far_regions(cell: "Cell") -> str:
     apart = {k: distance(region, base) for k, region in enumerate(regions[len(regions) - own :])}
     far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > _FAR * reach]
     return f"{listed(far)}, and {cell.arm.name} reaches {reach:.2g} m: are these millimetres?" if far else ""
-
-
-def _touching(cell: "Cell") -> str:
-    """A sentence on links that touch in most configurations; empty if there are none."""
-    touching = mostly_touching(cell.constraints.arm)
-    pairs = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
-    if not pairs:
-        return ""
-    return (
-        f"links that touch in most configurations: {pairs}; correct their shapes or, if contact "
-        f"is expected, leave them unchecked by {allowed(touching, cell.arm.setup.may_touch)}"
-    )
 
 
 def decisions(cell: "Cell") -> Iterator[str]:

@@ -21,7 +21,7 @@ from sidegan.robot.mounting import stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 from sidegan.validity.home import default_home, rests_at
-from sidegan.validity.pairs import Links, usual_room
+from sidegan.validity.pairs import usual_room
 
 Point = tuple[Number, Number, Number]
 
@@ -98,7 +98,12 @@ class Region:
         """Plain values that identify the region; files are identified by their contents."""
         plain = {name: x for name, x in asdict(self).items() if x is not None or name in _FIRST}
         if self.mesh is not None:
-            plain["mesh"] = {**plain["mesh"], "file": _digest(self.mesh.file)}
+            file = self.mesh.file
+            try:
+                plain["mesh"]["file"] = file_digest(Path(file).expanduser())
+            except OSError as error:
+                why = f"mesh file {file} cannot be read: {error.strerror}"
+                raise ConfigError(f"workspace.regions: {why}") from error
         return plain
 
 
@@ -114,22 +119,21 @@ class Workspace:
     clearance: NonNegative | None = None
 
     def given(self, arm: Arm) -> list[Region]:
-        """All regions of an arm: the description's planes or floor, and the configured ones."""
-        return [*(Region(plane=plane) for plane in self._found(arm)), *(self.regions or [])]
+        """All regions of an arm: the description's planes, the floor that it stands on, and configured ones.
 
-    def _found(self, arm: Arm) -> list[Plane]:
-        """The description's planes, and the floor that the arm stands on unless another replaces it."""
-        if self.desk is None:
-            return []
-        own = [plane for plane in planes_of(arm)[0] if not (self._states_floor and _is_floor(plane))]
-        if self._states_floor or any(map(_is_floor, own)):
-            return own
-        floor = Plane((0.0, 0.0, 1.0), self.desk) if is_built_in(arm) else floor_under(arm)
-        return own if floor is None else [floor, *own]
+        A floor among the description's planes replaces that floor, and one among the configured regions both.
+        """
+        own, _ = planes_of(arm) if self.desk is not None else ([], 0)
+        if self._states_floor:
+            own = [plane for plane in own if not _is_floor(plane)]
+        elif self.desk is not None and not any(map(_is_floor, own)):
+            floor = Plane((0.0, 0.0, 1.0), self.desk) if is_built_in(arm) else floor_under(arm)
+            own = own if floor is None else [floor, *own]
+        return [*(Region(plane=plane) for plane in own), *(self.regions or [])]
 
     @property
     def _states_floor(self) -> bool:
-        """Whether an upward plane among the regions replaces the floor."""
+        """Whether an upward plane among the configured regions replaces the floor."""
         return any(region.plane is not None and _is_floor(region.plane) for region in self.regions or [])
 
     def shapes(self, arm: Arm) -> list[validity.Region]:
@@ -149,7 +153,12 @@ class Workspace:
             return Constraints(arm, shapes, self.torque, self.clearance, self.clearance)
         if arm.capsules.only_points:  # distances between points mean nothing
             return Constraints(arm, shapes, self.torque)
-        tight = self._tight(arm, home)
+        room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
+        if home is not None:
+            there = Constraints(arm).distances_at(np.array(home, float))
+            room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
+        # what to keep between links that have no room for the default clearance
+        tight = {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
         for clearance in _USUALLY:
             with suppress(InfeasibleError):
                 found = Constraints(arm, shapes, self.torque, clearance, _USUALLY[0], tight)
@@ -171,32 +180,17 @@ class Workspace:
         around = self.around(arm)
         if self.clearance is not None or around.arm.capsules.only_points:
             return default_home(around)
-        return self._roomy_home(around)
-
-    def _roomy_home(self, around: Constraints) -> tuple[float, ...] | None:
-        """A home with the largest default clearance that leaves room anywhere."""
-        for most in _USUALLY:
+        for most in _USUALLY:  # the largest clearance that leaves room anywhere
             with suppress(InfeasibleError):
                 clearance = min(most, around.clearance)
                 kept = Constraints(around.arm, around.regions, self.torque, clearance, most, around.tight)
                 return default_home(kept, _BESIDE)
         return default_home(Constraints(around.arm, around.regions, self.torque))
 
-    @staticmethod
-    def _tight(arm: Arm, home: Sequence[float] | None) -> dict[Links, float]:
-        """Distances [m] to keep between links that have no room for the default clearance."""
-        room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
-        if home is not None:
-            there = Constraints(arm).distances_at(np.array(home, float))
-            room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
-        return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
-
     def stamped(self, arm: Arm) -> dict[str, Any]:
         """Plain values that identify artifacts for an arm in this workspace."""
-        stamp: dict[str, Any] = {
-            "torque": self.torque,
-            "regions": [region.stamped() for region in self.given(arm)],
-        }
+        regions = [region.stamped() for region in self.given(arm)]
+        stamp: dict[str, Any] = {"torque": self.torque, "regions": regions}
         if len(arm.capsules.link) and (points := with_points(arm).capsules.points):
             stamp["joint_origins"] = points
         return stamp if self.clearance == 0 else stamp | {"clearance": self.clearance}
@@ -234,11 +228,3 @@ def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
     at = floor.offset
     setting = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' states its height"
     return f"floor at z = {at:g} m, {guess}: {setting}; {_DROPPED}"
-
-
-def _digest(file: str) -> str:
-    """SHA-256 of a region's file; ConfigError if it cannot be read."""
-    try:
-        return file_digest(Path(file).expanduser())
-    except OSError as error:
-        raise ConfigError(f"workspace.regions: mesh file {file} cannot be read: {error.strerror}") from error

@@ -12,8 +12,7 @@ from sidegan.base.storage import write_parquet
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, concatenate
-from sidegan.plant.model import mujoco_model
-from sidegan.plant.settings import PlantSettings
+from sidegan.plant.model import PlantSettings, mujoco_model
 from sidegan.robot import Arm
 from sidegan.robot.mujoco_log import mujoco_logged
 
@@ -65,7 +64,7 @@ class Plant:
 
         The settings' bandwidth and damping ratio are those of a single joint with its largest inertia.
         """
-        inertia = self.largest_inertia() + self._each("rotor_inertia")
+        inertia = largest_inertia(self.body) + self._each("rotor_inertia")
         speed = 2 * np.pi * self._each("bandwidth")
         return inertia * speed**2, 2 * inertia * speed * self._each("damping_ratio")
 
@@ -110,8 +109,10 @@ class Plant:
         from mujoco import MjData, mj_getState, mj_stateSize, mjtState, rollout
 
         stiffness, damping = self.gains
+        rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
         ahead = np.concatenate([reference.velocity[1:], reference.velocity[-1:]])
-        target = reference.position + (damping * ahead + self._feed_forward(reference)) / stiffness
+        feed = damping * ahead + self.settings.feed_forward * rigid
+        target = reference.position + feed / stiffness
         data = MjData(self.model)
         data.qpos[:], data.qvel[:] = reference.position[0], reference.velocity[0]
         spec = mjtState.mjSTATE_FULLPHYSICS
@@ -129,11 +130,6 @@ class Plant:
         held = np.clip(demand, -limit, limit)
         torque = np.where(np.abs(demand) < limit, spring - damping * velocity[1:], held)
         return position[:-1], velocity[:-1], torque
-
-    def _feed_forward(self, reference: Motion) -> Array:
-        """The controller's torque model, (T, J): rigid body and rotors, no friction."""
-        rigid = self.body.torque(*reference[1:]) + self._each("rotor_inertia") * reference.acceleration
-        return self.settings.feed_forward * rigid
 
     def _check(self, motion: Motion) -> None:
         joints = self.arm.joints
@@ -165,16 +161,16 @@ class Plant:
             f"{self.settings.tolerance:g} {unit} off its reference{hint}"
         )
 
-    def largest_inertia(self) -> Array:
-        """Largest diagonal element of the mass matrix over random postures, (J,)."""
-        arm = self.arm
-        random = np.random.default_rng(0)
-        postures = random.uniform(arm.position_lower, arm.position_upper, (_POSTURES, 1, arm.joints))
-        q = np.repeat(postures, arm.joints, axis=1)
-        still = np.zeros_like(q)
-        unit = np.broadcast_to(np.eye(arm.joints), q.shape)
-        columns = self.body.torque(q, still, unit) - self.body.torque(q, still, still)
-        return np.linalg.diagonal(columns).max(0)
-
     def _each(self, name: str) -> Array:
         return self.settings.of(name, self.arm.joints)
+
+
+def largest_inertia(body: RigidBody) -> Array:
+    """Largest diagonal element of the mass matrix over random postures, (J,)."""
+    arm = body.arm
+    random = np.random.default_rng(0)
+    postures = random.uniform(arm.position_lower, arm.position_upper, (_POSTURES, 1, arm.joints))
+    q = np.repeat(postures, arm.joints, axis=1)
+    still = np.zeros_like(q)
+    unit = np.broadcast_to(np.eye(arm.joints), q.shape)
+    return np.linalg.diagonal(body.torque(q, still, unit) - body.torque(q, still, still)).max(0)

@@ -31,34 +31,22 @@ def recorded(
 
     Coefficients are (n, J, H, 2) [rad/s]; torques have noise if ``random`` is given.
     """
+    from scipy.signal import butter, lfilter, sosfiltfilt  # slow to import
+
     rate = plant.settings.rate
     clock = np.arange(round(family.period * rate)) / rate
-    signals = plant.follow(family.roll_out(coefficients, clock))
-    states = _filtered(*signals, rate, sensors)
-    if random is not None:
-        states[3] = states[3] + np.stack([_noise(x, plant.range, sensors, random) for x in states[3]])
-    return states
-
-
-def _filtered(position: Array, torque: Array, rate: float, sensors: Sensors) -> list[Array]:
-    """States and torque (n, S, J) at the sensors' rate, filtered without phase shift."""
-    from scipy.signal import butter, sosfiltfilt  # slow to import
-
-    step = round(rate / sensors.rate)
     sos = butter(2, sensors.cutoff, fs=rate, output="sos")
-    q, torque = (sosfiltfilt(sos, x, axis=1) for x in (position, torque))
+    signals = plant.follow(family.roll_out(coefficients, clock))
+    q, torque = (sosfiltfilt(sos, x, axis=1) for x in signals)  # without phase shift
     dq = np.gradient(q, 1 / rate, axis=1)
     ddq = np.empty_like(q)
     ddq[:, 1:-1] = (q[:, 2:] - 2 * q[:, 1:-1] + q[:, :-2]) * rate**2
     ddq[:, 0], ddq[:, -1] = ddq[:, 1], ddq[:, -2]
-    return [np.ascontiguousarray(x[:, step // 2 :: step]) for x in (q, dq, ddq, torque)]
-
-
-def _noise(torque: Array, full: Array, sensors: Sensors, random: np.random.Generator) -> Array:
-    """Correlated Gaussian noise of a recording's torques, (S, J)."""
-    from scipy.signal import lfilter
-
-    keep = np.exp(-1 / (sensors.rate * sensors.correlation))
-    draw = random.standard_normal((*torque.shape,))
-    draw[1:] *= np.sqrt(1 - keep**2)
-    return sensors.noise * full * lfilter([1.0], [1.0, -keep], draw, axis=0)
+    step = round(rate / sensors.rate)
+    states = [np.ascontiguousarray(x[:, step // 2 :: step]) for x in (q, dq, ddq, torque)]
+    if random is not None:
+        keep = np.exp(-1 / (sensors.rate * sensors.correlation))
+        noise = random.standard_normal(states[3].shape)
+        noise[:, 1:] *= np.sqrt(1 - keep**2)  # the filter below leaves all with the same variance
+        states[3] += sensors.noise * plant.range * lfilter([1.0], [1.0, -keep], noise, axis=1)
+    return states

@@ -15,13 +15,11 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.kernels.friction import Law
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion
-from sidegan.plant.execute import Plant
-from sidegan.plant.friction import FrictionSettings, drawn
-from sidegan.plant.hysteresis import lagging
-from sidegan.plant.model import mujoco_model
-from sidegan.plant.settings import IDEAL
+from sidegan.plant.execute import largest_inertia
+from sidegan.plant.model import IDEAL, mujoco_model
 from sidegan.robot import Arm
 from sidegan.robot.mujoco_log import mujoco_logged
 
@@ -29,7 +27,27 @@ if TYPE_CHECKING:
     import mujoco
 
 _STATES = 2_000  # random states from which the joints' torque scales are computed
+RADII = np.array([0.125, 0.25, 0.5])  # of a sensor's stops, as shares of its range: an assumption
 _STIFF = 1.5  # least steps in which friction near rest stops a rotor, for stable explicit integration
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionSettings:
+    """Magnitudes of friction and ripple, which identified models lack; zero switches a part off.
+
+    The law differs in form from the smooth basis with which ``identification.unmodelled`` explains residuals.
+    """
+
+    # range of the Coulomb friction, as a share of the joint's torque
+    coulomb: tuple[Share, Share] = (0.05, 0.2)
+    # range of the viscous friction at top speed, relative to Coulomb friction
+    viscous: tuple[NonNegative, NonNegative] = (0.3, 1.0)
+    width: Positive = 0.03  # speed [rad/s] at which the smooth sign is at 76 %
+    stribeck: NonNegative = 0.4  # extra friction near rest, relative to Coulomb friction
+    load: NonNegative = 0.05  # friction per transmitted torque
+    asymmetry: Share = 0.15  # half the difference between directions, relative to Coulomb friction
+    position: Share = 0.15  # position-dependent friction, relative to Coulomb friction
+    ripple: NonNegative = 0.01  # relative to the joint's torque
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,13 +119,13 @@ class VariedPlant:
         own[-1] += _tool(random, settings.tool)
         self.true = replace(arm, inertial_parameters=own)
         top = arm.velocity_limit
-        self.law = drawn(settings.friction, self.scale, top, random)
+        self.law = _friction_of(settings.friction, self.scale, top, random)
         limit = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, self.scale)
         self.range = limit if settings.sensor == "link" else self.scale
         behind = replace(settings.friction, coulomb=settings.bearings, load=0.0, ripple=0.0)
-        self.bearings = drawn(behind, self.range, top, random)
+        self.bearings = _friction_of(behind, self.range, top, random)
         self.offset = settings.offset * self.range * random.uniform(-1, 1, arm.joints)
-        largest = Plant(arm, IDEAL).largest_inertia()
+        largest = largest_inertia(self.body)
         steep = 1 + settings.friction.stribeck + settings.friction.asymmetry
         slope = sum(
             steep / settings.friction.width * x.coulomb + x.viscous for x in (self.law, self.bearings)
@@ -147,7 +165,14 @@ class VariedPlant:
             raise InfeasibleError(
                 f"joints of a plant do not follow: they are up to {max(late):.3g} rad or m off"
             )
-        return self._sensed(q, motor, load)
+        share = load / self.scale  # encoders sit at the motors
+        seen = q + self.settings.compliance * share + self.settings.backlash / 2 * np.tanh(20 * share)
+        torque = load if self.settings.sensor == "link" else motor
+        torque = self.offset + lagging(torque, self.range, self.settings.hysteresis)
+        behind = 0, self.settings.delay * self.settings.rate, 0  # samples, in between linearly
+        torque = scipy.ndimage.shift(torque, behind, order=1, mode="nearest")
+        resolution = self.settings.resolution * self.range
+        return _rounded(seen, self.settings.encoder), _rounded(torque, resolution)
 
     def simulate(self, q: Array, dq: Array, ahead: Array) -> tuple[Array, Array, Array]:
         """Positions, motor torques and torques behind the gears, (B, T, J), of servos along references."""
@@ -178,16 +203,43 @@ class VariedPlant:
                 out[:, :, i] = position, motor, load
         return out[0], out[1], out[2]
 
-    def _sensed(self, q: Array, motor: Array, load: Array) -> tuple[Array, Array]:
-        """Positions of encoders at the motors, and torques of sensors, (B, T, J) each."""
-        share = load / self.scale
-        seen = q + self.settings.compliance * share + self.settings.backlash / 2 * np.tanh(20 * share)
-        seen = _rounded(seen, self.settings.encoder)
-        torque = load if self.settings.sensor == "link" else motor
-        torque = self.offset + lagging(torque, self.range, self.settings.hysteresis)
-        late = 0, self.settings.delay * self.settings.rate, 0  # samples, in between linearly
-        torque = scipy.ndimage.shift(torque, late, order=1, mode="nearest")
-        return seen, _rounded(torque, self.settings.resolution * self.range)
+
+def _friction_of(settings: FrictionSettings, scale: Array, top: Array, random: np.random.Generator) -> Law:
+    """A random friction law for joints with these torque scales and top speeds, (J,) each."""
+    joints = len(scale)
+    coulomb = scale * random.uniform(*settings.coulomb, joints)
+    viscous = coulomb / top * random.uniform(*settings.viscous, joints)
+    speed = random.uniform(0.02, 0.08, joints) * top
+    phases = random.uniform(0, 2 * np.pi, (3, joints))
+    return Law(
+        scale=scale,
+        coulomb=coulomb,
+        viscous=viscous,
+        width=np.full(joints, settings.width),
+        speed=speed,
+        stribeck=settings.stribeck * coulomb,
+        skew=settings.asymmetry * coulomb * random.uniform(-1, 1, joints),
+        place=settings.position * coulomb,
+        load=np.full(joints, settings.load),
+        ripple=settings.ripple * scale,
+        phases=phases,
+    )
+
+
+def lagging(load: Array, full: Array, share: float) -> Array:
+    """Reading of a sensor of range ±``full``, (J,), for a load (B, T, J) that starts from zero, in its unit.
+
+    A Prandtl–Ishlinskii operator: each of a few stops follows the load up to its radius, where it slips. Only
+    the sequence of the load's reversals counts, and larger swings erase the memory of smaller ones. ``share``
+    of the range is the largest error, half the width at zero of the loop over the whole range.
+
+    Source: Brokate, Sprekels 1996, Hysteresis and Phase Transitions.
+    """
+    from sidegan.kernels.servos import slipped  # numba is slow to import
+
+    held = np.zeros_like(load)
+    slipped(load, RADII[:, None] * full, held)
+    return load - share / RADII.sum() * held
 
 
 def _tool(random: np.random.Generator, most: float) -> Array:

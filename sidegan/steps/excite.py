@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.random import number
 from sidegan.base.storage import read_json
-from sidegan.base.typed import build, settings_of
+from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, require_cell
 from sidegan.design.beside import compile_beside
 from sidegan.design.problem import SearchSettings
@@ -65,7 +65,7 @@ def excite(
     require_cell(cell)
     compile_beside()
     settings = settings_of(GoalSettings, goal)
-    settings = settings if count is None else build(GoalSettings, {**asdict(settings), "count": count})
+    settings = settings if count is None else changed(settings, {"count": count})
     aim = aim_of(cell, settings, settings_of(Terms, model), known)
     effort = settings_of(SearchSettings, search)
     c = design_set(cell.problem, aim, settings.count, effort, number(seed, "excite"))

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -41,6 +41,7 @@ with extra("paper"):
 _CELL = "cell.json"  # beside surrogates: what they were trained for
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Generator:
     """A trained generator of trajectories for an arm.
 
@@ -49,9 +50,8 @@ class Generator:
         history: exact physics of its samples, a row per epoch of training; empty if loaded from a file.
     """
 
-    def __init__(self, network: TrajectoryGenerator, history: pd.DataFrame | None = None) -> None:
-        self.network = network
-        self.history = pd.DataFrame() if history is None else history
+    network: TrajectoryGenerator
+    history: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     def sample(self, count: int, seed: int = 0) -> Array:
         """New coefficients [rad/s], (count, J, H, 2), determined by the seed.
@@ -144,11 +144,17 @@ def train(
         raise ConfigError(f"{name} learns from seeds, but none are given: seeds=sidegan.seeds(cell)")
     source = None if surrogates is None else Path(surrogates)
     if settings.features and source is not None:
-        _require_surrogates(source, cell)
+        stored, own = read_json(source / _CELL), json.loads(json.dumps(cell.identity()))
+        if differing := [name for name in own if stored.get(name) != own[name]]:
+            raise ArtifactError(
+                f"the surrogates in {source} were trained for another cell: {', '.join(differing)} differ"
+            )
     c = None if seeds is None or not settings.seeded else _examples(seeds, cell, box)
     run = Run(name, number(seed, f"gan {name}"), Path())
-    # other calls have other folders beside this one
-    stamp = _stamp(cell, name, settings, c, run.seed, box, source)
+    networks = [] if source is None else [file_digest(file) for file in sorted(source.glob("*.pt"))]
+    learnt, bound = None if c is None else c.tolist(), None if box is None else float(box)
+    # all that the result follows from: other calls have other folders beside this one
+    stamp = stamp_of(cell.identity(), name, asdict(settings), learnt, run.seed, bound, networks)
     with TemporaryDirectory() as temporary, alone():
         work = path_of(temporary if folder is None else folder, "folder") / stamp
         with writing(work):
@@ -160,22 +166,6 @@ def train(
         run = replace(run, work=work / name)
         made = _followed(cell, settings, c, run, source, box if settings.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
-
-
-def _stamp(
-    cell: Cell,
-    name: str,
-    settings: Variant,
-    seeds: Array | None,
-    seed: int,
-    box: float | None,
-    surrogates: Path | None,
-) -> str:
-    """Digest of all that a training's result follows from."""
-    learnt = None if seeds is None else seeds.tolist()
-    bound = None if box is None else float(box)
-    networks = [] if surrogates is None else [file_digest(file) for file in sorted(surrogates.glob("*.pt"))]
-    return stamp_of(cell.identity(), name, asdict(settings), learnt, seed, bound, networks)
 
 
 def _examples(seeds: TrajectorySet | ArrayLike, cell: Cell, box: float | None) -> Array:
@@ -292,16 +282,6 @@ def pretrain(
     parts = run_jobs("surrogates", jobs, workers, settings.epochs * len(jobs))
     write_json(folder / _CELL, cell.identity())
     return {key: value for part in parts for key, value in part.items()}
-
-
-def _require_surrogates(folder: Path, cell: Cell) -> None:
-    """Refuse a folder without surrogates, or with those of another cell, by an ArtifactError."""
-    stored = read_json(folder / _CELL)
-    own = json.loads(json.dumps(cell.identity()))
-    if differing := [name for name in own if stored.get(name) != own[name]]:
-        raise ArtifactError(
-            f"the surrogates in {folder} were trained for another cell: {', '.join(differing)} differ"
-        )
 
 
 def _followed(

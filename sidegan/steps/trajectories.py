@@ -135,8 +135,25 @@ class TrajectorySet:
     @property
     def warnings(self) -> list[str]:
         """Why the set hardly excites the arm, and what helps; empty for a good set."""
-        found = describe_weak_set(self, self.condition)
-        return [found] if found else []
+        use = np.median(
+            replace(self.cell.problem, trajectory=self.family).limit_use(self.coefficients).max(0)
+        )
+        reasons = []
+        if use < _LITTLE:
+            reasons.append(f"it uses {use:.0%} of the limits on motion")
+        if not self.condition <= _CONDITION:
+            reasons.append(f"its condition is {plain(self.condition)}")
+        if isinstance(self.aim, Uncertain) and isinstance(self.aim.purpose, Prediction):
+            error = np.sqrt(np.square(self.aim.deviations).mean())
+            if not error <= _UNCERTAIN:
+                reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")
+        if not reasons:
+            return []
+        text = f"the set hardly excites the arm: {', '.join(reasons)}"
+        if where := binding(self.cell.constraints, self.family, self.coefficients):
+            helps = remedy(self.cell.constraints, where)
+            text += f"; it is limited by {where[0]} of {where[1]}: try {helps}"
+        return [text]
 
     def select(
         self, count: int, method: str = "greedy", noise: Sequence[float] | None = None
@@ -209,9 +226,7 @@ class TrajectorySet:
 
     def demands(self, rate: float = 100.0) -> pd.DataFrame:
         """Demands of each trajectory as text: peaks at a rate [Hz], clearance and energy."""
-        arm = self.cell.whole_arm
-        cell = self.cell
-        c = self.coefficients
+        cell, arm, c = self.cell, self.cell.whole_arm, self.coefficients
         times = self.family.times(rate)
         q = self.family.derivative(c, self.family.times(_DISTANCE_RATE), 0)
         nearest = cell.constraints.nearest(q.reshape(-1, arm.joints))[0].reshape(len(q), -1).min(1)
@@ -274,32 +289,8 @@ class TrajectorySet:
         from sidegan.report.viewer.page import write_view
 
         titles = [f"{k} · cond {plain(x)}" for k, x in enumerate(self.conditions.tolist(), 1)]
-        cell, c = self.cell, self.coefficients
-        shown = cell.constraints, cell.whole_arm, self.family, c, titles, self.demands(rate)
-        write_view(path_of(path, "path"), *shown, steps)
-
-
-def describe_weak_set(given: TrajectorySet, condition: float) -> str:
-    """Why a set with this condition number is weak, and what helps; empty for a good set."""
-    cell, aim, c = given.cell, given.aim, given.coefficients
-    use = np.median(replace(cell.problem, trajectory=given.family).limit_use(c).max(0))
-    reasons = []
-    if use < _LITTLE:
-        reasons.append(f"it uses {use:.0%} of the limits on motion")
-    if not condition <= _CONDITION:
-        reasons.append(f"its condition is {plain(condition)}")
-    if isinstance(aim, Uncertain) and isinstance(aim.purpose, Prediction):
-        error = np.sqrt(np.square(aim.deviations).mean())
-        if not error <= _UNCERTAIN:
-            reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")
-    if not reasons:
-        return ""
-    text = f"the set hardly excites the arm: {', '.join(reasons)}"
-    where = binding(cell.constraints, given.family, c)
-    if where is None:
-        return text
-    constraint, which = where
-    return f"{text}; it is limited by {constraint} of {which}: try {remedy(cell.constraints, where)}"
+        shown = self.family, self.coefficients, titles, self.demands(rate)
+        write_view(path_of(path, "path"), self.cell.constraints, self.cell.whole_arm, *shown, steps)
 
 
 def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:

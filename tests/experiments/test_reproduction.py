@@ -10,8 +10,7 @@ import pytest
 
 from experiments.artifacts import Artifacts
 from experiments.claims import claims
-from experiments.pages import DOCS
-from experiments.reference import PAPER
+from experiments.pages import DOCS, PAPER
 from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN
 from sidegan.errors import ConfigError
 from sidegan.pipeline.run import run_stages

@@ -163,49 +163,40 @@ def test_table_3_is_the_norm_and_what_it_would_be_of_one_sample(whole):
 
 
 def test_epochs_to_reliability():
-    runs = [("eigen", 0, (0.1, 0.85, 0.7)), ("eigen", 1, (0.9, 0.2, 0.95)), ("vanilla", 0, (0.1, None, 0.1))]
-    runs += [("diagonal", 0, (0.9, 0.9, 0.9)), ("diagonal", 1, (0.8, 0.1, 0.9))]
+    runs = {
+        "eigen": ((0.1, 0.85, 0.7), (0.9, 0.2, 0.95)),
+        "vanilla": ((0.1, None, 0.1),),
+        "diagonal": ((0.9, 0.9, 0.9), (0.8, 0.1, 0.9)),
+    }
     rows = [
         {"variant": name, "training": k, "epoch": epoch, "success": share}
-        for name, k, run in runs
+        for name, trainings in runs.items()
+        for k, run in enumerate(trainings)
         for epoch, share in enumerate(run, 1)
     ]
-    table = training.speed(pd.DataFrame(rows))
-    assert table.loc["eigen", "first epoch"] == "2, 1" and table.loc["vanilla", "first epoch"] == "never"
-    assert table.loc["diagonal", "first epoch"] == "1 (2 ×)"
-    assert table.loc["eigen", "best"] == "0.9 ± 0.071"
+    frame = pd.DataFrame(rows)
+    table = training.speed(frame)
+    assert table["first epoch"].tolist() == ["2, 1", "never", "1 (2 ×)"]
     never = ["valid after 10 epochs", "mean from epoch 40 on"]  # of three epochs
-    assert table.loc["eigen", never].tolist() == ["—", "—"]
-    longer = [
-        {**row, "epoch": row["epoch"] + 38, "variant": "long"} for row in rows if row["variant"] == "eigen"
-    ]
-    later = training.speed(pd.DataFrame([*rows, *longer])).loc["long"]
+    assert table.loc["eigen", ["best", *never]].tolist() == ["0.9 ± 0.071", "—", "—"]
+    later = training.speed(frame.assign(epoch=frame.epoch + 38)).loc["eigen"]
     assert later["mean from epoch 40 on"] == "0.67 ± 0.14" and later["last"] == table.loc["eigen", "last"]
 
 
-@pytest.fixture
-def artifacts():
-    row = {"success": 0.5, "condition": 9.0, "gain": 4.0, "norm": 1.0}
-    rows = [{"name": "seeds", "valid": 1.0, **row}, {"name": "eigen", "valid_share": 0.6, **row}]
-    return SimpleNamespace(
+def test_a_run_leaves_the_mean_errors_of_every_set_for_the_table_of_a_sweep(whole):
+    made = SimpleNamespace(
         errors=results(lambda name, repeat: 1.0 + repeat),
         plant=results(lambda name, repeat: 2.0),
         expected=results(lambda name, repeat: 1.4, repeats=1).drop(columns="repeat"),
-        generators=pd.DataFrame(rows),
     )
-
-
-def test_a_run_leaves_the_mean_errors_of_every_set_for_the_table_of_a_sweep(artifacts):
-    table = exp1.summary(artifacts)
+    table = exp1.summary(made)
     assert list(table.index) == ["long-6", "seeds", "eigen"]
     expected = {"nMSE": 1.5, "nMSE, weighted": 6.0, "nMSE, expected": 1.4, "nMSE, expected, weighted": 5.6}
     expected |= {"nMSE, MuJoCo plants": 2.0, "nMSE, MuJoCo plants, weighted": 8.0}
     assert table.loc["eigen"].to_dict() == pytest.approx(expected)
-
-
-def test_and_improvements_and_norms_and_what_generators_are_worth(whole, artifacts):
     table = exp2.summary(whole)
     assert table.loc["eigen"].tolist() == pytest.approx([0.625, 81.25, 62.5, 25.0, 0.008])
     assert table.loc["seeds ×4", "nMSE"] == 2.0 and table.loc["seeds ×4"].isna().sum() == 3
-    generators = pd.concat([artifacts.generators, artifacts.generators.assign(success=0.7, condition=11.0)])
+    row = {"success": 0.5, "condition": 9.0, "gain": 4.0, "norm": 1.0, "valid_share": 0.6, "valid": np.nan}
+    generators = pd.DataFrame(row | {"name": "eigen", "condition": x} for x in (9.0, 11.0))
     assert training.summary(generators).loc["eigen"].tolist() == pytest.approx([0.6, 10.0, 4.0, 1.0])

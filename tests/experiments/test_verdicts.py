@@ -57,37 +57,33 @@ def test_intervals_cover_the_truth_as_often_as_they_say():
 
 
 def test_a_verdict_needs_the_whole_interval():
-    assert above(effect(1.0)) == HOLDS and above(effect(-1.0)) == NOT
-    assert below(effect(-1.0)) == HOLDS and above(effect(0.0)) == UNDECIDED
-    assert above(effect(1.0, trainings=1)) == UNDECIDED  # one training says nothing
-
-
-def test_that_nothing_is_lost_has_to_be_shown():
-    """A wide interval about zero, or one training, shows nothing; a narrow one below it is no loss."""
-    assert not_below(effect(0.0, 0.01)) == HOLDS == not_below(effect(-0.02, 0.001))
-    assert not_below(effect(0.0, 1.0)) == UNDECIDED == not_below(effect(0.0, trainings=1))
-    assert not_below(effect(-1.0)) == NOT
-
-
-def test_that_two_are_comparable_has_to_be_shown():
-    assert within(effect(0.1, 0.01), 0.2) == HOLDS and within(effect(-1.0), 0.2) == NOT
-    assert within(effect(0.1, 1.0), 0.2) == OPEN == within(effect(0.0, trainings=1), 0.2)
-
-
-def test_what_lies_about_a_bound_is_not_decided():
-    assert above(effect(0.8), 0.8) == OPEN and below(effect(0.8), 0.8) == OPEN
+    """A wide interval about zero or a bound, or one training, shows nothing."""
+    one, wide = effect(0.0, trainings=1), effect(0.0, 1.0)
+    assert above(effect(1.0)) == below(effect(-1.0)) == HOLDS and above(effect(-1.0)) == NOT
+    assert above(effect(0.0)) == above(effect(1.0, trainings=1)) == UNDECIDED
+    assert above(effect(0.8), 0.8) == below(effect(0.8), 0.8) == OPEN
     assert above(effect(1.0), 0.8) == HOLDS and below(effect(1.0), 0.8) == NOT
+    assert not_below(effect(0.0, 0.01)) == not_below(effect(-0.02, 0.001)) == HOLDS  # a narrow one: no loss
+    assert not_below(wide) == not_below(one) == UNDECIDED and not_below(effect(-1.0)) == NOT
+    assert within(effect(0.1, 0.01), 0.2) == HOLDS and within(effect(-1.0), 0.2) == NOT
+    assert within(effect(0.1, 1.0), 0.2) == within(one, 0.2) == OPEN
+
+
+def test_a_share_of_draws_has_an_exact_interval():
+    none = verdicts.proportion(0.0, 4000)
+    assert none.low == 0 and none.high == pytest.approx(1 - 0.025 ** (1 / 4000))
+    assert beside(none, 0.001) == HOLDS and beside(verdicts.proportion(0.5, 100), 0.001) == NOT
     assert beside(verdicts.proportion(0.5, 10), 0.5) == OPEN
 
 
 def test_a_claim_about_several_holds_of_each_or_in_part():
-    assert together([HOLDS, HOLDS]) == HOLDS and together([HOLDS, NOT]) == MIXED
+    assert together([HOLDS, HOLDS]) == HOLDS and together([]) == UNKNOWN
+    assert together([HOLDS, NOT]) == together([MIXED, HOLDS]) == together([PART, NOT]) == MIXED
+    assert together([HOLDS, UNDECIDED]) == together([OPEN, HOLDS]) == PART
+    assert together([NOT, UNDECIDED]) == together([OPEN, NOT]) == NOT
+    assert together([UNDECIDED, UNDECIDED]) == UNDECIDED
+    assert together([OPEN, OPEN]) == together([OPEN, UNDECIDED]) == OPEN
     assert tally([HOLDS, NOT, UNDECIDED]) == "1 of 3 hold, 1 do not: " and tally([NOT, NOT]) == ""
-    assert together([MIXED, HOLDS]) == MIXED == together([PART, NOT])
-    assert together([HOLDS, UNDECIDED]) == PART and together([NOT, UNDECIDED]) == NOT
-    assert together([UNDECIDED, UNDECIDED]) == UNDECIDED and together([]) == UNKNOWN
-    assert together([OPEN, OPEN]) == OPEN and together([OPEN, HOLDS]) == PART
-    assert together([OPEN, UNDECIDED]) == OPEN and together([OPEN, NOT]) == NOT
 
 
 def test_what_has_no_interval_says_so_as_a_ratio_and_as_a_share():
@@ -145,11 +141,12 @@ def test_another_basis_gives_the_same_torques_and_only_a_rotation_the_same_trace
         assert np.isclose(np.square(y @ change).sum(), np.square(y).sum()) == same
 
 
-def test_arms_are_judged_by_the_page_on_them(monkeypatch):
+def test_arms_are_judged_by_the_page_on_them(monkeypatch, tmp_path):
     text = "| arm | generator | valid | mean distance | … geometric |\n| --- | --- | --- | --- | --- |\n"
     text += "| a | eigen | 0.9 | 1 | 0.5 |\n| b | eigen | 0.9 | 1 | 2 |\n"
     others = "\n| generated for | a | b |\n| --- | --- | --- |\n| a | 1 | 0.005 |\n| b | — | 1 |\n"
-    monkeypatch.setattr(generality, "page", lambda: text + others)
+    (tmp_path / "generality.md").write_text(text + others, encoding="utf-8")
+    monkeypatch.setattr(generality, "DOCS", tmp_path)
 
     def verdicts_on(arm, scale):
         cell = SimpleNamespace(arm=SimpleNamespace(name=arm))
@@ -159,11 +156,5 @@ def test_arms_are_judged_by_the_page_on_them(monkeypatch):
     assert verdicts_on("a", "paper") == [MIXED, HOLDS]
     for other in (("b", "paper"), ("c", "paper"), ("a", "tiny")):  # of which the page says nothing
         assert verdicts_on(*other) == [UNKNOWN, UNKNOWN]
-    monkeypatch.setattr(generality, "page", lambda: None)
+    (tmp_path / "generality.md").unlink()
     assert verdicts_on("a", "paper") == [UNKNOWN, UNKNOWN]
-
-
-def test_a_share_of_draws_has_an_exact_interval():
-    none = verdicts.proportion(0.0, 4000)
-    assert none.low == 0 and none.high == pytest.approx(1 - 0.025 ** (1 / 4000))
-    assert beside(none, 0.001) == HOLDS and beside(verdicts.proportion(0.5, 100), 0.001) == NOT

@@ -14,7 +14,7 @@ from sidegan.design import search as searching
 from sidegan.design.search import ConditionGoal, design_set, search
 from sidegan.pipeline.run import run_stages
 from sidegan.robot import inconsistent_links, placeholder_links, possible_links
-from sidegan.steps.trajectories import TrajectorySet, describe_weak_set
+from sidegan.steps.trajectories import TrajectorySet
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
 from tests.robot.arms import task_of
@@ -95,10 +95,12 @@ def test_every_constraint_has_a_suggested_setting(excited, where, said):
 def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
     context = excited(GAP, "robot.limits.velocity={joint0: 0.2, joint1: 0.2, joint2: 0.2, joint3: 0.2}")
     c = found_for(context).coefficients[None]
-    said = describe_weak_set(TrajectorySet.of(context.cell, 0.05 * c), 1e7)
+    weak, good = (TrajectorySet.of(context.cell, x) for x in (0.05 * c, c))
+    vars(weak)["condition"], vars(good)["condition"] = 1e7, 100.0
+    (said,) = weak.warnings
     assert "it uses 5% of the limits on motion, its condition is 1e7; it is limited by " in said
     assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: (0.2|…), ", said)
-    assert describe_weak_set(TrajectorySet.of(context.cell, c), 100.0) == ""
+    assert good.warnings == []
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,14 @@
-"""What the plant does follows the equations of motion; what it records, the sensors' settings."""
+"""What the plant does follows the equations of motion; what it records and refuses."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import concatenate
-from sidegan.plant import IDEAL, Plant, PlantSettings, save_recording
+from sidegan.plant import IDEAL, Plant, PlantSettings, mujoco_model, save_recording
 from sidegan.recording.load import load_recording
 from tests.chains import random_chain, real_links
 from tests.plant.conftest import motions
@@ -76,13 +77,10 @@ def test_less_feed_forward_means_worse_tracking(arm):
 
 
 def test_motions_are_executed_one_after_another(planar):
-    several = motions(planar, count=3, period=2.0)
-    plant = Plant(planar, PlantSettings())
+    several, plant = motions(planar, count=3, period=2.0), Plant(planar, PlantSettings())
     executed = plant.follow(several)
-    once = plant.follow(concatenate(several))
     assert executed.time.shape == (6001,)
-    for mine, theirs in zip(executed, once):
-        assert np.array_equal(mine, theirs)
+    assert all(map(np.array_equal, executed, plant.follow(concatenate(several))))
 
 
 def test_a_saved_recording_is_read_back_by_the_recording_package(planar, tmp_path):
@@ -103,3 +101,59 @@ def test_torque_noise_has_the_stated_size_and_follows_the_seed(planar):
     assert np.array_equal(first.torque, same.torque) and not np.array_equal(first.torque, other.torque)
     noise = first.torque - true.torque  # 16,001 samples
     assert noise.std(0).tolist() == pytest.approx([0.5, 0.5], rel=0.03)
+
+
+def links(*changes):
+    """Change link parameters of an arm: link, parameter and factor."""
+
+    def change(arm):
+        parameters = arm.inertial_parameters.copy()
+        for link, parameter, factor in changes:
+            parameters[link, parameter] *= factor
+        return replace(arm, inertial_parameters=parameters)
+
+    return change
+
+
+def weak(arm):
+    return replace(arm, torque_limit=np.array([200.0, 1.0]))
+
+
+def same(arm):
+    return arm
+
+
+FOLLOWS_NOT = r"'elbow' does not follow: after 0\.\d+ s .* 0.1 rad .* limit of 1 N·m"
+LOOSE = {"bandwidth": [0.2], "feed_forward": 0.0, "tolerance": 0.01}
+WILD = {"bandwidth": [800.0], "damping_ratio": [0.05]}
+THIN, LIGHT = links((0, slice(4, 10), 0.1)), links((slice(None), slice(None), 1e-17))
+MANY = r"plant.viscous has 3 values, expected 2 \(one per joint\) or one"
+REFUSED = [  # the error, its words, what is changed of the arm, and settings
+    (InfeasibleError, FOLLOWS_NOT, weak, {}),
+    (InfeasibleError, "0.01 rad off its reference$", same, LOOSE),
+    (InfeasibleError, "does not follow", same, WILD),
+    (RobotError, "'upper_arm': .* too far out for its inertia", THIN, {}),
+    (RobotError, "MuJoCo refuses planar2", LIGHT, {}),
+    (ShapeError, "0.001 s, expected 0.01 s: the plant runs at 100 Hz", same, {"rate": 100.0}),
+    (ConfigError, MANY, same, {"viscous": [0.1] * 3}),
+]
+
+
+@pytest.mark.parametrize(("error", "words", "make", "settings"), REFUSED)
+def test_invalid_executions_are_refused(planar, error, words, make, settings):
+    with pytest.raises(error, match=words):
+        Plant(make(planar), replace(IDEAL, **settings)).follow(motions(planar))
+
+
+def test_motions_of_another_arm_and_those_not_finite_are_refused(arm, planar):
+    motion = motions(planar)
+    with pytest.raises(ShapeError, match=r"position is \(1, 4001, 2\), expected \(B, 4001, 7\)"):
+        Plant(arm, IDEAL).follow(motion)
+    motion.velocity[0, 5, 1] = np.nan
+    with pytest.raises(ShapeError, match="velocity of the motion is not finite"):
+        Plant(planar, IDEAL).follow(motion)
+
+
+def test_impossible_links_are_named(arm):
+    with pytest.raises(RobotError, match=r"link 'link_2': its mass is 0 kg.*link 'link_5': its mass is -"):
+        mujoco_model(links((1, 0, 0.0), (4, 0, -1.0))(arm))

@@ -1,0 +1,111 @@
+"""What documents show is so: tutorials and examples run, decisions quote the settings."""
+
+import json
+import re
+import runpy
+from base64 import b64decode
+from pathlib import Path
+
+import matplotlib
+import pytest
+from omegaconf import OmegaConf
+
+import sidegan
+from sidegan.gan.settings import ExactPhysics, Refresh, Reward, Weights
+from sidegan.pipeline.places import CONF
+from sidegan.seeding import Seeds
+
+DOCS = Path(__file__).parents[1] / "docs"
+EXAMPLES, TUTORIALS = DOCS.parent / "examples", DOCS / "tutorials"
+LARGEST = 100_000  # bytes of a picture
+
+# What takes the place of the settings at the top, and what must be printed then.
+VANILLA = {"variant": "Vanilla", "weights": {"adversarial": 1}, "epochs": 2, "steps": 2, "width": 16}
+SURROGATES = {"samples": 400, "epochs": 2, "width": 16, "negatives": {"vanilla": VANILLA}}
+TRAINING = {"epochs": 2, "steps": 2, "width": 16, "fitness_start": 1}
+SMALL = {
+    "your_arm": ("count = 2", "set/trajectories/2.csv"),
+    "recordings": ("count = 2", "the torque of joint_2 runs against the description"),
+    "paper": (
+        f"robot, seeds_count, surrogates, training = 'planar2', 60, {SURROGATES}, {TRAINING}",
+        "60 of 60 are valid",
+    ),
+}
+PRINTED = {
+    "regressor": "43 base parameters",
+    "validity": "trajectory 1: valid\ntrajectory 2: position of joint_2",
+    "excitation_set": "3 trajectories, condition number ",
+    "online": "trajectory 4: the condition number of all so far is ",
+    "identify_table": "nMSE of what was held out: {'shoulder': ",
+}
+QUOTED = [  # words of the page, file, setting, value
+    ("Seeds keep a reserve of 0.2 of every limit", "seeds/gradient", "reserve", 0.2),
+    ("which nothing imitates, keeps 0.03", "experiment/excite", "search.reserve", 0.03),
+    ("`goal.objective=prediction` is the default", "experiment/excite", "goal.objective", "prediction"),
+    ("the 35 strongest eigenvalues", "seeds/paper", "seeds.strongest", 35),
+    ("seeds have a box (±0.2 rad/s)", "seeds/paper", "seeds.box", 0.2),
+    ("random draws of 35", "selection/greedy", "count", 35),
+    ("6 (a slow crawl), or 210", "base/sets", "long.harmonics", [6, 210]),
+    ("the best of eight starts", "scale/paper", "long_starts", 8),
+    ("two generator steps per discriminator step", "gan/_base", "generator_steps", 2),
+    ("50 epochs are the paper's", "scale/paper", "gan_epochs", 50),
+    ("falls to a fiftieth along half a cosine", "gan/_base", "last_rate", 0.02),
+    ("success 150, reserve 0.03", "gan/_side", "reserve", 0.03),
+    ("success 150, reserve 0.03", "gan/_side", "weights.success", 150),
+    ("what stands | 0.990 |", "gan/_side", "weights.distance", 250),
+    ("and distance 250, rank 200, offset 600", "gan/_side", "weights.rank", 200),
+    ("and distance 250, rank 200, offset 600", "gan/_side", "weights.offset", 600),
+    ("links up to 20 % off the description", "base/sets", "plants.plant.parameters", 0.2),
+]
+
+
+def cells(name: str) -> list[dict]:
+    notebook = json.loads((TUTORIALS / f"{name}.ipynb").read_text(encoding="utf-8"))
+    return [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+
+
+def test_every_document_is_tested():
+    assert {path.stem for path in TUTORIALS.glob("*.ipynb")} == SMALL.keys()
+    lines = {path.stem: path.read_text("utf-8").splitlines() for path in EXAMPLES.glob("*.py")}
+    assert lines.keys() == PRINTED.keys() and max(map(len, lines.values())) < 30
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_tutorials_are_committed_with_outputs_in_order(name):
+    assert [cell["execution_count"] for cell in cells(name)] == list(range(1, len(cells(name)) + 1))
+    outputs = [output for cell in cells(name) for output in cell["outputs"]]
+    assert not [output for output in outputs if output["output_type"] == "error"]
+    pictures = ["".join(output.get("data", {}).get("image/png", "")) for output in outputs]
+    assert any(pictures) and max(len(b64decode(picture)) for picture in pictures) <= LARGEST
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_tutorials_run(name, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    matplotlib.use("Agg")
+    settings, printed = SMALL[name]
+    space = {"__name__": "__main__"}
+    for k, cell in enumerate(cells(name)):
+        source = settings if "parameters" in cell["metadata"].get("tags", []) else "".join(cell["source"])
+        exec(compile(source, f"{name}[{k + 1}]", "exec"), space)
+    assert printed in capsys.readouterr().out
+
+
+def test_the_reference_lists_every_public_name_and_the_groups_of_their_settings():
+    page = (DOCS / "api" / "index.md").read_text(encoding="utf-8")
+    assert sorted(re.findall(r"^::: sidegan\.(\w+)$", page, re.MULTILINE)) == sorted(sidegan.__all__)
+    deeper = set(re.findall(r"^::: sidegan\.[\w.]+\.(\w+)$", page, re.MULTILINE))
+    assert {kind.__name__ for kind in (Seeds, Weights, Refresh, Reward, ExactPhysics)} <= deeper
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_examples_run(name, capsys, monkeypatch):
+    monkeypatch.setattr("sys.argv", [f"{name}.py"])
+    runpy.run_path(str(EXAMPLES / f"{name}.py"))
+    assert PRINTED[name] in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("words", "file", "setting", "value"), QUOTED)
+def test_decisions_quote_the_current_settings(words, file, setting, value):
+    assert words in " ".join((DOCS / "decisions.md").read_text(encoding="utf-8").split())
+    assert OmegaConf.select(OmegaConf.load(CONF / f"{file}.yaml"), setting) == value
