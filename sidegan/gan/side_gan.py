@@ -14,14 +14,14 @@ from torch import Tensor
 from sidegan.base.arrays import Array
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.limits import Box
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
-from sidegan.gan.networks import Generator
+from sidegan.gan.networks import FromNoise, Generator
 from sidegan.gan.reward import Energies
-from sidegan.gan.scaling import Scaling
+from sidegan.gan.scaling import Box, Scaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
+from sidegan.seeding.published import Layout
 from sidegan.validity import Constraints
 
 _REMEDY = "; a smaller learning_rate may help"
@@ -64,23 +64,29 @@ class SideGAN(pl.LightningModule):
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
         self.seeds = tensor(data.seeds)
-        self.generator = self.make_generator()
+        network, scaling = self.make_network()
+        self.generator = TrajectoryGenerator(
+            network,
+            scaling,
+            data.trajectory,
+            data.constraints.arm,
+            limited=settings.limited,
+            box=data.box,
+            corrections=settings.corrections,
+        )
         # Copies, since they may be trained further.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
-    def make_generator(self) -> TrajectoryGenerator:
-        """The untrained generator, with the scaling of the seeds."""
-        settings = self.settings
-        family = self.data.trajectory
-        box = self.data.box
-        joints, harmonics, _ = family.shape
+    def make_network(self) -> tuple[FromNoise, Scaling | Layout]:
+        """The generator's untrained network, and the scaling of the seeds."""
+        settings, box = self.settings, self.data.box
+        joints, harmonics, _ = self.data.trajectory.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         seeds = self.seeds if box is None else Box(box).free(self.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
-        last: dict[str, Any] = {"limited": settings.limited, "box": box, "corrections": settings.corrections}
-        return TrajectoryGenerator(network, scaling, family, self.data.constraints.arm, **last)
+        return network, scaling
 
     @abstractmethod
     def losses(self) -> list[Loss]:

@@ -11,7 +11,7 @@ import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
-from sidegan.gan.rollout import RollOut
+from sidegan.gan.networks import RollOut
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -51,7 +51,7 @@ class SuccessPredictor(Surrogate):
         self.offset = nn.Parameter(torch.zeros(constraints))
 
     def margins(self, c: Tensor) -> Tensor:
-        """Predicted margins over time, (B, G, T), in the units of ``labels.scaled_margins``."""
+        """Predicted margins over time, (B, G, T), in the units of ``pretraining.scaled_margins``."""
         channels = self.roll_out(c)
         linear = 1 - channels[:, -self.roll_out.linear :]
         return linear if self.layers is None else torch.cat([linear, self.layers(channels)], 1)

@@ -13,12 +13,12 @@ from sidegan.design.excitation import excitation_of
 from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss
 from sidegan.gan.metrics import noises
-from sidegan.gan.networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, Discriminator
+from sidegan.gan.networks import Discriminator, FromNoise
+from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
 from sidegan.gan.reward import Energies, Worth, violation
-from sidegan.gan.scaling import PublishedScaling
+from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, tensor
@@ -36,7 +36,7 @@ class Vanilla(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
-        images = self.generator.scaling.image(self.seeds)
+        images = self.generator.scaling.image(self.seeds).float()
         self.discriminator = Adversary(self.make_critic(images), images, lambda batch: batch.images)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
@@ -163,9 +163,8 @@ class Exact(SideGAN):
 class PublishedVanilla(Vanilla):
     """The authors' vanilla GAN: convolutions of scrambled images."""
 
-    def make_generator(self) -> TrajectoryGenerator:
-        """The authors' generator of scrambled images."""
-        settings = self.settings
+    def make_network(self) -> tuple[FromNoise, Scaling | Layout]:
+        """The authors' network, and their scrambled images."""
         family = self.data.trajectory
         layout = Layout(family.joints, family.harmonics)
         if layout.shape != IMAGE:
@@ -173,10 +172,8 @@ class PublishedVanilla(Vanilla):
                 f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
                 f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
             )
-        network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
-        scaling = PublishedScaling(layout)
-        arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, limited=settings.limited)
+        settings = self.settings
+        return ConvolutionalGenerator(settings.noise, settings.width, settings.batch), layout
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""
@@ -189,7 +186,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
     def seeds_features(self) -> Tensor:
         """Features of the seeds, (N, p), as the converter predicts them."""
         with torch.no_grad():
-            return self.converter(self.generator.scaling.image(self.seeds))
+            return self.converter(self.generator.scaling.image(self.seeds).float())
 
     def convert(self, batch: Batch) -> Tensor:
         """Features that the converter predicts from images, (B, p)."""
@@ -225,6 +222,6 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
     return entropy if kind == "entropy" else -entropy
 
 
-_OURS = Vanilla, Eigen, Diagonal, Predicting, Exact
-_PUBLISHED = PublishedVanilla, PublishedEigen, PublishedDiagonal
-VARIANTS: dict[str, type[SideGAN]] = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}
+_OURS: list[type[SideGAN]] = [Vanilla, Eigen, Diagonal, Predicting, Exact]
+_PUBLISHED = [PublishedVanilla, PublishedEigen, PublishedDiagonal]
+VARIANTS = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}

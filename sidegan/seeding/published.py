@@ -10,6 +10,7 @@ columns are not joints; its last row repeats the first.
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ WEIGHTS = {"predictor": "model_0_SR.pth", "converter": "model_0_50k_epochs.pth"}
 
 @dataclass(frozen=True)
 class Layout:
-    """Conversion between an arm's trajectories and images."""
+    """Conversion between an arm's trajectories and images, of arrays or tensors."""
 
     joints: int
     harmonics: int
@@ -36,15 +37,16 @@ class Layout:
         """Shape of an image, (2, H + 1, J)."""
         return 2, self.harmonics + 1, self.joints
 
-    def image(self, c: Array) -> Array:
-        """Images (B, 2, H + 1, J), float32, of coefficients [rad/s], (B, J, H, 2)."""
-        rows = SCALE * c.transpose(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
-        return np.concatenate([rows, rows[:, :, :1]], 2).astype(np.float32)
+    def image(self, c: Any) -> Any:
+        """Images (B, 2, H + 1, J) of coefficients [rad/s], (B, J, H, 2)."""
+        channels = c.swapaxes(2, 3).swapaxes(1, 2)
+        rows = SCALE * channels.reshape(len(c), 2, self.harmonics, self.joints)
+        return rows[:, :, [*range(self.harmonics), 0]]
 
-    def coefficients(self, image: Array) -> Array:
+    def coefficients(self, image: Any) -> Any:
         """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J); the last row is ignored."""
         rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
-        return rows.transpose(0, 2, 3, 1) / SCALE
+        return rows.swapaxes(1, 2).swapaxes(2, 3) / SCALE
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,12 @@
-"""The published surrogates: a success predictor trained on GAN samples, and converters trained on seeds.
+"""The published recipe: networks of 7 × 7 images, and the training of surrogates.
 
-Source: as in ``gan.variants``.
+Source: the code that accompanies Jegorova et al. 2020 (``seeding.published.REPOSITORY``).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import pytorch_lightning as pl
@@ -13,13 +15,76 @@ from torch import Tensor, nn
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.gan.networks import IMAGE
+from sidegan.gan.networks import FromNoise
 from sidegan.gan.tensors import read_tensors, tensor, write_network
 from sidegan.gan.trainer import Progress, fit
 
+IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
+_PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, with output sides 3, 3, 3, 5 and 7
+_STRIDES = {True: (2, 2, 1, 1), False: (2, 2, 2, 1)}  # of the discriminator's layers, for images or lists
+_SLOPE = 0.2  # of the leaky ReLU below zero
+_DEVIATION = 0.02  # of the initial weights
 _FIRST = 200  # channels of the first layer
 _BATCH, _RATE = 100, 1e-4
 _HELD_OUT = 0.2  # share of the samples and of the seeds
+
+
+class ConvolutionalGenerator(FromNoise):
+    """Maps noise (B, Z) in [−1, 1] to images (B, 2, 7, 7) in [−1, 1].
+
+    Batches are normalised by their own statistics, also when sampling.
+    """
+
+    def __init__(self, noise: int = 100, width: int = 64, batch: int = 100) -> None:
+        super().__init__()
+        self.noise, self.batch = noise, batch
+        self.settings = {"noise": noise, "width": width, "batch": batch}
+        channels = [noise, 8 * width, 4 * width, 2 * width, width, 2]
+        layers: list[nn.Module] = [nn.Unflatten(1, (noise, 1, 1))]
+        for (inputs, outputs), padding in zip(pairwise(channels), _PADDINGS, strict=True):
+            layers += [
+                nn.ConvTranspose2d(inputs, outputs, 3, 1, padding, bias=False),
+                nn.BatchNorm2d(outputs, track_running_stats=False),
+                nn.ReLU(),
+            ]
+        self.layers = _initialised(nn.Sequential(*layers[:-2], nn.Tanh()))
+
+    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
+        """Images (count, 2, 7, 7), drawn in whole batches of the training's size."""
+        batches = [self(self.draw(self.batch, generator)) for _ in range(-(-count // self.batch))]
+        return torch.cat(batches)[:count]
+
+
+class ConvolutionalDiscriminator(nn.Module):
+    """Logits (B,) of being an example of a shape, images (B, 2, 7, 7) or features (B, p)."""
+
+    def __init__(self, shape: Sequence[int], width: int) -> None:
+        super().__init__()
+        image = len(shape) > 1
+        first, *sides = shape if image else (1, *shape, 1)
+        layers: list[nn.Module] = [] if image else [nn.Unflatten(1, (first, *sides))]
+        channels = [first, width, 2 * width, 4 * width, 8 * width]
+        strides = _STRIDES[image]
+        for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
+            layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
+            if index:
+                layers.append(nn.BatchNorm2d(outputs, track_running_stats=False))
+            layers.append(nn.LeakyReLU(_SLOPE))
+            sides = [-(-side // stride) for side in sides]
+        layers += [nn.Flatten(), nn.Linear(channels[-1] * math.prod(sides), 1), nn.Flatten(0)]
+        self.layers = _initialised(nn.Sequential(*layers))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Logits (B,)."""
+        return self.layers(x)
+
+
+def _initialised(network: nn.Sequential) -> nn.Sequential:
+    """The network with convolutions drawn from N(0, 0.02) and normalisation gains from N(1, 0.02)."""
+    for layer in network:
+        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.BatchNorm2d):
+            nn.init.normal_(layer.weight, float(isinstance(layer, nn.BatchNorm2d)), _DEVIATION)
+    return network
 
 
 class ShallowNetwork(pl.LightningModule):
@@ -76,7 +141,7 @@ class PublishedPretraining:
     """Data for training the published surrogates."""
 
     steps: int  # per training
-    seeds: Array  # images (N, 2, 7, 7) float32
+    seeds: Array  # images (N, 2, 7, 7)
     samples: Array  # images (M, 2, 7, 7) float32 from all epochs of a vanilla GAN
     valid: Array  # exact validity of the samples, (M,)
 
@@ -99,7 +164,7 @@ class PublishedPretraining:
         write_network(folder / "success.pt", network.state_dict(), {})
         with torch.no_grad():
             right = (network(samples[held])[:, 0] > 0) == valid[held]
-            of_seeds = network(tensor(self.seeds))[:, 0] > 0
+            of_seeds = network(tensor(self.seeds).float())[:, 0] > 0
         on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
         return {"accuracy_broad": float(right.double().mean()), "accuracy_paper": float(on_paper)}
 
@@ -108,8 +173,7 @@ class PublishedPretraining:
     ) -> dict[str, float]:
         """Train and save a converter to features (N, p); return its mean relative error on held-out seeds."""
         torch.manual_seed(seed)
-        seeds = tensor(self.seeds)
-        target = tensor(features).float()
+        seeds, target = tensor(self.seeds).float(), tensor(features).float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)
