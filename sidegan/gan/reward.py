@@ -133,14 +133,14 @@ class Energies:
         x = tensor(c)
         return array(torch.cat([energies(self.problem, x, v, w) for v, _, w in self.parts.values()], 1))
 
-    def worth(self, logs: Tensor, reward: Reward) -> Tensor:
+    def worth(self, logs: Tensor, reward: Reward | None) -> Tensor:
         """Mean log worth from log energies, (B, K); 0-dimensional.
 
         In these directions the error is about Σ b / x̄ with mean energies x̄, and its slope b / x̄².
         """
         total = logs.new_zeros(())
-        sizes = [len(shares) for _, shares, _ in self.parts.values()]
-        for x, (name, (_, shares, _)) in zip(logs.exp().split(sizes, 1), self.parts.items()):
+        parts = logs.exp().split([len(shares) for _, shares, _ in self.parts.values()], 1)
+        for x, (name, (_, shares, _)) in zip(parts, self.parts.items()):
             mean = x.mean(0).detach()
             slope = tensor(shares).to(x) / mean.square()
             total = total + getattr(reward, name) * (x @ slope / (mean @ slope)).log().mean()

@@ -41,10 +41,16 @@ def fit(
     """
     logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
     kind, _, index = device.partition(":")
-    saving: list[pl.Callback] = []
+    known: Path | None = None
+    callbacks = list(callbacks)
     if work is not None:
         checkpoint = pl.callbacks.ModelCheckpoint
-        saving = [checkpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False)]
+        callbacks.append(checkpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False))
+        known = work / f"{_LAST}.ckpt"
+        if not readable(known, read_tensors):
+            if known.exists():
+                _log.warning("the checkpoint %s is damaged: the training starts over", known)
+            known = None
     handler = signal.getsignal(signal.SIGINT)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=_NOISE)
@@ -52,17 +58,13 @@ def fit(
             max_epochs=epochs,
             accelerator={"cuda": "gpu"}.get(kind, kind),
             devices=[int(index)] if index else 1,
-            callbacks=[*callbacks, *saving],
+            callbacks=callbacks,
             enable_checkpointing=work is not None,
             logger=False,
             enable_progress_bar=False,
             enable_model_summary=False,
             default_root_dir=work,
         )
-        last = None if work is None else work / f"{_LAST}.ckpt"
-        known = last if last is not None and readable(last, read_tensors) else None
-        if last is not None and last.exists() and known is None:
-            _log.warning("the checkpoint %s is damaged: the training starts over", last)
         try:
             trainer.fit(module, batches, ckpt_path=known, weights_only=True)
         except SystemExit as error:  # Lightning turns an interrupt into an exit, and ignores further ones

@@ -1,18 +1,18 @@
 """Train a variant, and measure its samples with exact physics after every epoch."""
 
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytorch_lightning as pl
 import torch
+from torch import nn
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.design.coordinates import Coordinates
+from sidegan.design.prediction import random_motions
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
@@ -100,17 +100,15 @@ class Refreshed(pl.Callback):
 
     def on_train_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Create or restore the optimiser, now that the surrogates are on their device."""
-        self.surrogates = (pl_module.success_predictor, pl_module.converter)
-        weights = chain(*(surrogate.parameters() for surrogate in self.surrogates))
-        self.adam = torch.optim.Adam(weights, self.settings.learning_rate)
+        self.surrogates = nn.ModuleList([pl_module.success_predictor, pl_module.converter])
+        self.adam = torch.optim.Adam(self.surrogates.parameters(), self.settings.learning_rate)
         if self.saved is not None:
             self.adam.load_state_dict(self.saved)
 
     def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Label new samples, and train on those of the last epochs."""
-        data = pl_module.data
-        settings = self.settings
-        predictor, converter = self.surrogates
+        data, settings = pl_module.data, self.settings
+        predictor, converter = pl_module.success_predictor, pl_module.converter
         new = pl_module.generator.sample(settings.samples, self.random)
         steps = predictor.roll_out.steps
         made = label(data.constraints, data.trajectory, new, steps, lambda *_: None, pl_module.energies)
@@ -118,8 +116,7 @@ class Refreshed(pl.Callback):
         recent = Labelled.join(self.window)
         features = getattr(recent, str(pl_module.settings.features)).astype(np.float32)
         labels = [tensor(x).to(pl_module.device) for x in (recent.c, recent.margins, recent.valid, features)]
-        for network in self.surrogates:
-            network.requires_grad_(True)
+        self.surrogates.requires_grad_(True)
         for _ in range(settings.steps):
             rows = torch.randint(len(recent.c), (_REFRESHED,), generator=self.random)
             c, margins, valid, target = (x[rows] for x in labels)
@@ -128,8 +125,7 @@ class Refreshed(pl.Callback):
             self.adam.zero_grad()
             loss.backward()
             self.adam.step()
-        for network in self.surrogates:
-            network.freeze()
+        self.surrogates.requires_grad_(False)
 
     def state_dict(self) -> dict[str, Any]:
         """State for a checkpoint."""
@@ -152,9 +148,7 @@ class EpochMetrics(pl.Callback):
     @torch.no_grad()
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Measure before Lightning saves its checkpoint."""
-        run = self.run
-        epoch = trainer.current_epoch
-        generator = pl_module.generator
+        run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
         c = generator.sample(run.evaluation, noise)
         if not np.isfinite(c).all():
@@ -177,11 +171,8 @@ def random_trajectories(
     Raises:
         InfeasibleError: when not even small motions are valid; names the violated constraints.
     """
-    problem = Problem(constraints, trajectory)
-    coordinates = Coordinates.of(problem)
-    random = np.random.default_rng(seed)
     reach = _REACH if box is None else 1.0
-    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, random, reach))
+    c = random_motions(Problem(constraints, trajectory), _RANDOM, reach, seed)
     verdict = check(constraints, trajectory, _SMALL / reach * c[:_TRIED])
     if not verdict.valid.any():
         raise InfeasibleError(

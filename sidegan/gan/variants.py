@@ -4,7 +4,7 @@ The latter follow the code that accompanies Jegorova et al. 2020 (``seeding.publ
 where the paper's text differs.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
@@ -19,7 +19,7 @@ from sidegan.gan.networks import Discriminator, FromNoise
 from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
 from sidegan.gan.reward import Energies, Worth, violation
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.settings import Variant
+from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, tensor
 from sidegan.motion.dynamics import gram
@@ -55,9 +55,9 @@ class Eigen(Vanilla):
         super().__init__(settings, data, name)
         if data.success_predictor is None or data.converter is None:
             raise ConfigError(f"{name} needs a success predictor and a converter to {settings.features}")
-        features = self.seeds_features()
-        critic = self.make_critic(features)
-        self.second_discriminator = Adversary(critic, features, lambda batch: batch.features)
+        examples = self.seeds_features()
+        critic = self.make_critic(examples)
+        self.second_discriminator = Adversary(critic, examples, lambda batch: batch.features)
 
     def seeds_features(self) -> Tensor:
         """Exact features of the seeds, (N, p), standardised like the converter's."""
@@ -104,11 +104,7 @@ class Predicting(Eigen):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, from predicted energies."""
-        reward = self.settings.reward
-        logs = self.converter.log_features(batch.features)
-        if reward is None:
-            raise ConfigError(f"{self.name} needs settings reward")
-        return -self.energies.worth(logs, reward)
+        return -self.energies.worth(self.converter.log_features(batch.features), self.settings.reward)
 
 
 class Exact(SideGAN):
@@ -119,15 +115,14 @@ class Exact(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "exact") -> None:
         super().__init__(settings, data, name)
-        if settings.exact is None or settings.reward is None:
-            raise ConfigError(f"{name} needs settings exact and reward")
-        self.problem = Problem(data.constraints, data.trajectory, settings.exact.samples)
+        physics = cast("ExactPhysics", settings.exact)
+        self.problem = Problem(data.constraints, data.trajectory, physics.samples)
         self.worths: list[tuple[float, Worth]] = []  # with their weights
         for kind, noise in noises(self.problem.body).items():
             if weight := getattr(settings.reward, kind):
                 self.worths.append((weight, Worth(self.problem, noise)))
         # The generator's last layer enforces the limits on motion.
-        reserve = settings.exact.reserve
+        reserve = physics.reserve
         self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
 
     def losses(self) -> list[Loss]:
@@ -143,9 +138,9 @@ class Exact(SideGAN):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, a part of the batch for each noise, with its weight."""
-        parts = batch.coefficients.chunk(len(self.worths))
-        values = [weight * worth(part).mean() for part, (weight, worth) in zip(parts, self.worths)]
-        return -torch.stack(values).sum().to(batch.coefficients)
+        c = batch.coefficients
+        parts = zip(c.chunk(len(self.worths)), self.worths)
+        return -torch.stack([weight * worth(part).mean() for part, (weight, worth) in parts]).sum().to(c)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Also save the running means."""
@@ -155,9 +150,8 @@ class Exact(SideGAN):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Also restore the running means."""
         super().on_load_checkpoint(checkpoint)
-        for (_, worth), kept in zip(self.worths, checkpoint["worths"]):
-            worth.means = array(kept[0])
-            worth.seen = kept[1]
+        for (_, worth), (means, seen) in zip(self.worths, checkpoint["worths"]):
+            worth.means, worth.seen = array(means), seen
 
 
 class PublishedVanilla(Vanilla):
@@ -204,8 +198,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Fitness loss of the predicted features, as chosen in ``settings.Published``."""
-        published = self.settings.published
-        return unevenness(batch.features, "entropy" if published is None else published.fitness)
+        return unevenness(batch.features, cast("Published", self.settings.published).fitness)
 
 
 class PublishedDiagonal(PublishedEigen):

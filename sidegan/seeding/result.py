@@ -1,8 +1,6 @@
-"""Optimisers of seeds and their results: provably valid seeds, and why other starts failed."""
+"""Results of optimisers: provably valid seeds, and why other starts failed."""
 
 import json
-import time
-from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -13,15 +11,9 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import read_arrays, write_arrays
-from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
-from sidegan.kernels import HOPELESS
 from sidegan.validity import Constraints, summarise_faults
 from sidegan.validity.remedies import remedy
-
-_FINER = 3  # ratio of samples for the reported fitness to the problem's samples
-_REACH = 0.7  # share of the tightest limit used by the first starts, and its factor per round
-_ILL = "the condition number"
 
 
 @dataclass(frozen=True)
@@ -105,49 +97,3 @@ def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | Non
         fitness=seeds.fitness[:count],
         cpu_seconds=seeds.cpu_seconds * count / len(seeds),
     )
-
-
-class Optimiser(ABC):
-    """Base class of optimisers, which propose candidates; this class proves which are valid."""
-
-    attempts: int  # most rounds of proposals
-    smallest = 0.5  # factor by which a candidate may be shrunk at most to become valid
-
-    @abstractmethod
-    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
-        """Candidates [rad/s], (count, J, H, 2), from starts that use the share ``reach`` of the limits."""
-
-    def optimise(self, problem: Problem, count: int, seed: np.random.SeedSequence) -> SeedBatch:
-        """Up to ``count`` seeds, in rounds that replace failed candidates.
-
-        Each round starts nearer to home than the last. Two consecutive rounds without a valid candidate end
-        the search. Of surplus valid candidates the best conditioned are kept.
-
-        Raises:
-            InfeasibleError: when the arm cannot rest at home.
-        """
-        problem.constraints.refuse_home(problem.trajectory.home or ())
-        began = time.process_time()
-        missing = count
-        batches = list[SeedBatch]()
-        for index in range(self.attempts):
-            source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-            proposed = self.propose(problem, missing, _REACH ** (index + 1), source)
-            batches.append(settle(problem, proposed, self.smallest).best(missing))
-            missing -= len(batches[-1])
-            if not missing or (index and not any(map(len, batches[-2:]))):
-                break
-        return replace(SeedBatch.join(batches), cpu_seconds=time.process_time() - began)
-
-
-def settle(problem: Problem, c: Array, smallest: float) -> SeedBatch:
-    """Valid candidates [rad/s], (B, J, H, 2), shrunk towards home, to ``smallest`` at most, if that helps."""
-    from sidegan.design.search import proven  # imports compiled code
-
-    c, valid, verdict = proven(problem, c, smallest)
-    fitness = replace(problem, samples=_FINER * problem.samples).fitness(c)
-    good = valid & (fitness < HOPELESS)
-    faults = Counter({_ILL: int((valid & ~good).sum())})
-    if not valid.all():
-        faults.update(verdict.faults())
-    return SeedBatch(c[good], fitness[good], len(c), int((~good).sum()), dict(+faults))
