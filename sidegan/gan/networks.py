@@ -61,16 +61,11 @@ class Generator(FromNoise):
         if self.shortcut is not None:
             nn.init.zeros_(self.shortcut.weight)
             nn.init.zeros_(self.shortcut.bias)
-        self.layers = nn.Sequential(
-            *_hidden(noise, width), nn.Linear(width, size), nn.Unflatten(1, self.shape)
-        )
+        hidden, last = _hidden(noise, width), nn.Linear(width, size)
+        self.layers = nn.Sequential(*hidden, last, nn.Unflatten(1, self.shape))
         with torch.no_grad():
-            self._last.weight /= self.sample(256).std(0).mean()
-            self._last.bias.zero_()
-
-    @property
-    def _last(self) -> nn.Linear:
-        return cast("nn.Linear", self.layers[-2])
+            last.weight /= self.sample(256).std(0).mean()
+            last.bias.zero_()
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, J, H)."""
@@ -84,7 +79,7 @@ class Generator(FromNoise):
         The layers' output becomes small. Noise dimensions beyond the image's only enter the layers; with
         fewer dimensions, the shortcut keeps the leading principal directions.
         """
-        shortcut = cast("nn.Linear", self.shortcut)
+        shortcut, last = cast("nn.Linear", self.shortcut), cast("nn.Linear", self.layers[-2])
         x = images.flatten(1).double()
         values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
         count = min(self.noise, x.shape[1])
@@ -92,7 +87,7 @@ class Generator(FromNoise):
         root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()
         shortcut.weight.zero_()
         shortcut.weight[:, :count] = root.to(shortcut.weight)
-        self._last.weight *= _SMALL
+        last.weight *= _SMALL
         output = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
         shortcut.bias.copy_(x.mean(0) - output.flatten(1).mean(0))
 
@@ -127,23 +122,22 @@ class RollOut(nn.Module):
     home: Tensor
     middle: Tensor
     room: Tensor
-    speed: Tensor
+    limits: Tensor  # of the derivatives in ``orders``
 
     def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
         self.steps = steps
-        self.higher = tuple(arm.higher_limits)
-        self.linear = 2 + len(self.higher)
+        self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
+        self.linear = 1 + len(self.orders)
         self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)
-        orders = range(4 if self.higher else 3)
+        motion = range(4 if arm.higher_limits else 3)
         buffers = {
-            "basis": np.stack([flatten(trajectory.basis(times, order), 1) for order in orders]),
+            "basis": np.stack([flatten(trajectory.basis(times, order), 1) for order in motion]),
             "home": np.array(trajectory.home),
             "middle": (arm.position_upper + arm.position_lower) / 2,
             "room": (arm.position_upper - arm.position_lower) / 2,
-            "speed": arm.velocity_limit,
-            **arm.higher_limits,
+            "limits": np.stack([arm.velocity_limit, *arm.higher_limits.values()]),
         }
         for name, value in buffers.items():
             self.register_buffer(name, tensor(value).float(), persistent=False)
@@ -153,11 +147,10 @@ class RollOut(nn.Module):
         motion = torch.einsum("dtk,bjk->dbjt", self.basis, c.flatten(2))
         q = motion[0] + self.home[:, None]
         used = (q - self.middle[:, None]) / self.room[:, None]
-        rate = motion[1] / self.speed[:, None]
-        shares = [motion[DERIVATIVE_ORDER[name]] / getattr(self, name)[:, None] for name in self.higher]
-        tightest = [x.abs().amax(1, keepdim=True) for x in (used, rate, *shares)]
+        rates = [motion[order] / limit[:, None] for order, limit in zip(self.orders, self.limits)]
+        tightest = [x.abs().amax(1, keepdim=True) for x in (used, *rates)]
         peaks = [nn.functional.max_pool1d(x, _PEAKS) for x in tightest]
-        q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rate, motion[2]))
+        q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rates[0], motion[2]))
         return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
 
 

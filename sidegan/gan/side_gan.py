@@ -64,16 +64,10 @@ class SideGAN(pl.LightningModule):
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
         self.seeds = tensor(data.seeds)
-        network, scaling = self.make_network()
-        self.generator = TrajectoryGenerator(
-            network,
-            scaling,
-            data.trajectory,
-            data.constraints.arm,
-            limited=settings.limited,
-            box=data.box,
-            corrections=settings.corrections,
-        )
+        arm = data.constraints.arm
+        last: dict[str, Any] = {"limited": settings.limited, "corrections": settings.corrections}
+        last["box"] = data.box
+        self.generator = TrajectoryGenerator(*self.make_network(), data.trajectory, arm, **last)
         # Copies, since they may be trained further.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
@@ -95,12 +89,10 @@ class SideGAN(pl.LightningModule):
     @cached_property
     def floors(self) -> list[Loss]:
         """Losses of every variant, which keep a batch as diverse as the seeds."""
-        weights = self.settings.weights
-        seeds = self.data.seeds
-        share = self.settings.diversity
+        settings, weights, seeds = self.settings, self.settings.weights, self.data.seeds
         return [
             Loss(weights.distance, missing_distance(seeds)),
-            Loss(weights.rank, missing_rank(seeds, self.settings.batch, share)),
+            Loss(weights.rank, missing_rank(seeds, settings.batch, settings.diversity)),
             Loss(weights.offset, common_offset(seeds)),
         ]
 
@@ -122,11 +114,9 @@ class SideGAN(pl.LightningModule):
         c = generator.bounded(free)
         if c is not free:
             images = generator.scaling.image(c)
-        return Batch(c, images, c if generator.box is None else free, self.convert)
-
-    def convert(self, batch: Batch) -> Tensor:
-        """Features that the converter predicts, (B, p)."""
-        return self.converter(batch.coefficients)
+        seen = c if self.settings.published is None else images  # by the converter
+        features = torch.empty(0) if self.converter is None else self.converter(seen)
+        return Batch(c, images, c if generator.box is None else free, features)
 
     def training_step(self, batch: list[Tensor], index: int) -> None:
         """The adversarial loop: a step of the discriminators on examples, then the generator's steps."""
@@ -137,15 +127,11 @@ class SideGAN(pl.LightningModule):
         for group in chain.from_iterable(adam.param_groups for adam in (generator, *critics)):
             group["lr"] = self.settings.rate(self.share)
         for optimiser in critics:
-            self._step(optimiser, self.adversary_loss(rows))
+            with torch.no_grad():
+                fake = self(len(rows))
+            self._step(optimiser, torch.stack([d.own_loss(rows, fake) for d in self.adversaries]).sum())
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
-
-    def adversary_loss(self, rows: Tensor) -> Tensor:
-        """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""
-        with torch.no_grad():
-            fake = self(len(rows))
-        return torch.stack([adversary.own_loss(rows, fake) for adversary in self.adversaries]).sum()
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""

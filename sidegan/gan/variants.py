@@ -182,10 +182,6 @@ class PublishedEigen(PublishedVanilla, Eigen):
         with torch.no_grad():
             return self.converter(self.generator.scaling.image(self.seeds).float())
 
-    def convert(self, batch: Batch) -> Tensor:
-        """Features that the converter predicts from images, (B, p)."""
-        return self.converter(batch.images)
-
     def losses(self) -> list[Loss]:
         """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""
         adversarial, success, features, fitness = super().losses()

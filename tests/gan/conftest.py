@@ -8,9 +8,8 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.labels import Labelled
 from sidegan.gan.networks import Generator
-from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates
+from sidegan.gan.pretraining import SHARES, Labelled, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data

@@ -9,9 +9,10 @@ import torch
 
 from sidegan.errors import ConfigError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import IMAGE, ConvolutionalGenerator
 from sidegan.gan.pretraining import load_surrogates
-from sidegan.gan.published_surrogates import (
+from sidegan.gan.published import (
+    IMAGE,
+    ConvolutionalGenerator,
     PublishedConverter,
     PublishedPredictor,
     PublishedPretraining,

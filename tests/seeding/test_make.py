@@ -7,7 +7,7 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding import Gradient, Seeds, make_long, make_seeds, refuse_beyond, result
+from sidegan.seeding import Gradient, SeedBatch, Seeds, make_long, make_seeds, optimise, refuse_beyond
 from sidegan.validity import check
 from tests.seeding.conftest import METHODS
 
@@ -71,7 +71,7 @@ def test_a_long_trajectory_is_the_best_of_its_starts(long_problem):
 
 
 def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_problem, tmp_path, monkeypatch):
-    monkeypatch.setattr(result, "HOPELESS", 1.0)
+    monkeypatch.setattr(optimise, "HOPELESS", 1.0)
     with pytest.raises(InfeasibleError, match=r"only 0 of 2 seeds became valid .* condition number"):
         made(planar_problem, tmp_path, method=Gradient(5, attempts=5, reserve=0.2), count=2)
     method = Spied(replace(METHOD, attempts=1, steps=3))
@@ -91,7 +91,7 @@ def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_probl
 )
 def test_too_few_seeds_are_reported_with_suggestions(planar_problem, faults, remedy):
     nothing = np.zeros((0, 2, 3, 2))
-    batch = result.SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults)
+    batch = SeedBatch(nothing, nothing[:, 0, 0, 0], 12, 12, faults)
     error = batch.shortfall(planar_problem.constraints, 6)
     with pytest.raises(InfeasibleError, match=rf"what may help: a home .*trajectory\.home=.*{remedy}"):
         raise error
