@@ -13,7 +13,7 @@ from torch import Tensor
 
 from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
-from sidegan.design.excitation import excitation_of
+from sidegan.design.excitation import excite
 from sidegan.errors import ArtifactError
 from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
@@ -21,7 +21,6 @@ from sidegan.gan.settings import SurrogateSettings, Variant
 from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogate
 from sidegan.gan.tensors import array, read_tensors, tensor, write_network
 from sidegan.gan.trainer import Progress, Shuffled, fit
-from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -69,7 +68,7 @@ def label(
     """Exact labels of coefficients (N, J, H, 2), with margins at ``steps`` time points per trajectory."""
     parts = []
     for done, batch in enumerate(split(c, _LABELLED)):
-        excitation = excitation_of(constraints.body, gram(constraints.body, trajectory, batch))
+        excitation = excite(constraints.body, trajectory, batch)
         valid = check(constraints, trajectory, batch).valid
         margins = scaled_margins(constraints, trajectory, batch, steps)
         reward = batch[:, 0, 0, :0] if energies is None else energies(batch)

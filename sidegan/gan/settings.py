@@ -6,7 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width, settings_of
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.errors import ConfigError
 
 _Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
@@ -93,10 +93,6 @@ class Published:
     fitness: Literal["entropy", "minus_entropy", "ratio"] = "entropy"
 
 
-_GROUPS = {"weights": Weights, "refresh": Refresh, "exact": ExactPhysics}
-_GROUPS |= {"reward": Reward, "published": Published}
-
-
 @dataclass(frozen=True, kw_only=True)
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
@@ -128,10 +124,8 @@ class Variant:
     def __post_init__(self) -> None:
         if self.variant not in list(TRAITS):
             raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}")
-        for name, kind in _GROUPS.items():  # mappings of their fields will do
-            given = getattr(self, name)
-            if not isinstance(given, kind) and (given is not None or name == "weights"):
-                object.__setattr__(self, name, settings_of(kind, given))
+        if not isinstance(self.weights, Weights):
+            raise ConfigError(f"weights are {self.weights!r}, expected Weights")
         traits = TRAITS[self.variant]
         if foreign := [f"weights.{name}" for name in traits.missing if getattr(self.weights, name)]:
             raise ConfigError(f"{self.variant} has no such loss: {', '.join(foreign)} must be 0")

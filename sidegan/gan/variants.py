@@ -9,7 +9,7 @@ from typing import Any, cast
 import torch
 from torch import Tensor, nn
 
-from sidegan.design.excitation import excitation_of
+from sidegan.design.excitation import excite
 from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
@@ -22,7 +22,6 @@ from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, tensor
-from sidegan.motion.dynamics import gram
 from sidegan.seeding.published import Layout
 
 _EASE, _EASED = 0.1, 0.4  # initial share of the violations' weight, and share of the training until it is 1
@@ -55,14 +54,14 @@ class Eigen(Vanilla):
         super().__init__(settings, data, name)
         if data.success_predictor is None or data.converter is None:
             raise ConfigError(f"{name} needs a success predictor and a converter to {settings.features}")
-        examples = self.seeds_features()
-        critic = self.make_critic(examples)
-        self.second_discriminator = Adversary(critic, examples, lambda batch: batch.features)
+        features = self.seeds_features()
+        critic = self.make_critic(features)
+        self.second_discriminator = Adversary(critic, features, lambda batch: batch.features)
 
     def seeds_features(self) -> Tensor:
         """Exact features of the seeds, (N, p), standardised like the converter's."""
-        body = self.data.constraints.body
-        excitation = excitation_of(body, gram(body, self.data.trajectory, self.data.seeds))
+        data = self.data
+        excitation = excite(data.constraints.body, data.trajectory, data.seeds)
         return self.converter.standardise(tensor(getattr(excitation, str(self.settings.features))))
 
     def losses(self) -> list[Loss]:

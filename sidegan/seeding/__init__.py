@@ -1,8 +1,7 @@
 """Conventional optimisers that make the seed set; the only door to pygmo."""
 
 from sidegan.seeding.methods import Gradient
-from sidegan.seeding.optimise import make_long, make_seeds
-from sidegan.seeding.result import SeedBatch
+from sidegan.seeding.optimise import SeedBatch, make_long, make_seeds
 from sidegan.seeding.settings import METHODS, Seeds, refuse_beyond
 
 __all__ = ["METHODS", "Gradient", "SeedBatch", "Seeds", "make_long", "make_seeds", "refuse_beyond"]

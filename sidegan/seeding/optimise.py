@@ -1,27 +1,114 @@
-"""Optimisers of seeds, seed sets and long trajectories, in resumable parallel tasks."""
+"""Optimisers of seeds, their results, and the resumable parallel tasks that make a seed set."""
 
+import json
 import time
 from abc import ABC, abstractmethod
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
-from sidegan.base.storage import read_arrays, write_task
+from sidegan.base.storage import read_arrays, write_arrays, write_task
 from sidegan.design.problem import Problem
-from sidegan.errors import ArtifactError
+from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.kernels import HOPELESS
-from sidegan.seeding.result import SeedBatch
+from sidegan.validity import Constraints, summarise_faults
+from sidegan.validity.remedies import remedy
 
 _FINER = 3  # ratio of samples for the reported fitness to the problem's samples
 _REACH = 0.7  # share of the tightest limit used by the first starts, and its factor per round
 _ILL = "the condition number"
 _SPARE_ROUNDS = 2  # additional rounds of tasks if starts fail
 _SPARE_STARTS = 4  # additional starts of a long trajectory per configured one, while none is valid
+
+
+@dataclass(frozen=True)
+class SeedBatch:
+    """Valid seeds, and statistics of their optimisation."""
+
+    coefficients: Array  # of valid seeds [rad/s], (n, J, H, 2)
+    fitness: Array  # condition numbers of YᵀY, (n,)
+    attempts: int = 0  # starts that were optimised
+    failed: int = 0  # starts that did not become valid seeds
+    faults: dict[str, int] = field(default_factory=dict)  # number of failed starts by violation
+    cpu_seconds: float = 0.0  # including failures
+
+    def __len__(self) -> int:
+        return len(self.coefficients)
+
+    @classmethod
+    def join(cls, batches: Iterable["SeedBatch"]) -> "SeedBatch":
+        """All batches, at least one, joined in order."""
+        parts = list(batches)
+        return cls(
+            np.concatenate([part.coefficients for part in parts]),
+            np.concatenate([part.fitness for part in parts]),
+            sum(part.attempts for part in parts),
+            sum(part.failed for part in parts),
+            dict(sum((Counter(part.faults) for part in parts), Counter[str]())),
+            sum(part.cpu_seconds for part in parts),
+        )
+
+    @classmethod
+    def of(cls, arrays: Mapping[str, Array]) -> "SeedBatch":
+        """A batch from a file's arrays; ArtifactError if they are not a batch."""
+        try:
+            return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
+        except (KeyError, TypeError, ValueError) as error:
+            held = ", ".join(arrays)
+            raise ArtifactError(
+                f"the file holds {held}, expected coefficients, fitness and origin"
+            ) from error
+
+    def arrays(self) -> dict[str, Array]:
+        """Arrays for a file, of numbers and text."""
+        origin = {name: x for name, x in vars(self).items() if name not in ("coefficients", "fitness")}
+        text = np.array(json.dumps(origin))
+        return {"coefficients": self.coefficients, "fitness": self.fitness, "origin": text}
+
+    def best(self, count: int) -> "SeedBatch":
+        """The ``count`` seeds with the least fitness, or all, in their order."""
+        kept = np.sort(np.argsort(self.fitness)[:count])
+        return replace(self, coefficients=self.coefficients[kept], fitness=self.fitness[kept])
+
+    def shortfall(self, constraints: Constraints, count: int) -> InfeasibleError:
+        """Error that says why there are fewer than ``count`` seeds."""
+        why = summarise_faults(self.faults) or "no start was finished"
+        worst, _, where = max(self.faults, key=self.faults.__getitem__, default="").partition(" of ")
+        helps = f", or {remedy(constraints, (worst, where))}" if where else ""
+        return InfeasibleError(
+            f"only {len(self)} of {count} seeds became valid in {self.attempts} starts; "
+            f"of those that failed, {why}; what may help: a home with more room around it "
+            f"('trajectory.home=[…]'), a longer period (trajectory.period=…){helps}"
+        )
+
+
+def ship(path: Path, stamp: Mapping[str, Any], batch: SeedBatch) -> None:
+    """Write seeds that took long to make, in single precision, with a stamp of what made them."""
+    seeds = replace(batch, coefficients=batch.coefficients.astype(np.float32)).arrays()
+    write_arrays(path, {"stamp": np.array(json.dumps(stamp)), **seeds})
+
+
+def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | None:
+    """The first ``count`` seeds of a file by ``ship``; None if it is missing, short or has another stamp."""
+    if not path.exists():
+        return None
+    arrays = read_arrays(path)
+    seeds = SeedBatch.of(arrays)
+    if json.loads(arrays["stamp"].item()) != stamp or len(seeds) < count:
+        return None
+    return replace(
+        seeds,
+        coefficients=seeds.coefficients[:count].astype(float),
+        fitness=seeds.fitness[:count],
+        cpu_seconds=seeds.cpu_seconds * count / len(seeds),
+    )
 
 
 class Optimiser(ABC):

@@ -55,18 +55,16 @@ class PublishedSeeds:
 
     folder: Path
 
-    def _found(self, pattern: str) -> Path | None:
-        return min(self.folder.expanduser().rglob(pattern), default=None)
+    def _found(self, pattern: str, refusal: str) -> Path:
+        """The first file of this name; a ConfigError if there is none."""
+        if found := min(self.folder.expanduser().rglob(pattern), default=None):
+            return found
+        raise ConfigError(f"seeds.folder={self.folder} has no {refusal}")
 
     @cached_property
     def file(self) -> Path:
         """The array's file; ConfigError if there is none."""
-        if found := self._found(_MASTER):
-            return found
-        raise ConfigError(
-            f"seeds.folder={self.folder} has no seeds, expected {_MASTER}; "
-            f"for the paper's: git clone {REPOSITORY}"
-        )
+        return self._found(_MASTER, f"seeds, expected {_MASTER}; for the paper's: git clone {REPOSITORY}")
 
     def read(self, trajectory: Trajectory) -> Array:
         """Coefficients [rad/s], (N, J, H, 2); ConfigError if the file does not have this layout."""
@@ -87,14 +85,10 @@ class PublishedSeeds:
 
     def features(self) -> Array | None:
         """The authors' 35 features of each seed, their diag YᵀY, (N, 35); None if there are none."""
-        found = self._found(_FEATURES)
+        found = min(self.folder.expanduser().rglob(_FEATURES), default=None)
         return np.load(found).astype(float) if found else None
 
     def weights(self, name: str) -> Path:
         """File of the authors' weights of ``predictor`` or ``converter``; ConfigError if it is missing."""
-        if found := self._found(WEIGHTS[name]):
-            return found
-        raise ConfigError(
-            f"seeds.folder={self.folder} has no {WEIGHTS[name]}, the published {name}; "
-            "surrogates.shipped=false trains one instead"
-        )
+        instead = f"the published {name}; surrogates.shipped=false trains one instead"
+        return self._found(WEIGHTS[name], f"{WEIGHTS[name]}, {instead}")

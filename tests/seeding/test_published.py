@@ -5,8 +5,8 @@ import pytest
 
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
+from sidegan.seeding.optimise import SeedBatch, ship, shipped
 from sidegan.seeding.published import SCALE, Layout, PublishedSeeds
-from sidegan.seeding.result import SeedBatch, ship, shipped
 from sidegan.validity import check
 from tests.golden.make import DATA
 
