@@ -116,10 +116,8 @@ class Exact(SideGAN):
         super().__init__(settings, data, name)
         physics = cast("ExactPhysics", settings.exact)
         self.problem = Problem(data.constraints, data.trajectory, physics.samples)
-        self.worths: list[tuple[float, Worth]] = []  # with their weights
-        for kind, noise in noises(self.problem.body).items():
-            if weight := getattr(settings.reward, kind):
-                self.worths.append((weight, Worth(self.problem, noise)))
+        weighted = [(getattr(settings.reward, kind), x) for kind, x in noises(self.problem.body).items()]
+        self.worths = [(weight, Worth(self.problem, noise)) for weight, noise in weighted if weight]
         # The generator's last layer enforces the limits on motion.
         reserve = physics.reserve
         self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
@@ -183,9 +181,9 @@ class PublishedEigen(PublishedVanilla, Eigen):
 
     def losses(self) -> list[Loss]:
         """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""
-        adversarial, success, features, fitness = super().losses()
+        adversarial, success, *others = super().losses()
         growth = 1 + _GROWTH * max(0, self.current_epoch - self.settings.fitness_start)
-        return [adversarial, Loss(success.weight * growth, self.failure), features, fitness]
+        return [adversarial, Loss(success.weight * growth, self.failure), *others]
 
     def failure(self, batch: Batch) -> Tensor:
         """One minus the mean probability of being valid."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
-from sidegan.base.storage import read_arrays, write_arrays, write_task
+from sidegan.base.storage import read_arrays, reading, write_arrays, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.kernels import HOPELESS
@@ -56,21 +56,17 @@ class SeedBatch:
         )
 
     @classmethod
-    def of(cls, arrays: Mapping[str, Array]) -> "SeedBatch":
-        """A batch from a file's arrays; ArtifactError if they are not a batch."""
-        try:
+    def read(cls, path: Path) -> "SeedBatch":
+        """A batch from a file of its ``arrays``; ArtifactError if there is none."""
+        arrays = read_arrays(path)
+        with reading(path, "seed"):
             return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
-        except (KeyError, TypeError, ValueError) as error:
-            held = ", ".join(arrays)
-            raise ArtifactError(
-                f"the file holds {held}, expected coefficients, fitness and origin"
-            ) from error
 
     def arrays(self) -> dict[str, Array]:
         """Arrays for a file, of numbers and text."""
-        origin = {name: x for name, x in vars(self).items() if name not in ("coefficients", "fitness")}
-        text = np.array(json.dumps(origin))
-        return {"coefficients": self.coefficients, "fitness": self.fitness, "origin": text}
+        numbers = {"coefficients": self.coefficients, "fitness": self.fitness}
+        origin = {name: x for name, x in vars(self).items() if name not in numbers}
+        return {**numbers, "origin": np.array(json.dumps(origin))}
 
     def best(self, count: int) -> "SeedBatch":
         """The ``count`` seeds with the least fitness, or all, in their order."""
@@ -99,9 +95,8 @@ def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | Non
     """The first ``count`` seeds of a file by ``ship``; None if it is missing, short or has another stamp."""
     if not path.exists():
         return None
-    arrays = read_arrays(path)
-    seeds = SeedBatch.of(arrays)
-    if json.loads(arrays["stamp"].item()) != stamp or len(seeds) < count:
+    seeds = SeedBatch.read(path)
+    if json.loads(read_arrays(path)["stamp"].item()) != stamp or len(seeds) < count:
         return None
     return replace(
         seeds,
@@ -233,7 +228,7 @@ def _task(
 ) -> SeedBatch:
     """Seeds from an earlier task's file, or new ones, which are kept there; None: no file."""
     try:
-        batch = SeedBatch.of(read_arrays(path)) if path else None
+        batch = SeedBatch.read(path) if path else None
     except ArtifactError:
         batch = None
     if batch is None:
