@@ -51,7 +51,7 @@ def task() -> tuple[Any, Data]:
     converter = Converter(arm, family, spectrum.shape[1], sizes.width, sizes.feature_steps)
     converter.fit_standard(tensor(spectrum))
     for network in (predictor, converter):
-        network.freeze()
+        network.requires_grad_(False)
     variant = replace(cfg.gan["eigen"], epochs=EPOCHS, fitness_start=0)
     return variant, Data(constraints, family, seeds, predictor, converter)
 

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytorch_lightning as pl
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
@@ -18,9 +17,9 @@ from sidegan.errors import ArtifactError
 from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
-from sidegan.gan.surrogates import Converter, SuccessPredictor, Surrogate
+from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.tensors import array, read_tensors, tensor, write_network
-from sidegan.gan.trainer import Progress, Shuffled, fit
+from sidegan.gan.trainer import learn
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check
@@ -31,7 +30,7 @@ _LABELLED = 250  # samples to label at once
 _SMALLEST, _LARGEST = 0.8, 1.2  # range of random scales of the samples
 
 SHARES = 8  # jobs that label the samples
-_BATCH = 100
+_BATCH, _PEAK_RATE = 100, 3e-3
 _HELD_OUT = 0.15  # of the seeds, and of the labelled samples
 _HELD_OUT_NEGATIVES = 500
 _LEAST_NEGATIVES = 100  # for training
@@ -160,12 +159,21 @@ class Pretraining:
         return max(1, int(len(self.seeds) * (1 - _HELD_OUT)))
 
     def _fit(
-        self, network: Surrogate, tensors: Sequence[Tensor], random: torch.Generator, progress: Report
+        self,
+        network: SuccessPredictor | Converter,
+        tensors: Sequence[Tensor],
+        random: torch.Generator,
+        progress: Report,
     ) -> None:
-        batches = Shuffled(tensors, _BATCH, random)
-        epochs = self.settings.epochs
-        fit(network, batches, epochs, [Progress(progress, epochs * len(batches))])
-        network.freeze()
+        """Train by Adam with a one-cycle learning rate, in a new order every epoch."""
+        count, epochs = len(tensors[0]), self.settings.epochs
+        orders = (torch.randperm(count, generator=random) for _ in range(epochs))
+        batches = (rows for order in orders for rows in order.split(_BATCH))
+        losses = (network.loss(*(x[rows] for x in tensors)) for rows in batches)
+        adam = torch.optim.Adam(network.parameters())
+        steps = epochs * -(-count // _BATCH)
+        rates = torch.optim.lr_scheduler.OneCycleLR(adam, _PEAK_RATE, total_steps=steps)
+        learn(losses, steps, adam, progress, rates)
 
 
 def _begin(labelled: Labelled, seed: int) -> tuple[Labelled, Labelled, torch.Generator]:
@@ -182,15 +190,13 @@ def negatives_count(samples: int) -> int:
     return max(samples // 2, _LEAST_NEGATIVES + _HELD_OUT_NEGATIVES)
 
 
-def load_surrogates(
-    folder: Path, variant: Variant, arm: Arm, trajectory: Trajectory
-) -> list[pl.LightningModule]:
+def load_surrogates(folder: Path, variant: Variant, arm: Arm, trajectory: Trajectory) -> list[nn.Module]:
     """Frozen success predictor and converter of a variant with features, from their folder.
 
     Raises:
         ArtifactError: when one is missing, damaged, or for a different arm.
     """
-    kinds: dict[str, Callable[..., pl.LightningModule]] = {
+    kinds: dict[str, Callable[..., nn.Module]] = {
         "success": partial(SuccessPredictor, arm, trajectory),
         str(variant.features): partial(Converter, arm, trajectory),
     }
@@ -205,5 +211,5 @@ def load_surrogates(
             networks[-1].load_state_dict(content["weights"])
         except (LookupError, TypeError, RuntimeError) as error:
             raise ArtifactError(f"{path} does not fit this arm: {error}") from error
-        networks[-1].freeze()
+        networks[-1].requires_grad_(False).eval()
     return networks

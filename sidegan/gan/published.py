@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
@@ -17,7 +16,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.gan.networks import FromNoise
 from sidegan.gan.tensors import read_tensors, tensor, write_network
-from sidegan.gan.trainer import Progress, fit
+from sidegan.gan.trainer import learn
 
 IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
 _PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, with output sides 3, 3, 3, 5 and 7
@@ -87,7 +86,7 @@ def _initialised(network: nn.Sequential) -> nn.Sequential:
     return network
 
 
-class ShallowNetwork(pl.LightningModule):
+class ShallowNetwork(nn.Module):
     """Maps images (B, 2, 7, 7) to outputs (B, n): two convolutions and a dense layer, for both surrogates.
 
     ``scale`` is the unit of each output: one with the authors' weights, the features' medians with ours,
@@ -107,10 +106,6 @@ class ShallowNetwork(pl.LightningModule):
         """Outputs (B, n)."""
         return self.scale * self.fc2(self.conv2(self.conv1(image).relu()).relu().flatten(1))
 
-    def configure_optimizers(self) -> torch.optim.Optimizer:
-        """Adam."""
-        return torch.optim.Adam(self.parameters(), _RATE, fused=True)
-
 
 class PublishedPredictor(ShallowNetwork):
     """The authors' success predictor: the logit of being valid, (B, 1)."""
@@ -118,9 +113,8 @@ class PublishedPredictor(ShallowNetwork):
     def __init__(self) -> None:
         super().__init__(2, 1)
 
-    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+    def loss(self, images: Tensor, valid: Tensor) -> Tensor:
         """Cross entropy of labels (B,), 0-dimensional."""
-        images, valid = batch
         return nn.functional.binary_cross_entropy_with_logits(self(images)[:, 0], valid.float())
 
 
@@ -130,9 +124,8 @@ class PublishedConverter(ShallowNetwork):
     def __init__(self, features: int) -> None:
         super().__init__(10, features)
 
-    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+    def loss(self, images: Tensor, target: Tensor) -> Tensor:
         """Mean relative error of features (B, p), 0-dimensional."""
-        images, target = batch
         return ((self(images) - target).abs() / target).mean()
 
 
@@ -158,7 +151,7 @@ class PublishedPretraining:
         held, learnt = _split(len(valid))
         network = PublishedPredictor()
         if weights is None:
-            self._fit(network, (samples[learnt], valid[learnt]), progress)
+            self._fit(network, samples[learnt], valid[learnt], progress)
         else:
             network.load_state_dict({"scale": network.scale, **weights})
         write_network(folder / "success.pt", network.state_dict(), {})
@@ -177,16 +170,18 @@ class PublishedPretraining:
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)
-        self._fit(network, (seeds[learnt], target[learnt]), progress)
+        self._fit(network, seeds[learnt], target[learnt], progress)
         write_converter(folder / f"{name}.pt", network.state_dict())
         with torch.no_grad():
-            return {f"error_{name}": float(network.training_step([seeds[held], target[held]], 0))}
+            return {f"error_{name}": float(network.loss(seeds[held], target[held]))}
 
-    def _fit(self, network: ShallowNetwork, tensors: tuple[Tensor, Tensor], progress: Report) -> None:
+    def _fit(
+        self, network: PublishedPredictor | PublishedConverter, x: Tensor, target: Tensor, progress: Report
+    ) -> None:
         """Train for ``steps`` steps, each on a new random batch."""
-        count = len(tensors[0])
-        batches = (torch.randperm(count)[:_BATCH] for _ in range(self.steps))
-        fit(network, ([x[rows] for x in tensors] for rows in batches), 1, [Progress(progress, self.steps)])
+        batches = (torch.randperm(len(x))[:_BATCH] for _ in range(self.steps))
+        losses = (network.loss(x[rows], target[rows]) for rows in batches)
+        learn(losses, self.steps, torch.optim.Adam(network.parameters(), _RATE, fused=True), progress)
 
 
 def write_converter(path: Path, weights: dict[str, Tensor]) -> None:

@@ -1,9 +1,9 @@
-"""Lightning's Trainer as all trainings use it: silent, on one device, resumable."""
+"""Trainings: of a module by Lightning, silent, on one device, resumable; and of a surrogate."""
 
 import logging
 import signal
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -73,29 +73,15 @@ def fit(
     module.cpu()
 
 
-class Shuffled:
-    """Batches of the same rows of several tensors, in a new order every epoch."""
-
-    def __init__(self, tensors: Sequence[Tensor], size: int, random: torch.Generator) -> None:
-        self.tensors, self.size, self.random = tensors, size, random
-
-    def __len__(self) -> int:
-        return -(-len(self.tensors[0]) // self.size)
-
-    def __iter__(self) -> Iterator[list[Tensor]]:
-        order = torch.randperm(len(self.tensors[0]), generator=self.random)
-        for rows in order.split(self.size):  # drawn lazily: Lightning starts some epochs twice
-            yield [x[rows] for x in self.tensors]
-
-
-class Progress(pl.Callback):
-    """Reports progress every few steps, and at the end."""
-
-    def __init__(self, report: Report, total: int) -> None:
-        self.report, self.total = report, total
-
-    def on_train_batch_end(self, trainer: pl.Trainer, *_: Any) -> None:
-        """Report progress if due."""
-        done = trainer.global_step
-        if done % _REPORTED == 0 or done == self.total:
-            self.report(done, self.total)
+def learn(
+    losses: Iterable[Tensor], total: int, adam: torch.optim.Optimizer, progress: Report, rates: Any = None
+) -> None:
+    """A step of an optimiser on each of ``total`` losses, made in turn; ``rates`` schedules its rates."""
+    for done, loss in enumerate(losses, 1):
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+        if rates is not None:
+            rates.step()
+        if done % _REPORTED == 0 or done == total:
+            progress(done, total)

@@ -22,7 +22,7 @@ from sidegan.gan.scaling import Box
 from sidegan.gan.settings import Refresh, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, read_tensors, tensor, write_tensors
-from sidegan.gan.trainer import fit
+from sidegan.gan.trainer import fit, learn
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
@@ -115,16 +115,16 @@ class Refreshed(pl.Callback):
         self.window = [*self.window, made][-settings.window :]
         recent = Labelled.join(self.window)
         features = getattr(recent, str(pl_module.settings.features)).astype(np.float32)
-        labels = [tensor(x).to(pl_module.device) for x in (recent.c, recent.margins, recent.valid, features)]
+        labels = (recent.c, recent.margins, recent.valid, features)
+        c, margins, valid, target = (tensor(x).to(pl_module.device) for x in labels)
         self.surrogates.requires_grad_(True)
-        for _ in range(settings.steps):
-            rows = torch.randint(len(recent.c), (_REFRESHED,), generator=self.random)
-            c, margins, valid, target = (x[rows] for x in labels)
-            loss = predictor.training_step([c, margins, valid], 0)
-            loss = loss + converter.training_step([c, converter.standardise(target)], 0)
-            self.adam.zero_grad()
-            loss.backward()
-            self.adam.step()
+        target, count = converter.standardise(target), settings.steps
+        batches = (torch.randint(len(c), (_REFRESHED,), generator=self.random) for _ in range(count))
+        losses = (
+            predictor.loss(c[rows], margins[rows], valid[rows]) + converter.loss(c[rows], target[rows])
+            for rows in batches
+        )
+        learn(losses, count, self.adam, lambda *_: None)
         self.surrogates.requires_grad_(False)
 
     def state_dict(self) -> dict[str, Any]:

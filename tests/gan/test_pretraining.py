@@ -106,7 +106,7 @@ def test_refreshed_surrogates_learn_what_the_generator_makes(made, full, taught)
     truth = Labelled(*map(tensor, truth))
 
     def known():
-        wrong = predictor.training_step([truth.c, truth.margins, truth.valid], 0)
+        wrong = predictor.loss(truth.c, truth.margins, truth.valid)
         return float(wrong.detach()), float(converter.explained(truth.c, truth.diagonal).mean())
 
     before = known()
