@@ -23,7 +23,7 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
-from sidegan.gan.trainer import fit
+from sidegan.gan.training import fit
 from sidegan.gan.variants import VARIANTS
 
 SEEDS, EPOCHS, WARM = 1800, 2, 1

@@ -17,9 +17,8 @@ from sidegan.errors import ArtifactError
 from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
-from sidegan.gan.surrogates import Converter, SuccessPredictor
+from sidegan.gan.surrogates import Converter, SuccessPredictor, learn
 from sidegan.gan.tensors import array, read_tensors, tensor, write_network
-from sidegan.gan.trainer import learn
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Constraints, check

@@ -15,8 +15,8 @@ from torch import Tensor, nn
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.gan.networks import FromNoise
+from sidegan.gan.surrogates import learn
 from sidegan.gan.tensors import read_tensors, tensor, write_network
-from sidegan.gan.trainer import learn
 
 IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
 _PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, with output sides 3, 3, 3, 5 and 7

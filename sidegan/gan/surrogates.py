@@ -4,11 +4,14 @@ Both apply the same layers to each time point of the rolled-out trajectory (conv
 then pool over time: the worst time decides validity, and YᵀY is a mean.
 """
 
+from collections.abc import Iterable
 from itertools import pairwise
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.parallel import Report
 from sidegan.gan.networks import RollOut
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -17,6 +20,7 @@ _TINY = 1e-12  # lower bound of features
 _LEAST_SPREAD = 1e-3  # of log features
 _START_GAIN = 3.0  # initial log gain; with larger ones the labels dominate the margins early in training
 _NEAR = 0.05  # margin beyond which errors count less
+_REPORTED = 20  # steps between progress reports
 _CLASSIFICATION = 0.3  # weight of the classification loss relative to the margins' loss
 
 
@@ -113,6 +117,20 @@ class Converter(nn.Module):
         x = _logs(features)
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD))
+
+
+def learn(
+    losses: Iterable[Tensor], total: int, adam: torch.optim.Optimizer, progress: Report, rates: Any = None
+) -> None:
+    """A step of an optimiser on each of ``total`` losses, made in turn; ``rates`` schedules its rates."""
+    for done, loss in enumerate(losses, 1):
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+        if rates is not None:
+            rates.step()
+        if done % _REPORTED == 0 or done == total:
+            progress(done, total)
 
 
 def _logs(features: Tensor) -> Tensor:

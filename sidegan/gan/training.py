@@ -1,5 +1,9 @@
-"""Train a variant, and measure its samples with exact physics after every epoch."""
+"""Train a variant by Lightning, and measure its samples with exact physics after every epoch."""
 
+import logging
+import signal
+import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +16,7 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
+from sidegan.base.storage import readable
 from sidegan.design.prediction import random_motions
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, InfeasibleError
@@ -21,12 +26,17 @@ from sidegan.gan.pretraining import Labelled, label
 from sidegan.gan.scaling import Box
 from sidegan.gan.settings import Refresh, Variant
 from sidegan.gan.side_gan import Data, SideGAN
+from sidegan.gan.surrogates import learn
 from sidegan.gan.tensors import array, read_tensors, tensor, write_tensors
-from sidegan.gan.trainer import fit, learn
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
+_log = logging.getLogger(__name__)
+
+_LAST = "last"  # checkpoint
+# Lightning's advice that does not apply: the data is small and in memory, the surrogates are frozen.
+_NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
 _REFRESHED = 100  # samples per batch of the surrogates' further training
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of small motions of which some must be valid
 # Number of random trajectories that replace seeds, and the share of their limits that they use, which leaves
@@ -78,6 +88,56 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     files = [_epoch_file(run, epoch) for epoch in range(settings.epochs)]
     history, samples = zip(*((epoch["metrics"], epoch["samples"]) for epoch in map(read_tensors, files)))
     return Trained(model.generator.eval(), list(history), torch.cat(samples).numpy())
+
+
+def fit(
+    module: pl.LightningModule,
+    batches: Iterable[Any],
+    epochs: int,
+    callbacks: Sequence[pl.Callback] = (),
+    work: Path | None = None,
+    device: str = "cpu",
+) -> None:
+    """Train a module, and move it to the CPU.
+
+    In a work folder, training saves a checkpoint after every epoch and resumes from it; it starts over if
+    there is none or it is damaged.
+
+    Raises:
+        KeyboardInterrupt: when interrupted.
+    """
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    kind, _, index = device.partition(":")
+    known: Path | None = None
+    callbacks = list(callbacks)
+    if work is not None:
+        checkpoint = pl.callbacks.ModelCheckpoint
+        callbacks.append(checkpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False))
+        known = work / f"{_LAST}.ckpt"
+        if not readable(known, read_tensors):
+            if known.exists():
+                _log.warning("the checkpoint %s is damaged: the training starts over", known)
+            known = None
+    handler = signal.getsignal(signal.SIGINT)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=_NOISE)
+        trainer = pl.Trainer(
+            max_epochs=epochs,
+            accelerator={"cuda": "gpu"}.get(kind, kind),
+            devices=[int(index)] if index else 1,
+            callbacks=callbacks,
+            enable_checkpointing=work is not None,
+            logger=False,
+            enable_progress_bar=False,
+            enable_model_summary=False,
+            default_root_dir=work,
+        )
+        try:
+            trainer.fit(module, batches, ckpt_path=known, weights_only=True)
+        except SystemExit as error:  # Lightning turns an interrupt into an exit, and ignores further ones
+            signal.signal(signal.SIGINT, handler)
+            raise KeyboardInterrupt from error
+    module.cpu()
 
 
 def _epoch_file(run: Run, epoch: int) -> Path:

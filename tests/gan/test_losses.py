@@ -34,19 +34,16 @@ def test_losses_equal_their_closed_forms(made, full):
 
 
 def test_the_loss_is_the_weighted_sum_of_active_losses(made, full, monkeypatch):
-    found = []
-    for epoch in (0, 1, 2):
+    for epoch in (0, 1):
         monkeypatch.setattr(SideGAN, "current_epoch", epoch)
         model = made(replace(full, fitness_start=1))
         torch.manual_seed(2)
-        found.append(float(model.generator_loss(32).detach()))
+        found = float(model.generator_loss(32).detach())
         torch.manual_seed(2)
         batch = model(32)
         losses = [*model.losses(), *model.floors]
-        assert len(losses) == 7 and losses[3].weight == (epoch > 0)
-        parts = [weight * float(value(batch).detach()) for weight, value in losses]
-        assert found[-1] == pytest.approx(sum(parts), rel=1e-5)
-    assert found[1] > found[0] + 0.1
+        assert len(losses) == 7 and losses[3].weight == epoch
+        assert found == pytest.approx(sum(weight * float(value(batch).detach()) for weight, value in losses))
 
 
 def test_discriminators_of_zero_weight_do_not_learn(made, full):
