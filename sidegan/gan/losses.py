@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import torch
@@ -18,13 +20,22 @@ _IN_COMMON = 0.03  # upper bound of the target of the mean cosine
 _TINY = 1e-9  # share of the squares below which a direction does not count
 
 
-class Batch(NamedTuple):
+@dataclass
+class Batch:
     """Generated trajectories, as inputs of losses."""
 
     coefficients: Tensor  # [rad/s], (B, J, H, 2)
     images: Tensor  # of the coefficients, (B, 2, …)
     free: Tensor  # coefficients before the box, (B, J, H, 2)
-    features: Tensor  # that the converter predicts, (B, p); (0,) without one
+    convert: Callable[[], Tensor]
+
+    @cached_property
+    def features(self) -> Tensor:
+        """Features that the converter predicts, (B, p), made by the first loss that needs them.
+
+        Made earlier, gradients would add up in another order, and round differently.
+        """
+        return self.convert()
 
 
 Value = Callable[[Batch], Tensor]  # a loss without its weight, 0-dimensional

@@ -115,8 +115,7 @@ class SideGAN(pl.LightningModule):
         if c is not free:
             images = generator.scaling.image(c)
         seen = c if self.settings.published is None else images  # by the converter
-        features = torch.empty(0) if self.converter is None else self.converter(seen)
-        return Batch(c, images, c if generator.box is None else free, features)
+        return Batch(c, images, c if generator.box is None else free, lambda: self.converter(seen))
 
     def training_step(self, batch: list[Tensor], index: int) -> None:
         """The adversarial loop: a step of the discriminators on examples, then the generator's steps."""

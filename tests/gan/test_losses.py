@@ -62,7 +62,7 @@ def test_the_weight_of_violations_grows_geometrically(data, exact):
 
 def loss_of(value):
     """The loss of coefficients."""
-    return lambda c: value(Batch(c, c, c, c))
+    return lambda c: value(Batch(c, c, c, lambda: c))
 
 
 def test_only_a_shrunken_batch_has_a_distance_loss(seeds):
