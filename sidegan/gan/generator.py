@@ -11,12 +11,11 @@ from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.networks import Correction, FromNoise, Generator
-from sidegan.gan.published import ConvolutionalGenerator
+from sidegan.gan.published import ConvolutionalGenerator, PublishedScaling
 from sidegan.gan.scaling import Box, LimitLayer, Scaling
 from sidegan.gan.tensors import array, read_tensors, write_tensors
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.seeding.published import Layout
 
 _FORMAT = 8
 
@@ -37,7 +36,7 @@ class TrajectoryGenerator(nn.Module):
     def __init__(
         self,
         network: FromNoise,
-        scaling: Scaling | Layout,
+        scaling: Scaling | PublishedScaling,
         trajectory: Trajectory,
         arm: Arm,
         *,
@@ -94,7 +93,7 @@ class TrajectoryGenerator(nn.Module):
             "limited": self.limits is not None,
             "box": None if self.box is None else self.box.size,
             "corrections": len(self.corrections),
-            "published": isinstance(self.scaling, Layout),
+            "published": isinstance(self.scaling, PublishedScaling),
             "weights": self.state_dict(),
         }
         write_tensors(path, content)
@@ -120,7 +119,7 @@ class TrajectoryGenerator(nn.Module):
             published = content["published"]
             network = (ConvolutionalGenerator if published else Generator)(**content["network"])
             ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-            scaling = Layout(joints, family.harmonics) if published else ours
+            scaling = PublishedScaling(joints, family.harmonics) if published else ours
             last = {name: content[name] for name in ("limited", "box", "corrections")}
             generator = cls(network, scaling, family, arm, **last)
             generator.load_state_dict(content["weights"])

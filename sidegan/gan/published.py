@@ -17,6 +17,7 @@ from sidegan.base.parallel import Report
 from sidegan.gan.networks import FromNoise
 from sidegan.gan.surrogates import learn
 from sidegan.gan.tensors import read_tensors, tensor, write_network
+from sidegan.seeding.published import SCALE, Layout
 
 IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
 _PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, with output sides 3, 3, 3, 5 and 7
@@ -86,6 +87,15 @@ def _initialised(network: nn.Sequential) -> nn.Sequential:
     return network
 
 
+class PublishedScaling(Layout):
+    """A differentiable ``Layout``."""
+
+    def image(self, c: Tensor) -> Tensor:
+        """Images (B, 2, H + 1, J) float32 from coefficients (B, J, H, 2)."""
+        rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
+        return torch.cat([rows, rows[:, :, :1]], 2).float()  # keeps the layout in memory, by which sums round
+
+
 class ShallowNetwork(nn.Module):
     """Maps images (B, 2, 7, 7) to outputs (B, n): two convolutions and a dense layer, for both surrogates.
 
@@ -134,7 +144,7 @@ class PublishedPretraining:
     """Data for training the published surrogates."""
 
     steps: int  # per training
-    seeds: Array  # images (N, 2, 7, 7)
+    seeds: Array  # images (N, 2, 7, 7) float32
     samples: Array  # images (M, 2, 7, 7) float32 from all epochs of a vanilla GAN
     valid: Array  # exact validity of the samples, (M,)
 
@@ -157,7 +167,7 @@ class PublishedPretraining:
         write_network(folder / "success.pt", network.state_dict(), {})
         with torch.no_grad():
             right = (network(samples[held])[:, 0] > 0) == valid[held]
-            of_seeds = network(tensor(self.seeds).float())[:, 0] > 0
+            of_seeds = network(tensor(self.seeds))[:, 0] > 0
         on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
         return {"accuracy_broad": float(right.double().mean()), "accuracy_paper": float(on_paper)}
 
@@ -166,7 +176,7 @@ class PublishedPretraining:
     ) -> dict[str, float]:
         """Train and save a converter to features (N, p); return its mean relative error on held-out seeds."""
         torch.manual_seed(seed)
-        seeds, target = tensor(self.seeds).float(), tensor(features).float()
+        seeds, target = tensor(self.seeds), tensor(features).float()
         held, learnt = _split(len(target))
         network = PublishedConverter(target.shape[1])
         network.scale.copy_(target.median(0).values)

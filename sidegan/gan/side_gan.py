@@ -16,12 +16,12 @@ from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import FromNoise, Generator
+from sidegan.gan.published import PublishedScaling
 from sidegan.gan.reward import Energies
 from sidegan.gan.scaling import Box, Scaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding.published import Layout
 from sidegan.validity import Constraints
 
 _REMEDY = "; a smaller learning_rate may help"
@@ -71,7 +71,7 @@ class SideGAN(pl.LightningModule):
         # Copies, since they may be trained further.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
-    def make_network(self) -> tuple[FromNoise, Scaling | Layout]:
+    def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
         """The generator's untrained network, and the scaling of the seeds."""
         settings, box = self.settings, self.data.box
         joints, harmonics, _ = self.data.trajectory.shape

@@ -16,13 +16,12 @@ from sidegan.errors import ConfigError
 from sidegan.gan.losses import Adversary, Batch, Loss
 from sidegan.gan.metrics import noises
 from sidegan.gan.networks import Discriminator, FromNoise
-from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator
+from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, PublishedScaling
 from sidegan.gan.reward import Energies, Worth, violation
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, tensor
-from sidegan.seeding.published import Layout
 
 _EASE, _EASED = 0.1, 0.4  # initial share of the violations' weight, and share of the training until it is 1
 _CLEARANCE = 4.0  # clearance over the reserve, in units of 0.25 m
@@ -35,7 +34,7 @@ class Vanilla(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
-        images = self.generator.scaling.image(self.seeds).float()
+        images = self.generator.scaling.image(self.seeds)
         self.discriminator = Adversary(self.make_critic(images), images, lambda batch: batch.images)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
@@ -154,10 +153,10 @@ class Exact(SideGAN):
 class PublishedVanilla(Vanilla):
     """The authors' vanilla GAN: convolutions of scrambled images."""
 
-    def make_network(self) -> tuple[FromNoise, Scaling | Layout]:
+    def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
         """The authors' network, and their scrambled images."""
         family = self.data.trajectory
-        layout = Layout(family.joints, family.harmonics)
+        layout = PublishedScaling(family.joints, family.harmonics)
         if layout.shape != IMAGE:
             raise ConfigError(
                 f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
@@ -177,7 +176,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
     def seeds_features(self) -> Tensor:
         """Features of the seeds, (N, p), as the converter predicts them."""
         with torch.no_grad():
-            return self.converter(self.generator.scaling.image(self.seeds).float())
+            return self.converter(self.generator.scaling.image(self.seeds))
 
     def losses(self) -> list[Loss]:
         """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""

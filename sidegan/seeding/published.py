@@ -27,7 +27,7 @@ WEIGHTS = {"predictor": "model_0_SR.pth", "converter": "model_0_50k_epochs.pth"}
 
 @dataclass(frozen=True)
 class Layout:
-    """Conversion between an arm's trajectories and images, of arrays or tensors."""
+    """Conversion between an arm's trajectories and images."""
 
     joints: int
     harmonics: int
@@ -38,13 +38,15 @@ class Layout:
         return 2, self.harmonics + 1, self.joints
 
     def image(self, c: Any) -> Any:
-        """Images (B, 2, H + 1, J) of coefficients [rad/s], (B, J, H, 2)."""
-        channels = c.swapaxes(2, 3).swapaxes(1, 2)
-        rows = SCALE * channels.reshape(len(c), 2, self.harmonics, self.joints)
-        return rows[:, :, [*range(self.harmonics), 0]]
+        """Images (B, 2, H + 1, J), float32, of coefficients [rad/s], (B, J, H, 2)."""
+        rows = SCALE * c.transpose(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
+        return np.concatenate([rows, rows[:, :, :1]], 2).astype(np.float32)
 
     def coefficients(self, image: Any) -> Any:
-        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J); the last row is ignored."""
+        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), an array or a tensor.
+
+        The last row is ignored.
+        """
         rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
         return rows.swapaxes(1, 2).swapaxes(2, 3) / SCALE
 

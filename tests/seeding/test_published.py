@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from sidegan.errors import ConfigError
 from sidegan.motion.trajectory import Trajectory
@@ -37,12 +36,10 @@ def test_seeds_are_read_joint_by_joint_from_a_subfolder(tmp_path):
     np.testing.assert_allclose(c[:, joint, harmonic], flat()[:, :, 2 * joint + harmonic], atol=1e-15)
 
 
-@pytest.mark.parametrize("kind", [np.asarray, torch.tensor])
-def test_images_of_arrays_and_tensors_and_coefficients_are_inverse(kind):
+def test_images_and_coefficients_are_inverse():
     layout, c = Layout(3, 2), flat().reshape(4, 3, 2, 2)
-    made = layout.image(kind(c))
-    np.testing.assert_allclose(layout.coefficients(made), c)
-    np.testing.assert_allclose(made, images(c.transpose(0, 3, 1, 2).reshape(4, 2, -1)))
+    np.testing.assert_allclose(layout.coefficients(layout.image(c)), c, rtol=1e-6)  # single precision
+    np.testing.assert_allclose(layout.image(c), images(c.transpose(0, 3, 1, 2).reshape(4, 2, -1)), atol=1e-7)
 
 
 @pytest.mark.parametrize(
