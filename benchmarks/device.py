@@ -23,7 +23,7 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.gan.side_gan import Data
 from sidegan.gan.tensors import tensor
-from sidegan.gan.trainer import fit
+from sidegan.gan.training import fit
 from sidegan.gan.variants import VARIANTS
 
 SEEDS, EPOCHS, WARM = 1800, 2, 1
@@ -51,7 +51,7 @@ def task() -> tuple[Any, Data]:
     converter = Converter(arm, family, spectrum.shape[1], sizes.width, sizes.feature_steps)
     converter.fit_standard(tensor(spectrum))
     for network in (predictor, converter):
-        network.freeze()
+        network.requires_grad_(False)
     variant = replace(cfg.gan["eigen"], epochs=EPOCHS, fitness_start=0)
     return variant, Data(constraints, family, seeds, predictor, converter)
 

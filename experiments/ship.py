@@ -11,7 +11,7 @@ from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages.seeds import origin, seed_set
 from sidegan.pipeline.store import Store
-from sidegan.seeding.result import SeedBatch, ship
+from sidegan.seeding.optimise import SeedBatch, ship
 
 
 def main() -> None:

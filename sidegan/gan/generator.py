@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from numbers import Integral
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -11,14 +10,12 @@ from torch import Tensor, nn
 from sidegan.base.arrays import Array
 from sidegan.base.storage import reading
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.gan.limits import Box, LimitLayer
-from sidegan.gan.networks import ConvolutionalGenerator, Generator
-from sidegan.gan.rollout import Correction
-from sidegan.gan.scaling import PublishedScaling, Scaling
+from sidegan.gan.networks import Correction, FromNoise, Generator
+from sidegan.gan.published import ConvolutionalGenerator, PublishedScaling
+from sidegan.gan.scaling import Box, LimitLayer, Scaling
 from sidegan.gan.tensors import array, read_tensors, write_tensors
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
-from sidegan.seeding.published import Layout
 
 _FORMAT = 8
 
@@ -38,7 +35,7 @@ class TrajectoryGenerator(nn.Module):
 
     def __init__(
         self,
-        network: Generator | ConvolutionalGenerator,
+        network: FromNoise,
         scaling: Scaling | PublishedScaling,
         trajectory: Trajectory,
         arm: Arm,
@@ -51,11 +48,9 @@ class TrajectoryGenerator(nn.Module):
         self.network, self.scaling = network, scaling
         self.box = None if box is None else Box(box)
         self.limits = LimitLayer(arm, trajectory) if limited else None
-        width = int(network.settings["width"])
+        width = network.settings["width"]
         self.corrections = nn.ModuleList(Correction(arm, trajectory, width) for _ in range(corrections))
-        self.trajectory = trajectory
-        self.robot = arm.name
-        self.digest = arm.digest
+        self.trajectory, self.arm = trajectory, arm
         self.float()
 
     def coefficients(self, images: Tensor) -> Tensor:
@@ -91,8 +86,8 @@ class TrajectoryGenerator(nn.Module):
         """Write a file of tensors and plain values."""
         content = {
             "format": _FORMAT,
-            "robot": self.robot,
-            "digest": self.digest,
+            "robot": self.arm.name,
+            "digest": self.arm.digest,
             "trajectory": self.trajectory.describe(),
             "network": self.network.settings,
             "limited": self.limits is not None,
@@ -114,28 +109,18 @@ class TrajectoryGenerator(nn.Module):
         if not isinstance(content, dict) or content.get("format") != _FORMAT:
             raise ArtifactError(f"{path} does not hold a trajectory generator of format {_FORMAT}")
         with reading(path, "generator"):
-            return cls._of(path, content, arm).eval()
-
-    @classmethod
-    def _of(cls, path: Path, content: dict[str, Any], arm: Arm) -> "TrajectoryGenerator":
-        """Generator from the content of a file; any error if it is not what ``save`` writes."""
-        if content["digest"] != arm.digest:
-            raise ArtifactError(f"{path} was trained for {arm.unlike(content['robot'], content['digest'])}")
-        if not all(torch.isfinite(x).all() for x in content["weights"].values()):
-            raise ArtifactError(f"{path} has weights that are not finite")
-        family = Trajectory(**content["trajectory"])
-        joints = family.joints
-        harmonics = family.harmonics
-        size = 2 * family.harmonics
-        network: Generator | ConvolutionalGenerator
-        scaling: Scaling | PublishedScaling
-        if content["published"]:
-            network = ConvolutionalGenerator(**content["network"])
-            scaling = PublishedScaling(Layout(joints, harmonics))
-        else:
-            network = Generator(**content["network"])
-            scaling = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
-        last = {name: content[name] for name in ("limited", "box", "corrections")}
-        generator = cls(network, scaling, family, arm, **last)
-        generator.load_state_dict(content["weights"])
-        return generator
+            if content["digest"] != arm.digest:
+                other = arm.unlike(content["robot"], content["digest"])
+                raise ArtifactError(f"{path} was trained for {other}")
+            if not all(torch.isfinite(x).all() for x in content["weights"].values()):
+                raise ArtifactError(f"{path} has weights that are not finite")
+            family = Trajectory(**content["trajectory"])
+            joints, size = family.joints, 2 * family.harmonics
+            published = content["published"]
+            network = (ConvolutionalGenerator if published else Generator)(**content["network"])
+            ours = Scaling(torch.ones(joints, size), torch.ones(joints, size, size))
+            scaling = PublishedScaling(joints, family.harmonics) if published else ours
+            last = {name: content[name] for name in ("limited", "box", "corrections")}
+            generator = cls(network, scaling, family, arm, **last)
+            generator.load_state_dict(content["weights"])
+        return generator.eval()

@@ -27,12 +27,15 @@ class Batch:
     coefficients: Tensor  # [rad/s], (B, J, H, 2)
     images: Tensor  # of the coefficients, (B, 2, …)
     free: Tensor  # coefficients before the box, (B, J, H, 2)
-    convert: "Callable[[Batch], Tensor]"
+    convert: Callable[[], Tensor]
 
     @cached_property
     def features(self) -> Tensor:
-        """Features that the converter predicts, (B, p)."""
-        return self.convert(self)
+        """Features that the converter predicts, (B, p), made by the first loss that needs them.
+
+        Made earlier, gradients would add up in another order, and round differently.
+        """
+        return self.convert()
 
 
 Value = Callable[[Batch], Tensor]  # a loss without its weight, 0-dimensional
@@ -85,21 +88,21 @@ def common_offset(seeds: Array) -> Value:
     offset than a generator needs.
     """
     target = min(max(mean_cosine(seeds), 0.0), _IN_COMMON)
-    return lambda batch: (_mean_cosine(batch.free.flatten(1)) - target).clamp_min(0)
 
+    def excess(batch: Batch) -> Tensor:
+        count = len(batch.free)
+        squares = normalize(batch.free.flatten(1)).sum(0).square().sum()
+        return ((squares - count) / (count * (count - 1)) - target).clamp_min(0)
 
-def _mean_cosine(x: Tensor) -> Tensor:
-    """Mean cosine over all pairs of rows (N, D), 0-dimensional."""
-    count = len(x)
-    return (normalize(x).sum(0).square().sum() - count) / (count * (count - 1))
+    return excess
 
 
 def missing_rank(seeds: Array, size: int, share: float = 1.0) -> Value:
     """Missing log effective rank of a batch, 0 if it reaches a share of that of equally many seeds."""
-    rows = flatten(seeds, 1)
     size = min(size, len(seeds))
-    parts = [tensor(part) for part in split(rows[: _BATCHES * size], size) if len(part) == size]
-    target = float(torch.stack([_log_rank(part) for part in parts]).mean()) + math.log(share)
+    parts = split(flatten(seeds, 1)[: _BATCHES * size], size)
+    ranks = [_log_rank(tensor(part)) for part in parts if len(part) == size]
+    target = float(torch.stack(ranks).mean()) + math.log(share)
     return lambda batch: (target - _log_rank(batch.coefficients.flatten(1))).clamp_min(0)
 
 

@@ -1,36 +1,41 @@
-"""Generator and discriminators: ours, four dense layers on (2, J, H) images; and the published ones.
-
-The latter are convolutions of 7 × 7 images; source: as in ``gan.variants``.
-"""
+"""Generator and discriminator, four dense layers on (2, J, H) images, and the roll-out of trajectories."""
 
 import math
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import cast
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.arrays import flatten
+from sidegan.gan.tensors import tensor
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import DERIVATIVE_ORDER, Arm
+
 _SMALL = 0.1  # initial scale of the layers next to the shortcut
 _DRAWS = 1024  # samples for the layers' mean
-
-IMAGE = (2, 7, 7)  # shape of a published image: 6 harmonics and a copy of the first row, 7 joints
-_PADDINGS = (0, 1, 1, 0, 0)  # of the generator's layers, with output sides 3, 3, 3, 5 and 7
-_STRIDES = {True: (2, 2, 1, 1), False: (2, 2, 2, 1)}  # of the discriminator's layers, for images or lists
-_SLOPE = 0.2  # of the leaky ReLU below zero
-_DEVIATION = 0.02  # of the initial weights
+_PEAKS = 4  # finer time points per step for the use of limits, to catch peaks
+_POINTS = 4  # time points per harmonic in corrections
+_ACCELERATION = 5.0  # unit of accelerations [rad/s²]
 
 
 class FromNoise(nn.Module):
     """A network that maps noise (B, Z), uniform in [−1, 1], to images."""
 
     noise: int  # Z
+    settings: dict[str, int]  # constructor arguments
+    layers: nn.Sequential
 
     def draw(self, count: int, generator: torch.Generator | None = None) -> Tensor:
         """Noise (count, Z) on the network's device."""
         parameter = next(self.parameters())
         z = torch.rand(count, self.noise, generator=generator, dtype=parameter.dtype)
         return (2 * z - 1).to(parameter.device)
+
+    def forward(self, z: Tensor) -> Tensor:
+        """Images (B, 2, …)."""
+        return self.layers(z)
 
     def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
         """Images of new noise, (count, …)."""
@@ -47,8 +52,8 @@ class Generator(FromNoise):
         self, joints: int, harmonics: int, noise: int = 100, width: int = 256, shortcut: bool = False
     ) -> None:
         super().__init__()
-        sizes = {"joints": joints, "harmonics": harmonics, "noise": noise, "width": width}
         self.noise = noise
+        sizes = {"joints": joints, "harmonics": harmonics, "noise": noise, "width": width}
         self.settings = {**sizes, "shortcut": shortcut}
         self.shape = (2, joints, harmonics)
         size = 2 * joints * harmonics
@@ -56,16 +61,11 @@ class Generator(FromNoise):
         if self.shortcut is not None:
             nn.init.zeros_(self.shortcut.weight)
             nn.init.zeros_(self.shortcut.bias)
-        self.layers = nn.Sequential(
-            *_hidden(noise, width), nn.Linear(width, size), nn.Unflatten(1, self.shape)
-        )
+        hidden, last = _hidden(noise, width), nn.Linear(width, size)
+        self.layers = nn.Sequential(*hidden, last, nn.Unflatten(1, self.shape))
         with torch.no_grad():
-            self._last.weight /= self(self.draw(256)).std(0).mean()
-            self._last.bias.zero_()
-
-    @property
-    def _last(self) -> nn.Linear:
-        return cast("nn.Linear", self.layers[-2])
+            last.weight /= self.sample(256).std(0).mean()
+            last.bias.zero_()
 
     def forward(self, z: Tensor) -> Tensor:
         """Images (B, 2, J, H)."""
@@ -79,7 +79,7 @@ class Generator(FromNoise):
         The layers' output becomes small. Noise dimensions beyond the image's only enter the layers; with
         fewer dimensions, the shortcut keeps the leading principal directions.
         """
-        shortcut = cast("nn.Linear", self.shortcut)
+        shortcut, last = cast("nn.Linear", self.shortcut), cast("nn.Linear", self.layers[-2])
         x = images.flatten(1).double()
         values, vectors = torch.linalg.eigh(torch.cov(x.T).reshape(x.shape[1], x.shape[1]))
         count = min(self.noise, x.shape[1])
@@ -87,7 +87,7 @@ class Generator(FromNoise):
         root = vectors[:, -count:] * (3 * values[-count:].clamp_min(0)).sqrt()
         shortcut.weight.zero_()
         shortcut.weight[:, :count] = root.to(shortcut.weight)
-        self._last.weight *= _SMALL
+        last.weight *= _SMALL
         output = self.layers(self.draw(_DRAWS, torch.Generator().manual_seed(0)))
         shortcut.bias.copy_(x.mean(0) - output.flatten(1).mean(0))
 
@@ -110,68 +110,70 @@ def _hidden(inputs: int, width: int) -> list[nn.Module]:
     return [module for a, b in pairwise(sizes) for module in (nn.Linear(a, b), nn.ReLU())]
 
 
-class ConvolutionalGenerator(FromNoise):
-    """Maps noise (B, Z) in [−1, 1] to images (B, 2, 7, 7) in [−1, 1].
+class RollOut(nn.Module):
+    """Maps coefficients (B, J, H, 2) to channels (B, 5 J + L, T), float32, without weights.
 
-    Batches are normalised by their own statistics, also when sampling.
+    The channels are sin and cos of the positions, the used shares of the position and velocity ranges, scaled
+    accelerations, and the largest share over the joints of each of the L kinds of limits that are linear in
+    the coefficients: position, velocity and, if present, acceleration and jerk.
     """
 
-    def __init__(self, noise: int = 100, width: int = 64, batch: int = 100) -> None:
+    basis: Tensor
+    home: Tensor
+    middle: Tensor
+    room: Tensor
+    limits: Tensor  # of the derivatives in ``orders``
+
+    def __init__(self, arm: Arm, trajectory: Trajectory, steps: int) -> None:
         super().__init__()
-        self.noise, self.batch = noise, batch
-        self.settings = {"noise": noise, "width": width, "batch": batch}
-        channels = [noise, 8 * width, 4 * width, 2 * width, width, 2]
-        layers: list[nn.Module] = [nn.Unflatten(1, (noise, 1, 1))]
-        for (inputs, outputs), padding in zip(pairwise(channels), _PADDINGS, strict=True):
-            layers += [
-                nn.ConvTranspose2d(inputs, outputs, 3, 1, padding, bias=False),
-                nn.BatchNorm2d(outputs, track_running_stats=False),
-                nn.ReLU(),
-            ]
-        self.layers = _initialised(nn.Sequential(*layers[:-2], nn.Tanh()))
+        self.steps = steps
+        self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
+        self.linear = 1 + len(self.orders)
+        self.channels = 5 * arm.joints + self.linear
+        times = trajectory.grid(steps * _PEAKS)
+        motion = range(4 if arm.higher_limits else 3)
+        buffers = {
+            "basis": np.stack([flatten(trajectory.basis(times, order), 1) for order in motion]),
+            "home": np.array(trajectory.home),
+            "middle": (arm.position_upper + arm.position_lower) / 2,
+            "room": (arm.position_upper - arm.position_lower) / 2,
+            "limits": np.stack([arm.velocity_limit, *arm.higher_limits.values()]),
+        }
+        for name, value in buffers.items():
+            self.register_buffer(name, tensor(value).float(), persistent=False)
 
-    def forward(self, z: Tensor) -> Tensor:
-        """Images (B, 2, 7, 7)."""
-        return self.layers(z)
+    def forward(self, c: Tensor) -> Tensor:
+        """Channels (B, 5 J + L, T)."""
+        motion = torch.einsum("dtk,bjk->dbjt", self.basis, c.flatten(2))
+        q = motion[0] + self.home[:, None]
+        used = (q - self.middle[:, None]) / self.room[:, None]
+        rates = [motion[order] / limit[:, None] for order, limit in zip(self.orders, self.limits)]
+        tightest = [x.abs().amax(1, keepdim=True) for x in (used, *rates)]
+        peaks = [nn.functional.max_pool1d(x, _PEAKS) for x in tightest]
+        q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rates[0], motion[2]))
+        return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
 
-    def sample(self, count: int, generator: torch.Generator | None = None) -> Tensor:
-        """Images (count, 2, 7, 7), drawn in whole batches of the training's size."""
-        batches = [self(self.draw(self.batch, generator)) for _ in range(-(-count // self.batch))]
-        return torch.cat(batches)[:count]
 
+class Correction(nn.Module):
+    """Corrections of images (B, 2, J, H), from the images and their roll-out; initially zero.
 
-class ConvolutionalDiscriminator(nn.Module):
-    """Logits (B,) of being an example, for images (B, 2, 7, 7) or features (B, p).
-
-    Args:
-        shape: of an example, (2, 7, 7) or (p,).
-        width: channels of the first layer.
+    The worth of a joint's motion depends on the other joints' positions at that time, which the roll-out
+    shows: the network learns the step that an optimiser would take.
     """
 
-    def __init__(self, shape: Sequence[int], width: int = 64) -> None:
+    def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
         super().__init__()
-        image = len(shape) > 1
-        first, *sides = shape if image else (1, *shape, 1)
-        layers: list[nn.Module] = [] if image else [nn.Unflatten(1, (first, *sides))]
-        channels = [first, width, 2 * width, 4 * width, 8 * width]
-        strides = _STRIDES[image]
-        for index, ((inputs, outputs), stride) in enumerate(zip(pairwise(channels), strides, strict=True)):
-            layers.append(nn.Conv2d(inputs, outputs, 3, stride, 1, bias=False))
-            if index:
-                layers.append(nn.BatchNorm2d(outputs, track_running_stats=False))
-            layers.append(nn.LeakyReLU(_SLOPE))
-            sides = [-(-side // stride) for side in sides]
-        layers += [nn.Flatten(), nn.Linear(channels[-1] * math.prod(sides), 1), nn.Flatten(0)]
-        self.layers = _initialised(nn.Sequential(*layers))
+        size = math.prod(trajectory.shape)
+        steps = _POINTS * trajectory.harmonics
+        self.roll_out = RollOut(arm, trajectory, steps)
+        inputs = size + steps * self.roll_out.channels
+        last = nn.Linear(width, size)
+        nn.init.zeros_(last.weight)
+        nn.init.zeros_(last.bias)
+        hidden = [nn.Linear(inputs, width), nn.ReLU(), nn.Linear(width, width), nn.ReLU()]
+        self.layers = nn.Sequential(*hidden, last)
 
-    def forward(self, x: Tensor) -> Tensor:
-        """Logits (B,)."""
-        return self.layers(x)
-
-
-def _initialised(network: nn.Sequential) -> nn.Sequential:
-    """The network with convolutions drawn from N(0, 0.02) and normalisation gains from N(1, 0.02)."""
-    for layer in network:
-        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.BatchNorm2d):
-            nn.init.normal_(layer.weight, float(isinstance(layer, nn.BatchNorm2d)), _DEVIATION)
-    return network
+    def forward(self, images: Tensor, c: Tensor) -> Tensor:
+        """Corrections of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""
+        seen = torch.cat([images.flatten(1), self.roll_out(c).flatten(1)], 1)
+        return self.layers(seen).view_as(images)

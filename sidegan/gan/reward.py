@@ -36,27 +36,11 @@ _STATES_AT_ONCE = 4096  # per regressor: 10 MB at seven joints
 
 
 def energies(problem: Problem, c: Tensor, directions: Array, weights: Array) -> Tensor:
-    """Differentiable ``energies_of``."""
-    return _Energies.apply(c, problem, directions, weights)
-
-
-def energies_of(problem: Problem, c: Array, directions: Array, weights: Array) -> Array:
     """Energies Σ (wⱼ yⱼ v)² / T, (B, K), of directions v (p, K), for coefficients c [rad/s].
 
     ``weights``, (J,), scale each joint's equations y.
     """
-    times = problem.trajectory.grid(problem.samples)
-    trajectory = problem.trajectory
-    values = []
-    for part in split(c, max(1, _STATES_AT_ONCE // problem.samples)):
-        y = problem.body.base_regressor(*trajectory.roll_out(part, times)[1:])
-        values.append(np.square(weights[:, None] * (y @ directions)).sum((1, 2)) / problem.samples)
-    return np.concatenate(values)
-
-
-def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
-    """Penalty of violated constraints, (B,) float64: squared relative violations, mean over time."""
-    return _Violation.apply(c, problem, penalty)
+    return _Energies.apply(c, problem, directions, weights)
 
 
 class _Energies(torch.autograd.Function):
@@ -64,7 +48,12 @@ class _Energies(torch.autograd.Function):
     def forward(ctx: Any, c: Tensor, problem: Problem, directions: Array, weights: Array) -> Tensor:
         ctx.save_for_backward(c)
         ctx.constants = problem, directions, weights
-        return tensor(energies_of(problem, array(c), directions, weights))
+        trajectory, samples = problem.trajectory, problem.samples
+        values = []
+        for part in split(array(c), max(1, _STATES_AT_ONCE // samples)):
+            y = problem.body.base_regressor(*trajectory.roll_out(part, trajectory.grid(samples))[1:])
+            values.append(np.square(weights[:, None] * (y @ directions)).sum((1, 2)) / samples)
+        return tensor(np.concatenate(values))
 
     @staticmethod
     def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None, None]:
@@ -74,18 +63,12 @@ class _Energies(torch.autograd.Function):
         return tensor(gradient).to(c), None, None, None
 
 
-class _Violation(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx: Any, c: Tensor, problem: Problem, penalty: Penalty) -> Tensor:
-        none = np.zeros((len(c), 0, problem.body.parameters_count))
-        value, gradient = pull_back(problem, array(c), none, none[:, :, 0], penalty)
-        ctx.save_for_backward(tensor(gradient).to(c))
-        return tensor(value)
-
-    @staticmethod
-    def backward(ctx: Any, *slopes: Tensor) -> tuple[Tensor, None, None]:
-        (gradient,) = ctx.saved_tensors
-        return slopes[0].to(gradient)[:, None, None, None] * gradient, None, None
+def violation(problem: Problem, c: Tensor, penalty: Penalty) -> Tensor:
+    """Penalty of violated constraints, (B,) float64: squared relative violations, mean over time."""
+    none = np.zeros((len(c), 0, problem.body.parameters_count))
+    value, gradient = pull_back(problem, array(c), none, none[:, :, 0], penalty)
+    zero = (tensor(gradient).to(c) * (c - c.detach())).sum((1, 2, 3))  # with this gradient
+    return tensor(value).to(c.device) + zero
 
 
 class Worth:
@@ -100,9 +83,8 @@ class Worth:
     """
 
     def __init__(self, problem: Problem, noise: TorqueNoise) -> None:
-        body = problem.body
-        family = problem.trajectory
-        times = problem.trajectory.grid(problem.samples)
+        body, family = problem.body, problem.trajectory
+        times = family.grid(problem.samples)
         motions = random_motions(problem, _MOTIONS, seed=_STREAM)
         wanted = wanted_torques(body, family, motions, sampled(family))
         self.problem = problem
@@ -148,16 +130,17 @@ class Energies:
 
     def __call__(self, c: Array) -> Array:
         """Energies for each noise in turn, (N, K), about 1 for the seeds."""
-        return np.concatenate([energies_of(self.problem, c, v, w) for v, _, w in self.parts.values()], 1)
+        x = tensor(c)
+        return array(torch.cat([energies(self.problem, x, v, w) for v, _, w in self.parts.values()], 1))
 
-    def worth(self, logs: Tensor, reward: Reward) -> Tensor:
+    def worth(self, logs: Tensor, reward: Reward | None) -> Tensor:
         """Mean log worth from log energies, (B, K); 0-dimensional.
 
         In these directions the error is about Σ b / x̄ with mean energies x̄, and its slope b / x̄².
         """
         total = logs.new_zeros(())
-        sizes = [len(shares) for _, shares, _ in self.parts.values()]
-        for x, (name, (_, shares, _)) in zip(logs.exp().split(sizes, 1), self.parts.items()):
+        parts = logs.exp().split([len(shares) for _, shares, _ in self.parts.values()], 1)
+        for x, (name, (_, shares, _)) in zip(parts, self.parts.items()):
             mean = x.mean(0).detach()
             slope = tensor(shares).to(x) / mean.square()
             total = total + getattr(reward, name) * (x @ slope / (mean @ slope)).log().mean()

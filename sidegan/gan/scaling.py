@@ -1,14 +1,21 @@
-"""Maps between coefficients and the networks' images."""
+"""From a network's images to coefficients: unit spread, then a box and limits on motion for any input."""
 
-from dataclasses import dataclass
-
+import numpy as np
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.arrays import flatten
 from sidegan.errors import ShapeError
-from sidegan.seeding.published import SCALE, Layout
+from sidegan.gan.tensors import tensor
+from sidegan.motion.trajectory import Trajectory
+from sidegan.robot import DERIVATIVE_ORDER, Arm
 
 _SHRINKAGE = 1e-3  # share of the mean variance added to each covariance, which few seeds leave singular
+_POINTS = 24  # time points per harmonic
+_SHARPNESS = 8.0  # of the saturation; a use of 1 becomes 0.92
+_ROUNDING = 1e-5  # reserve for single precision
+_LEAST_ROOM = 1e-3  # lower bound of the distance from home to a limit [rad or m]
+_EDGE = 0.97  # share of the box to which coefficients are clipped before the inverse
 
 
 class Scaling(nn.Module):
@@ -54,18 +61,74 @@ class Scaling(nn.Module):
         return whitened.reshape(c.shape).permute(0, 3, 1, 2)
 
 
-@dataclass(frozen=True)
-class PublishedScaling:
-    """The images of the paper's authors: a differentiable ``Layout``."""
+class LimitLayer(nn.Module):
+    """Scale coefficients so that each joint stays within its limits on motion.
 
-    layout: Layout
+    The limits are those of position, velocity and, if present, acceleration and jerk.
 
-    def coefficients(self, image: Tensor) -> Tensor:
-        """Coefficients [rad/s], (B, J, H, 2), from images (B, 2, H + 1, J)."""
-        rows = image[:, :, :-1].reshape(len(image), 2, self.layout.joints, self.layout.harmonics)
-        return rows.permute(0, 2, 3, 1) / SCALE
+    A joint's motion away from home is linear in its coefficients, so scaling them scales the use of every
+    limit. A joint that would use u is scaled by (1 + uᵖ)^(−1/p), which is smooth, hardly changes small
+    motions, and never reaches the limit. Between samples, a signal differs from linear interpolation by at
+    most dt²/8 times its largest second derivative. These derivatives are bounded in the same way, up to the
+    fourth and fifth of the position, which have closed bounds. The bounds also scale with the coefficients.
+    """
 
-    def image(self, c: Tensor) -> Tensor:
-        """Images (B, 2, H + 1, J) float32 from coefficients (B, J, H, 2)."""
-        rows = SCALE * c.permute(0, 3, 1, 2).reshape(len(c), 2, self.layout.harmonics, self.layout.joints)
-        return torch.cat([rows, rows[:, :, :1]], 2).float()
+    bases: Tensor  # of position, velocity, acceleration and jerk, (4, T, 2 H)
+    peaks: Tensor  # bounds of the fourth and fifth derivatives, (2, 2 H)
+    room: Tensor  # from home to the upper and lower position limits [rad or m], (2, J)
+    limits: Tensor  # of the derivatives in ``orders``, (L, J)
+
+    def __init__(self, arm: Arm, trajectory: Trajectory) -> None:
+        super().__init__()
+        count = _POINTS * trajectory.harmonics
+        times = np.linspace(0.0, trajectory.period, count + 1)
+        self.gap = trajectory.period / count
+        self.orders = [1, *(DERIVATIVE_ORDER[name] for name in arm.higher_limits)]
+        home = np.asarray(trajectory.home)
+        room = np.stack([arm.position_upper - home, home - arm.position_lower])
+        buffers = {
+            "bases": np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)]),
+            "peaks": np.stack([trajectory.derivative_bound(order).ravel() for order in (4, 5)]),
+            "room": np.maximum(room, _LEAST_ROOM),
+            "limits": np.stack([arm.velocity_limit, *arm.higher_limits.values()]),
+        }
+        for name, value in buffers.items():
+            self.register_buffer(name, tensor(value).float(), persistent=False)
+
+    def forward(self, c: Tensor) -> Tensor:
+        """Scaled coefficients [rad/s], (B, J, H, 2)."""
+        # exp(−softplus(p log u) / p) does not overflow.
+        log = nn.functional.softplus(_SHARPNESS * torch.log(self.use(c).clamp_min(1e-12)))
+        return c * ((1 - _ROUNDING) * torch.exp(-log / _SHARPNESS))[:, :, None, None]
+
+    def use(self, c: Tensor) -> Tensor:
+        """Upper bound of the share of its tightest limit that each joint uses over the period, (B, J)."""
+        x = c.flatten(2)
+        between = self.gap**2 / 8
+        motion = [x @ basis.to(c).T for basis in self.bases]
+        snap, crackle = (x.abs() @ peak.to(c) for peak in self.peaks)
+        acceleration = motion[2].abs().amax(2) + between * snap
+        jerk = motion[3].abs().amax(2) + self.gap / 2 * snap
+        beyond = [between * bound for bound in (acceleration, jerk, snap, crackle)]  # samples, by order
+        upper, lower = self.room.to(c)
+        q = motion[0]
+        use = torch.maximum((q.amax(2) + beyond[0]) / upper, (beyond[0] - q.amin(2)) / lower)
+        for order, limit in zip(self.orders, self.limits.to(c)):
+            use = torch.maximum(use, (motion[order].abs().amax(2) + beyond[order]) / limit)
+        return use
+
+
+class Box(nn.Module):
+    """Map free coefficients smoothly into a box of absolute values below a size [rad/s]."""
+
+    def __init__(self, size: float) -> None:
+        super().__init__()
+        self.size = size
+
+    def forward(self, free: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), from free ones; those far inside the box hardly change."""
+        return (1 - _ROUNDING) * self.size * torch.tanh(free / self.size)
+
+    def free(self, c: Tensor) -> Tensor:
+        """Free coefficients [rad/s], (B, J, H, 2), from those in the box, clipped at its edge."""
+        return self.size * torch.atanh((c / self.size).clamp(-_EDGE, _EDGE))

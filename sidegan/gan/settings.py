@@ -6,7 +6,7 @@ from typing import Annotated, Literal, NamedTuple
 
 from pydantic import Field
 
-from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width, settings_of
+from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.errors import ConfigError
 
 _Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
@@ -19,9 +19,7 @@ class Traits(NamedTuple):
     """Properties of a variant's class."""
 
     features: str | None = None  # predicted by its converter: a field of ``Labelled``
-    seeded: bool = True  # whether it learns from a seed set, or only from the arm and its workspace
-    rewarded: bool = False  # whether it is rewarded for the prediction of torques
-    published: bool = False  # whether it follows the recipe of the paper's authors
+    groups: tuple[str, ...] = ()  # of settings that only some variants have
     missing: tuple[str, ...] = ()  # losses that it does not have
 
 
@@ -29,11 +27,11 @@ TRAITS: dict[Name, Traits] = {
     "Vanilla": Traits(missing=_SURROGATES),
     "Eigen": Traits("spectrum"),
     "Diagonal": Traits("diagonal"),
-    "Predicting": Traits("energies", rewarded=True),
-    "Exact": Traits(seeded=False, rewarded=True, missing=("adversarial", "features")),
-    "PublishedVanilla": Traits(published=True, missing=_SURROGATES),
-    "PublishedEigen": Traits("spectrum", published=True),
-    "PublishedDiagonal": Traits("diagonal", published=True),
+    "Predicting": Traits("energies", ("reward",)),
+    "Exact": Traits(groups=("exact", "reward"), missing=("adversarial", "features")),
+    "PublishedVanilla": Traits(groups=("published",), missing=_SURROGATES),
+    "PublishedEigen": Traits("spectrum", ("published",)),
+    "PublishedDiagonal": Traits("diagonal", ("published",)),
 }
 
 
@@ -95,15 +93,6 @@ class Published:
     fitness: Literal["entropy", "minus_entropy", "ratio"] = "entropy"
 
 
-_GROUPS = {
-    "weights": Weights,
-    "refresh": Refresh,
-    "exact": ExactPhysics,
-    "reward": Reward,
-    "published": Published,
-}
-
-
 @dataclass(frozen=True, kw_only=True)
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
@@ -135,32 +124,24 @@ class Variant:
     def __post_init__(self) -> None:
         if self.variant not in list(TRAITS):
             raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}")
-        for name, kind in _GROUPS.items():  # mappings of their fields will do
-            given = getattr(self, name)
-            if not isinstance(given, kind) and (given is not None or name == "weights"):
-                object.__setattr__(self, name, settings_of(kind, given))
-        if foreign := [k for k in self.traits.missing if getattr(self.weights, k)]:
-            names = ", ".join(f"weights.{name}" for name in foreign)
-            raise ConfigError(f"{self.variant} has no such loss: {names} must be 0")
-        if self.features and self.weights.fitness and self.fitness_start >= self.epochs:
-            raise ConfigError(
-                f"fitness_start {self.fitness_start} comes after the last of {self.epochs} epochs"
-            )
-        groups = {
-            "exact": not self.traits.seeded,
-            "reward": self.traits.rewarded,
-            "published": self.traits.published,
-        }
-        for group, named in groups.items():
-            if (getattr(self, group) is not None) != named:
-                raise ConfigError(f"{self.variant} {'needs' if named else 'has no'} settings {group}")
+        if not isinstance(self.weights, Weights):
+            raise ConfigError(f"weights are {self.weights!r}, expected Weights")
+        traits = TRAITS[self.variant]
+        if foreign := [f"weights.{name}" for name in traits.missing if getattr(self.weights, name)]:
+            raise ConfigError(f"{self.variant} has no such loss: {', '.join(foreign)} must be 0")
+        start = self.fitness_start
+        if self.features and self.weights.fitness and start >= self.epochs:
+            raise ConfigError(f"fitness_start {start} comes after the last of {self.epochs} epochs")
+        for group in ("exact", "reward", "published"):
+            needed = group in traits.groups
+            if (getattr(self, group) is not None) != needed:
+                raise ConfigError(f"{self.variant} {'needs' if needed else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
             raise ConfigError(f"{self.variant} has no surrogates to refresh: set refresh to null")
-        for option in ("gaussian_start", "boxed", "corrections"):
+        for option, nothing in (("gaussian_start", "false"), ("boxed", "false"), ("corrections", "0")):
             if self.published is not None and getattr(self, option):
-                nothing = "0" if option == "corrections" else "false"
                 raise ConfigError(f"the published networks have no {option}: set it to {nothing}")
-        later = "fitness" if self.features and self.fitness_start else ""
+        later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
 
@@ -171,19 +152,14 @@ class Variant:
         return self.learning_rate * risen * (1 + (self.last_rate - 1) * fallen)
 
     @property
-    def traits(self) -> Traits:
-        """Properties of the variant's class."""
-        return TRAITS[self.variant]
-
-    @property
     def seeded(self) -> bool:
         """Whether the variant learns from a seed set, or only from the arm and its workspace."""
-        return self.traits.seeded
+        return self.exact is None
 
     @property
     def features(self) -> str | None:
         """Features that the variant's converter predicts; None for a variant without surrogates."""
-        return self.traits.features
+        return TRAITS[self.variant].features
 
 
 _SIDE = Variant(

@@ -14,11 +14,11 @@ from torch import Tensor
 from sidegan.base.arrays import Array
 from sidegan.errors import SideganError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.limits import Box
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
-from sidegan.gan.networks import Generator
+from sidegan.gan.networks import FromNoise, Generator
+from sidegan.gan.published import PublishedScaling
 from sidegan.gan.reward import Energies
-from sidegan.gan.scaling import Scaling
+from sidegan.gan.scaling import Box, Scaling
 from sidegan.gan.settings import Variant
 from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
@@ -64,23 +64,23 @@ class SideGAN(pl.LightningModule):
         self.automatic_optimization = False
         self.settings, self.data, self.name = settings, data, name
         self.seeds = tensor(data.seeds)
-        self.generator = self.make_generator()
+        arm = data.constraints.arm
+        last: dict[str, Any] = {"limited": settings.limited, "corrections": settings.corrections}
+        last["box"] = data.box
+        self.generator = TrajectoryGenerator(*self.make_network(), data.trajectory, arm, **last)
         # Copies, since they may be trained further.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
-    def make_generator(self) -> TrajectoryGenerator:
-        """The untrained generator, with the scaling of the seeds."""
-        settings = self.settings
-        family = self.data.trajectory
-        box = self.data.box
-        joints, harmonics, _ = family.shape
+    def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
+        """The generator's untrained network, and the scaling of the seeds."""
+        settings, box = self.settings, self.data.box
+        joints, harmonics, _ = self.data.trajectory.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         seeds = self.seeds if box is None else Box(box).free(self.seeds)
         scaling = Scaling.fit(seeds)
         if settings.gaussian_start:
             network.start_from(scaling.image(seeds))
-        last: dict[str, Any] = {"limited": settings.limited, "box": box, "corrections": settings.corrections}
-        return TrajectoryGenerator(network, scaling, family, self.data.constraints.arm, **last)
+        return network, scaling
 
     @abstractmethod
     def losses(self) -> list[Loss]:
@@ -89,12 +89,10 @@ class SideGAN(pl.LightningModule):
     @cached_property
     def floors(self) -> list[Loss]:
         """Losses of every variant, which keep a batch as diverse as the seeds."""
-        weights = self.settings.weights
-        seeds = self.data.seeds
-        share = self.settings.diversity
+        settings, weights, seeds = self.settings, self.settings.weights, self.data.seeds
         return [
             Loss(weights.distance, missing_distance(seeds)),
-            Loss(weights.rank, missing_rank(seeds, self.settings.batch, share)),
+            Loss(weights.rank, missing_rank(seeds, settings.batch, settings.diversity)),
             Loss(weights.offset, common_offset(seeds)),
         ]
 
@@ -116,11 +114,8 @@ class SideGAN(pl.LightningModule):
         c = generator.bounded(free)
         if c is not free:
             images = generator.scaling.image(c)
-        return Batch(c, images, c if generator.box is None else free, self.convert)
-
-    def convert(self, batch: Batch) -> Tensor:
-        """Features that the converter predicts, (B, p)."""
-        return self.converter(batch.coefficients)
+        seen = c if self.settings.published is None else images  # by the converter
+        return Batch(c, images, c if generator.box is None else free, lambda: self.converter(seen))
 
     def training_step(self, batch: list[Tensor], index: int) -> None:
         """The adversarial loop: a step of the discriminators on examples, then the generator's steps."""
@@ -131,15 +126,11 @@ class SideGAN(pl.LightningModule):
         for group in chain.from_iterable(adam.param_groups for adam in (generator, *critics)):
             group["lr"] = self.settings.rate(self.share)
         for optimiser in critics:
-            self._step(optimiser, self.adversary_loss(rows))
+            with torch.no_grad():
+                fake = self(len(rows))
+            self._step(optimiser, torch.stack([d.own_loss(rows, fake) for d in self.adversaries]).sum())
         for _ in range(self.settings.generator_steps):
             self._step(generator, self.generator_loss(len(rows)))
-
-    def adversary_loss(self, rows: Tensor) -> Tensor:
-        """Sum of the discriminators' losses on these examples and a new batch, 0-dimensional."""
-        with torch.no_grad():
-            fake = self(len(rows))
-        return torch.stack([adversary.own_loss(rows, fake) for adversary in self.adversaries]).sum()
 
     def generator_loss(self, count: int) -> Tensor:
         """Weighted sum of the losses on a new batch, 0-dimensional."""

@@ -4,14 +4,15 @@ Both apply the same layers to each time point of the rolled-out trajectory (conv
 then pool over time: the worst time decides validity, and YᵀY is a mean.
 """
 
+from collections.abc import Iterable
 from itertools import pairwise
 from typing import Any
 
-import pytorch_lightning as pl
 import torch
 from torch import Tensor, nn
 
-from sidegan.gan.rollout import RollOut
+from sidegan.base.parallel import Report
+from sidegan.gan.networks import RollOut
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -19,22 +20,11 @@ _TINY = 1e-12  # lower bound of features
 _LEAST_SPREAD = 1e-3  # of log features
 _START_GAIN = 3.0  # initial log gain; with larger ones the labels dominate the margins early in training
 _NEAR = 0.05  # margin beyond which errors count less
+_REPORTED = 20  # steps between progress reports
 _CLASSIFICATION = 0.3  # weight of the classification loss relative to the margins' loss
-_RATE, _PEAK_RATE = 2e-3, 3e-3
 
 
-class Surrogate(pl.LightningModule):
-    """A network on coefficients (B, J, H, 2), trained by Adam with a one-cycle learning rate."""
-
-    def configure_optimizers(self) -> Any:
-        """Adam with a one-cycle learning rate."""
-        optimiser = torch.optim.Adam(self.parameters(), _RATE)
-        steps = int(self.trainer.estimated_stepping_batches)
-        schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, _PEAK_RATE, total_steps=steps)
-        return {"optimizer": optimiser, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
-
-
-class SuccessPredictor(Surrogate):
+class SuccessPredictor(nn.Module):
     """Log probability of being valid, (B,), for coefficients (B, J, H, 2), by way of margins over time.
 
     The first constraints, limits on motion, are linear in the coefficients: their margins follow from the
@@ -51,7 +41,7 @@ class SuccessPredictor(Surrogate):
         self.offset = nn.Parameter(torch.zeros(constraints))
 
     def margins(self, c: Tensor) -> Tensor:
-        """Predicted margins over time, (B, G, T), in the units of ``labels.scaled_margins``."""
+        """Predicted margins over time, (B, G, T), in the units of ``pretraining.scaled_margins``."""
         channels = self.roll_out(c)
         linear = 1 - channels[:, -self.roll_out.linear :]
         return linear if self.layers is None else torch.cat([linear, self.layers(channels)], 1)
@@ -65,9 +55,8 @@ class SuccessPredictor(Surrogate):
         worst = margins.amin(2)
         return nn.functional.logsigmoid(self.log_gain.exp() * (worst - self.offset)).sum(1)
 
-    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+    def loss(self, c: Tensor, margins: Tensor, valid: Tensor) -> Tensor:
         """Loss of margins over time (B, G, T) and of labels (B,) for coefficients, 0-dimensional."""
-        c, margins, valid = batch
         predicted = self.margins(c)
         # Errors count most near zero, the boundary of validity.
         weight = 1 / (_NEAR + margins.abs())
@@ -82,7 +71,7 @@ class SuccessPredictor(Surrogate):
         return float(((self(c.float()).exp() > 0.5) == valid).double().mean())
 
 
-class Converter(Surrogate):
+class Converter(nn.Module):
     """Standardised log features, such as the spectrum of YᵀY, (B, p), for coefficients (B, J, H, 2)."""
 
     mean: Tensor
@@ -103,9 +92,8 @@ class Converter(Surrogate):
         log_energy = torch.log(1e-4 + (moments * moments).mean(2))
         return self.pooled(torch.cat([moments.mean(2), log_energy], 1)) + self.linear(log_energy)
 
-    def training_step(self, batch: list[Tensor], index: int) -> Tensor:
+    def loss(self, c: Tensor, target: Tensor) -> Tensor:
         """Loss of standardised log features (B, p) for coefficients, 0-dimensional."""
-        c, target = batch
         return nn.functional.smooth_l1_loss(self(c), target)
 
     @torch.no_grad()
@@ -129,6 +117,20 @@ class Converter(Surrogate):
         x = _logs(features)
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD))
+
+
+def learn(
+    losses: Iterable[Tensor], total: int, adam: torch.optim.Optimizer, progress: Report, rates: Any = None
+) -> None:
+    """A step of an optimiser on each of ``total`` losses, made in turn; ``rates`` schedules its rates."""
+    for done, loss in enumerate(losses, 1):
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+        if rates is not None:
+            rates.step()
+        if done % _REPORTED == 0 or done == total:
+            progress(done, total)
 
 
 def _logs(features: Tensor) -> Tensor:

@@ -1,30 +1,43 @@
-"""Train a variant, and measure its samples with exact physics after every epoch."""
+"""Train a variant by Lightning, and measure its samples with exact physics after every epoch."""
 
+import logging
+import signal
+import warnings
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytorch_lightning as pl
 import torch
+from torch import nn
 from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.design.coordinates import Coordinates
+from sidegan.base.storage import readable
+from sidegan.design.prediction import random_motions
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.limits import Box
 from sidegan.gan.metrics import measure
-from sidegan.gan.refresh import Refreshed
-from sidegan.gan.settings import Variant
+from sidegan.gan.pretraining import Labelled, label
+from sidegan.gan.scaling import Box
+from sidegan.gan.settings import Refresh, Variant
 from sidegan.gan.side_gan import Data, SideGAN
+from sidegan.gan.surrogates import learn
 from sidegan.gan.tensors import array, read_tensors, tensor, write_tensors
-from sidegan.gan.trainer import fit
 from sidegan.gan.variants import VARIANTS
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check, summarise_faults
 
+_log = logging.getLogger(__name__)
+
+_LAST = "last"  # checkpoint
+# Lightning's advice that does not apply: the data is small and in memory, the surrogates are frozen.
+_NOISE = ".*num_workers.*|.*does not have many workers.*|.*in eval mode.*|.*LeafSpec.*|.*is not empty.*"
+_REFRESHED = 100  # samples per batch of the surrogates' further training
 _SMALL, _TRIED = 0.02, 100  # share of the limits, and number, of small motions of which some must be valid
 # Number of random trajectories that replace seeds, and the share of their limits that they use, which leaves
 # room to grow; with a box they use all of them, since the box reduces them.
@@ -77,9 +90,113 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     return Trained(model.generator.eval(), list(history), torch.cat(samples).numpy())
 
 
+def fit(
+    module: pl.LightningModule,
+    batches: Iterable[Any],
+    epochs: int,
+    callbacks: Sequence[pl.Callback] = (),
+    work: Path | None = None,
+    device: str = "cpu",
+) -> None:
+    """Train a module, and move it to the CPU.
+
+    In a work folder, training saves a checkpoint after every epoch and resumes from it; it starts over if
+    there is none or it is damaged.
+
+    Raises:
+        KeyboardInterrupt: when interrupted.
+    """
+    logging.getLogger("pytorch_lightning").setLevel(logging.WARNING)
+    kind, _, index = device.partition(":")
+    known: Path | None = None
+    callbacks = list(callbacks)
+    if work is not None:
+        checkpoint = pl.callbacks.ModelCheckpoint
+        callbacks.append(checkpoint(work, _LAST, save_on_train_epoch_end=True, enable_version_counter=False))
+        known = work / f"{_LAST}.ckpt"
+        if not readable(known, read_tensors):
+            if known.exists():
+                _log.warning("the checkpoint %s is damaged: the training starts over", known)
+            known = None
+    handler = signal.getsignal(signal.SIGINT)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=_NOISE)
+        trainer = pl.Trainer(
+            max_epochs=epochs,
+            accelerator={"cuda": "gpu"}.get(kind, kind),
+            devices=[int(index)] if index else 1,
+            callbacks=callbacks,
+            enable_checkpointing=work is not None,
+            logger=False,
+            enable_progress_bar=False,
+            enable_model_summary=False,
+            default_root_dir=work,
+        )
+        try:
+            trainer.fit(module, batches, ckpt_path=known, weights_only=True)
+        except SystemExit as error:  # Lightning turns an interrupt into an exit, and ignores further ones
+            signal.signal(signal.SIGINT, handler)
+            raise KeyboardInterrupt from error
+    module.cpu()
+
+
 def _epoch_file(run: Run, epoch: int) -> Path:
     """File of a generator's metrics and samples after an epoch."""
     return run.work / f"epoch-{epoch}.pt"
+
+
+class Refreshed(pl.Callback):
+    """Train the surrogates further before every epoch, on exact labels of recent samples.
+
+    A generator learns to exploit the errors of frozen surrogates; here they learn from these samples. The
+    state is part of checkpoints, so that a resumed training gives the same result.
+    """
+
+    def __init__(self, settings: Refresh, seed: int) -> None:
+        self.settings = settings
+        self.random = torch.Generator().manual_seed(-1 - seed)  # independent of weights and batches
+        self.window: list[Labelled] = []  # samples of the last epochs
+        self.saved: dict[str, Any] | None = None  # state of the optimiser in a checkpoint
+
+    def on_train_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
+        """Create or restore the optimiser, now that the surrogates are on their device."""
+        self.surrogates = nn.ModuleList([pl_module.success_predictor, pl_module.converter])
+        self.adam = torch.optim.Adam(self.surrogates.parameters(), self.settings.learning_rate)
+        if self.saved is not None:
+            self.adam.load_state_dict(self.saved)
+
+    def on_train_epoch_start(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
+        """Label new samples, and train on those of the last epochs."""
+        data, settings = pl_module.data, self.settings
+        predictor, converter = pl_module.success_predictor, pl_module.converter
+        new = pl_module.generator.sample(settings.samples, self.random)
+        steps = predictor.roll_out.steps
+        made = label(data.constraints, data.trajectory, new, steps, lambda *_: None, pl_module.energies)
+        self.window = [*self.window, made][-settings.window :]
+        recent = Labelled.join(self.window)
+        features = getattr(recent, str(pl_module.settings.features)).astype(np.float32)
+        labels = (recent.c, recent.margins, recent.valid, features)
+        c, margins, valid, target = (tensor(x).to(pl_module.device) for x in labels)
+        self.surrogates.requires_grad_(True)
+        target, count = converter.standardise(target), settings.steps
+        batches = (torch.randint(len(c), (_REFRESHED,), generator=self.random) for _ in range(count))
+        losses = (
+            predictor.loss(c[rows], margins[rows], valid[rows]) + converter.loss(c[rows], target[rows])
+            for rows in batches
+        )
+        learn(losses, count, self.adam, lambda *_: None)
+        self.surrogates.requires_grad_(False)
+
+    def state_dict(self) -> dict[str, Any]:
+        """State for a checkpoint."""
+        window = [tuple(map(tensor, batch)) for batch in self.window]
+        return {"adam": self.adam.state_dict(), "window": window, "random": self.random.get_state()}
+
+    def load_state_dict(self, state_dict: dict[str, Any]) -> None:
+        """Restore the state of a checkpoint."""
+        self.saved = state_dict["adam"]
+        self.window = [Labelled(*(x.cpu().numpy() for x in batch)) for batch in state_dict["window"]]
+        self.random.set_state(state_dict["random"].cpu())
 
 
 class EpochMetrics(pl.Callback):
@@ -91,9 +208,7 @@ class EpochMetrics(pl.Callback):
     @torch.no_grad()
     def on_train_epoch_end(self, trainer: pl.Trainer, pl_module: SideGAN) -> None:  # type: ignore[override]
         """Measure before Lightning saves its checkpoint."""
-        run = self.run
-        epoch = trainer.current_epoch
-        generator = pl_module.generator
+        run, epoch, generator = self.run, trainer.current_epoch, pl_module.generator
         noise = torch.Generator().manual_seed(run.seed * 1_000_003 + epoch)
         c = generator.sample(run.evaluation, noise)
         if not np.isfinite(c).all():
@@ -116,11 +231,8 @@ def random_trajectories(
     Raises:
         InfeasibleError: when not even small motions are valid; names the violated constraints.
     """
-    problem = Problem(constraints, trajectory)
-    coordinates = Coordinates.of(problem)
-    random = np.random.default_rng(seed)
     reach = _REACH if box is None else 1.0
-    c = coordinates.coefficients(coordinates.start(problem, _RANDOM, random, reach))
+    c = random_motions(Problem(constraints, trajectory), _RANDOM, reach, seed)
     verdict = check(constraints, trajectory, _SMALL / reach * c[:_TRIED])
     if not verdict.valid.any():
         raise InfeasibleError(

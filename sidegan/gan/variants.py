@@ -4,26 +4,24 @@ The latter follow the code that accompanies Jegorova et al. 2020 (``seeding.publ
 where the paper's text differs.
 """
 
-from typing import Any
+from typing import Any, cast
 
 import torch
 from torch import Tensor, nn
 
-from sidegan.design.excitation import excitation_of
+from sidegan.design.excitation import excite
 from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss
 from sidegan.gan.metrics import noises
-from sidegan.gan.networks import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, Discriminator
+from sidegan.gan.networks import Discriminator, FromNoise
+from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, PublishedScaling
 from sidegan.gan.reward import Energies, Worth, violation
-from sidegan.gan.scaling import PublishedScaling
-from sidegan.gan.settings import Variant
+from sidegan.gan.scaling import Scaling
+from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, tensor
-from sidegan.motion.dynamics import gram
-from sidegan.seeding.published import Layout
 
 _EASE, _EASED = 0.1, 0.4  # initial share of the violations' weight, and share of the training until it is 1
 _CLEARANCE = 4.0  # clearance over the reserve, in units of 0.25 m
@@ -61,8 +59,8 @@ class Eigen(Vanilla):
 
     def seeds_features(self) -> Tensor:
         """Exact features of the seeds, (N, p), standardised like the converter's."""
-        body = self.data.constraints.body
-        excitation = excitation_of(body, gram(body, self.data.trajectory, self.data.seeds))
+        data = self.data
+        excitation = excite(data.constraints.body, data.trajectory, data.seeds)
         return self.converter.standardise(tensor(getattr(excitation, str(self.settings.features))))
 
     def losses(self) -> list[Loss]:
@@ -104,11 +102,7 @@ class Predicting(Eigen):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, from predicted energies."""
-        reward = self.settings.reward
-        logs = self.converter.log_features(batch.features)
-        if reward is None:
-            raise ConfigError(f"{self.name} needs settings reward")
-        return -self.energies.worth(logs, reward)
+        return -self.energies.worth(self.converter.log_features(batch.features), self.settings.reward)
 
 
 class Exact(SideGAN):
@@ -119,15 +113,12 @@ class Exact(SideGAN):
 
     def __init__(self, settings: Variant, data: Data, name: str = "exact") -> None:
         super().__init__(settings, data, name)
-        if settings.exact is None or settings.reward is None:
-            raise ConfigError(f"{name} needs settings exact and reward")
-        self.problem = Problem(data.constraints, data.trajectory, settings.exact.samples)
-        self.worths: list[tuple[float, Worth]] = []  # with their weights
-        for kind, noise in noises(self.problem.body).items():
-            if weight := getattr(settings.reward, kind):
-                self.worths.append((weight, Worth(self.problem, noise)))
+        physics = cast("ExactPhysics", settings.exact)
+        self.problem = Problem(data.constraints, data.trajectory, physics.samples)
+        weighted = [(getattr(settings.reward, kind), x) for kind, x in noises(self.problem.body).items()]
+        self.worths = [(weight, Worth(self.problem, noise)) for weight, noise in weighted if weight]
         # The generator's last layer enforces the limits on motion.
-        reserve = settings.exact.reserve
+        reserve = physics.reserve
         self.penalty = Penalty(1.0, limits=0.0, torque=reserve, distance=_CLEARANCE * reserve)
 
     def losses(self) -> list[Loss]:
@@ -143,9 +134,9 @@ class Exact(SideGAN):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Minus the mean log worth for prediction, a part of the batch for each noise, with its weight."""
-        parts = batch.coefficients.chunk(len(self.worths))
-        values = [weight * worth(part).mean() for part, (weight, worth) in zip(parts, self.worths)]
-        return -torch.stack(values).sum().to(batch.coefficients)
+        c = batch.coefficients
+        parts = zip(c.chunk(len(self.worths)), self.worths)
+        return -torch.stack([weight * worth(part).mean() for part, (weight, worth) in parts]).sum().to(c)
 
     def on_save_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Also save the running means."""
@@ -155,28 +146,24 @@ class Exact(SideGAN):
     def on_load_checkpoint(self, checkpoint: dict[str, Any]) -> None:
         """Also restore the running means."""
         super().on_load_checkpoint(checkpoint)
-        for (_, worth), kept in zip(self.worths, checkpoint["worths"]):
-            worth.means = array(kept[0])
-            worth.seen = kept[1]
+        for (_, worth), (means, seen) in zip(self.worths, checkpoint["worths"]):
+            worth.means, worth.seen = array(means), seen
 
 
 class PublishedVanilla(Vanilla):
     """The authors' vanilla GAN: convolutions of scrambled images."""
 
-    def make_generator(self) -> TrajectoryGenerator:
-        """The authors' generator of scrambled images."""
-        settings = self.settings
+    def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
+        """The authors' network, and their scrambled images."""
         family = self.data.trajectory
-        layout = Layout(family.joints, family.harmonics)
+        layout = PublishedScaling(family.joints, family.harmonics)
         if layout.shape != IMAGE:
             raise ConfigError(
                 f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
                 f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
             )
-        network = ConvolutionalGenerator(settings.noise, settings.width, settings.batch)
-        scaling = PublishedScaling(layout)
-        arm = self.data.constraints.arm
-        return TrajectoryGenerator(network, scaling, family, arm, limited=settings.limited)
+        settings = self.settings
+        return ConvolutionalGenerator(settings.noise, settings.width, settings.batch), layout
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""
@@ -191,15 +178,11 @@ class PublishedEigen(PublishedVanilla, Eigen):
         with torch.no_grad():
             return self.converter(self.generator.scaling.image(self.seeds))
 
-    def convert(self, batch: Batch) -> Tensor:
-        """Features that the converter predicts from images, (B, p)."""
-        return self.converter(batch.images)
-
     def losses(self) -> list[Loss]:
         """Losses of ``Eigen``; the weight of success grows from the first epoch with fitness."""
-        adversarial, success, features, fitness = super().losses()
+        adversarial, success, *others = super().losses()
         growth = 1 + _GROWTH * max(0, self.current_epoch - self.settings.fitness_start)
-        return [adversarial, Loss(success.weight * growth, self.failure), features, fitness]
+        return [adversarial, Loss(success.weight * growth, self.failure), *others]
 
     def failure(self, batch: Batch) -> Tensor:
         """One minus the mean probability of being valid."""
@@ -207,8 +190,7 @@ class PublishedEigen(PublishedVanilla, Eigen):
 
     def fitness(self, batch: Batch) -> Tensor:
         """Fitness loss of the predicted features, as chosen in ``settings.Published``."""
-        published = self.settings.published
-        return unevenness(batch.features, "entropy" if published is None else published.fitness)
+        return unevenness(batch.features, cast("Published", self.settings.published).fitness)
 
 
 class PublishedDiagonal(PublishedEigen):
@@ -225,6 +207,6 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
     return entropy if kind == "entropy" else -entropy
 
 
-_OURS = Vanilla, Eigen, Diagonal, Predicting, Exact
-_PUBLISHED = PublishedVanilla, PublishedEigen, PublishedDiagonal
-VARIANTS: dict[str, type[SideGAN]] = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}
+_OURS: list[type[SideGAN]] = [Vanilla, Eigen, Diagonal, Predicting, Exact]
+_PUBLISHED = [PublishedVanilla, PublishedEigen, PublishedDiagonal]
+VARIANTS = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}

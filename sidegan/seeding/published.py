@@ -10,6 +10,7 @@ columns are not joints; its last row repeats the first.
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,15 +37,18 @@ class Layout:
         """Shape of an image, (2, H + 1, J)."""
         return 2, self.harmonics + 1, self.joints
 
-    def image(self, c: Array) -> Array:
+    def image(self, c: Any) -> Any:
         """Images (B, 2, H + 1, J), float32, of coefficients [rad/s], (B, J, H, 2)."""
         rows = SCALE * c.transpose(0, 3, 1, 2).reshape(len(c), 2, self.harmonics, self.joints)
         return np.concatenate([rows, rows[:, :, :1]], 2).astype(np.float32)
 
-    def coefficients(self, image: Array) -> Array:
-        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J); the last row is ignored."""
+    def coefficients(self, image: Any) -> Any:
+        """Coefficients [rad/s], (B, J, H, 2), of images (B, 2, H + 1, J), an array or a tensor.
+
+        The last row is ignored.
+        """
         rows = image[:, :, :-1].reshape(len(image), 2, self.joints, self.harmonics)
-        return rows.transpose(0, 2, 3, 1) / SCALE
+        return rows.swapaxes(1, 2).swapaxes(2, 3) / SCALE
 
 
 @dataclass(frozen=True)
@@ -53,18 +57,16 @@ class PublishedSeeds:
 
     folder: Path
 
-    def _found(self, pattern: str) -> Path | None:
-        return min(self.folder.expanduser().rglob(pattern), default=None)
+    def _found(self, pattern: str, refusal: str) -> Path:
+        """The first file of this name; a ConfigError if there is none."""
+        if found := min(self.folder.expanduser().rglob(pattern), default=None):
+            return found
+        raise ConfigError(f"seeds.folder={self.folder} has no {refusal}")
 
     @cached_property
     def file(self) -> Path:
         """The array's file; ConfigError if there is none."""
-        if found := self._found(_MASTER):
-            return found
-        raise ConfigError(
-            f"seeds.folder={self.folder} has no seeds, expected {_MASTER}; "
-            f"for the paper's: git clone {REPOSITORY}"
-        )
+        return self._found(_MASTER, f"seeds, expected {_MASTER}; for the paper's: git clone {REPOSITORY}")
 
     def read(self, trajectory: Trajectory) -> Array:
         """Coefficients [rad/s], (N, J, H, 2); ConfigError if the file does not have this layout."""
@@ -85,14 +87,10 @@ class PublishedSeeds:
 
     def features(self) -> Array | None:
         """The authors' 35 features of each seed, their diag YᵀY, (N, 35); None if there are none."""
-        found = self._found(_FEATURES)
+        found = min(self.folder.expanduser().rglob(_FEATURES), default=None)
         return np.load(found).astype(float) if found else None
 
     def weights(self, name: str) -> Path:
         """File of the authors' weights of ``predictor`` or ``converter``; ConfigError if it is missing."""
-        if found := self._found(WEIGHTS[name]):
-            return found
-        raise ConfigError(
-            f"seeds.folder={self.folder} has no {WEIGHTS[name]}, the published {name}; "
-            "surrogates.shipped=false trains one instead"
-        )
+        instead = f"the published {name}; surrogates.shipped=false trains one instead"
+        return self._found(WEIGHTS[name], f"{WEIGHTS[name]}, {instead}")

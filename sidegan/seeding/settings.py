@@ -9,14 +9,10 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.storage import file_digest
 from sidegan.base.typed import Count, Positive, Seconds, Share, Size
-from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding.gradient import Gradient
-from sidegan.seeding.paper import Paper
+from sidegan.seeding.methods import Gradient, Paper
+from sidegan.seeding.optimise import Optimiser
 from sidegan.seeding.published import REPOSITORY, PublishedSeeds
-from sidegan.seeding.result import Optimiser
-from sidegan.validity import Constraints
 
 # Settings that only some methods require, and those that they accept.
 _NEEDED = {"gradient": {"reserve"}, "paper": {"ants", "evaluations", "box"}, "published": set[str]()}
@@ -82,10 +78,6 @@ class Seeds:
         if self.ants is not None and self.evaluations is not None and self.box is not None:
             return Paper(self.steps, self.ants, self.evaluations, self.box, self.attempts)
         return Gradient(self.steps, self.attempts, self.reserve or 0.0)
-
-    def problem(self, constraints: Constraints, trajectory: Trajectory) -> Problem:
-        """The optimiser's problem."""
-        return Problem(constraints, trajectory, self.samples, self.strongest)
 
 
 # The methods with the same values as in ``conf/seeds``, at scale quick.

@@ -11,6 +11,7 @@ from sidegan.base.random import seed_of, stream
 from sidegan.base.storage import path_of, writing
 from sidegan.base.typed import changed, settings_of
 from sidegan.cell import Cell, require_cell
+from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.seeding import METHODS, SeedBatch, Seeds, make_seeds
 from sidegan.steps.trajectories import TrajectorySet
@@ -75,9 +76,8 @@ def optimised(cell: Cell, settings: Seeds, seed: int, work: Path, workers: int |
     Raises:
         InfeasibleError: when too few starts become valid; names the violated constraints.
     """
-    problem = settings.problem(cell.constraints, cell.trajectory)
     return make_seeds(
-        problem,
+        Problem(cell.constraints, cell.trajectory, settings.samples, settings.strongest),
         settings.optimiser,
         settings.count,
         stream(seed, "seeds"),

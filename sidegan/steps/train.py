@@ -31,8 +31,7 @@ from sidegan.validity import summarise_faults
 
 with extra("paper"):
     from sidegan.gan.generator import TrajectoryGenerator
-    from sidegan.gan.labels import Labelled
-    from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates, negatives_count
+    from sidegan.gan.pretraining import SHARES, Labelled, Pretraining, load_surrogates, negatives_count
     from sidegan.gan.side_gan import Data
     from sidegan.gan.tensors import alone
     from sidegan.gan.training import Run, Trained, random_trajectories

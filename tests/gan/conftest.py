@@ -8,9 +8,8 @@ import torch
 
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.labels import Labelled
 from sidegan.gan.networks import Generator
-from sidegan.gan.pretraining import SHARES, Pretraining, load_surrogates
+from sidegan.gan.pretraining import SHARES, Labelled, Pretraining, load_surrogates
 from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import Refresh, Weights
 from sidegan.gan.side_gan import Data
@@ -73,10 +72,10 @@ def wild(constraints, family):
 
 @pytest.fixture(scope="session")
 def pretrained(constraints, family, seeds, wild, tmp_path_factory):
-    """Folder of small surrogates, the report of their trainings, and the last of what was told meanwhile."""
+    """Folder of small surrogates, the report of their trainings, and the last progress."""
     sizes = {"samples": 1200, "epochs": 40, "width": 64, "margin_steps": STEPS, "feature_steps": STEPS}
-    settings, folder, told = replace(tiny().surrogates, **sizes), tmp_path_factory.mktemp("surrogates"), []
-    made = Pretraining(constraints, family, settings, seeds, wild)
+    folder, told = tmp_path_factory.mktemp("surrogates"), []
+    made = Pretraining(constraints, family, replace(tiny().surrogates, **sizes), seeds, wild)
     labelled = Labelled.join(made.label(k, lambda *_: None) for k in range(SHARES))
     assert 0.15 < labelled.valid.mean() < 0.85  # or there would be nothing to learn
     report = made.train_success(labelled, folder, 0, lambda *step: told.append(step))

@@ -1,11 +1,16 @@
+"""Generators in files, by seeds, and as the Gaussian from which they start."""
+
+import math
+
 import numpy as np
 import pytest
 import torch
 
-from sidegan.errors import ArtifactError
+from sidegan.errors import ArtifactError, ShapeError
 from sidegan.gan.generator import TrajectoryGenerator
+from sidegan.gan.networks import Generator
 from sidegan.robot import load_robot
-from tests.gan.conftest import untrained
+from tests.gan.conftest import random, untrained
 from tests.validity.critical import limited
 
 
@@ -60,6 +65,15 @@ def test_a_foreign_file_is_refused(generator, planar, words, change, tmp_path):
         TrajectoryGenerator.load(path, planar)
 
 
+def test_a_file_of_another_arm_and_impossible_counts_are_refused(generator, arm, tmp_path):
+    generator.save(tmp_path / "g.pt")
+    with pytest.raises(ArtifactError, match=r"planar2 .* not for kuka_lwr4"):
+        TrajectoryGenerator.load(tmp_path / "g.pt", arm)
+    for count in (0, 1.5):
+        with pytest.raises(ShapeError, match=f"cannot sample {count} trajectories"):
+            generator.sample(count)
+
+
 def test_a_file_with_a_wrong_bit_is_refused_unless_it_changes_nothing(generator, planar, tmp_path):
     path = tmp_path / "g.pt"
     generator.save(path)
@@ -71,3 +85,27 @@ def test_a_file_with_a_wrong_bit_is_refused_unless_it_changes_nothing(generator,
         except ArtifactError:
             refused += 1
     assert refused > 100
+
+
+def images_of(count, shape, rank=None):
+    source, size = random(3), math.prod(shape)
+    mixing = torch.randn(size, rank or size, generator=source, dtype=torch.float64)
+    x = torch.randn(count, rank or size, generator=source, dtype=torch.float64)
+    return (x @ mixing.T + torch.linspace(-2, 2, size)).view(count, *shape)
+
+
+@pytest.mark.parametrize(("noise", "rank"), [(30, None), (4, 4)])
+def test_a_gaussian_start_has_mean_and_covariance_of_the_images(noise, rank):
+    torch.manual_seed(0)
+    images = images_of(400, (2, 2, 3), rank)
+    network = Generator(2, 3, noise, width=32, shortcut=True)
+    network.start_from(images)
+    with torch.no_grad():
+        z = network.draw(100_000)
+        linear, layers = network.shortcut(z).double(), network.layers(z).flatten(1)
+        torch.testing.assert_close(network(z).flatten(1), network.shortcut(z) + layers)
+    x = images.flatten(1)
+    torch.testing.assert_close((linear + layers).mean(0), x.mean(0), rtol=0, atol=0.05)
+    expected = torch.cov(x.T)
+    assert (torch.cov(linear.T) - expected).norm() < 0.02 * expected.norm()
+    assert 0 < layers.std(0).mean() < 0.2  # the layers are there, but whisper

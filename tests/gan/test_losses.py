@@ -5,13 +5,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from sidegan.gan.limits import Box
 from sidegan.gan.losses import Batch, common_offset, missing_distance, missing_rank
+from sidegan.gan.scaling import Box
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import random_trajectories
 from sidegan.gan.variants import Exact
-from tests.gan.conftest import FULL, NONE, random
+from tests.gan.conftest import FULL, NONE, normal, random
 
 
 def test_losses_equal_their_closed_forms(made, full):
@@ -34,19 +34,16 @@ def test_losses_equal_their_closed_forms(made, full):
 
 
 def test_the_loss_is_the_weighted_sum_of_active_losses(made, full, monkeypatch):
-    found = []
-    for epoch in (0, 1, 2):
+    for epoch in (0, 1):
         monkeypatch.setattr(SideGAN, "current_epoch", epoch)
         model = made(replace(full, fitness_start=1))
         torch.manual_seed(2)
-        found.append(float(model.generator_loss(32).detach()))
+        found = float(model.generator_loss(32).detach())
         torch.manual_seed(2)
         batch = model(32)
         losses = [*model.losses(), *model.floors]
-        assert len(losses) == 7 and losses[3].weight == (epoch > 0)
-        parts = [weight * float(value(batch).detach()) for weight, value in losses]
-        assert found[-1] == pytest.approx(sum(parts), rel=1e-5)
-    assert found[1] > found[0] + 0.1
+        assert len(losses) == 7 and losses[3].weight == epoch
+        assert found == pytest.approx(sum(weight * float(value(batch).detach()) for weight, value in losses))
 
 
 def test_discriminators_of_zero_weight_do_not_learn(made, full):
@@ -65,7 +62,7 @@ def test_the_weight_of_violations_grows_geometrically(data, exact):
 
 def loss_of(value):
     """The loss of coefficients."""
-    return lambda c: value(Batch(c, c, c, lambda batch: c))
+    return lambda c: value(Batch(c, c, c, lambda: c))
 
 
 def test_only_a_shrunken_batch_has_a_distance_loss(seeds):
@@ -110,9 +107,8 @@ def test_coefficients_pushed_against_the_box_are_drawn_back(made, full):
     assert through_the_box.abs().max() < 1e-9 < 1e-6 < slope.abs().max()
 
 
-def test_a_collapsed_batch_has_a_finite_gradient(seeds):
-    noise = torch.randn(20, *seeds.shape[1:], generator=random())
-    c = (tensor(seeds[:1]).float() + 1e-6 * noise).requires_grad_(True)
+def test_a_collapsed_batch_has_a_finite_gradient(seeds, family):
+    c = (tensor(seeds[:1]).float() + normal(family, 0, 1e-6, 20)).requires_grad_(True)
     floors = missing_distance(seeds), missing_rank(seeds, 20), common_offset(seeds)
     value = sum(loss_of(floor)(c) for floor in floors)
     (slope,) = torch.autograd.grad(value, c)

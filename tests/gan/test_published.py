@@ -9,9 +9,10 @@ import torch
 
 from sidegan.errors import ConfigError
 from sidegan.gan.generator import TrajectoryGenerator
-from sidegan.gan.networks import IMAGE, ConvolutionalGenerator
 from sidegan.gan.pretraining import load_surrogates
-from sidegan.gan.published_surrogates import (
+from sidegan.gan.published import (
+    IMAGE,
+    ConvolutionalGenerator,
     PublishedConverter,
     PublishedPredictor,
     PublishedPretraining,
@@ -48,10 +49,10 @@ def papers(arm):
     return Constraints(arm, torque=False), c
 
 
-def trained(papers, variant, work, folder=None, **options):
+def trained(papers, variant, work, folder=None, samples=0):
     constraints, c = papers
     known = load_surrogates(folder, variant, constraints.arm, FAMILY) if folder else ()
-    run = Run("small", 0, work, **{"evaluation": 10, **options})
+    run = Run("small", 0, work, evaluation=10, samples=samples)
     return train(variant, Data(constraints, FAMILY, c, *known), run)
 
 

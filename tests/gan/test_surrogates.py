@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from sidegan.gan.labels import scaled_margins
-from sidegan.gan.rollout import RollOut
+from sidegan.gan.networks import RollOut
+from sidegan.gan.pretraining import scaled_margins
 from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.tensors import array
 from sidegan.motion.trajectory import Trajectory

@@ -15,8 +15,11 @@ from sidegan.validity import check
 from tests.gan.conftest import with_surrogates
 
 
-def same_weights(generator, other):
-    return all(torch.equal(x, other.state_dict()[name]) for name, x in generator.state_dict().items())
+def same(made, other):
+    """Whether two trainings have the same metrics and weights."""
+    weights = other.generator.state_dict()
+    alike = all(torch.equal(x, weights[name]) for name, x in made.generator.state_dict().items())
+    return alike and made.history == other.history
 
 
 def test_a_variant_with_every_loss_trains_and_leaves_its_surrogates(
@@ -32,19 +35,15 @@ def test_a_variant_with_every_loss_trains_and_leaves_its_surrogates(
 
 
 def test_every_option_trains(trained, vanilla, tmp_path):
-    options = {"steps": None, "gaussian_start": False, "limited": True}
-    made = trained(replace(vanilla, epochs=1, **options), tmp_path)
-    assert len(made.history) == 1
-    assert np.isfinite(made.generator.sample(5)).all()
+    variant = replace(vanilla, epochs=1, steps=None, gaussian_start=False, limited=True)
+    assert np.isfinite(trained(variant, tmp_path).generator.sample(5)).all()
 
 
 @pytest.mark.parametrize("kind", ["predicting", "exact"])
 def test_an_interrupted_training_resumes_to_the_same_result(
     trained, data, pretrained, request, kind, tmp_path
 ):
-    variant = request.getfixturevalue(kind)
-    if kind == "exact":
-        variant = replace(variant, steps=3)
+    variant = replace(request.getfixturevalue(kind), steps=3)
     given = with_surrogates(data, pretrained, variant) if variant.features else data
     first, second, trained = [], [], partial(trained, variant, data=given)
 
@@ -59,9 +58,7 @@ def test_an_interrupted_training_resumes_to_the_same_result(
     assert signal.getsignal(signal.SIGINT) is handler  # a second interrupt must be heard too
     made = trained(tmp_path, progress=lambda done, total: second.append(done))
     assert first == [1, 2] and second == [2, 3]  # the second epoch had not been saved
-    whole = trained(tmp_path / "whole")
-    assert made.history == whole.history
-    assert same_weights(made.generator, whole.generator)
+    assert same(made, trained(tmp_path / "whole"))
 
 
 def test_the_learning_rate_schedule(vanilla):
@@ -74,11 +71,10 @@ def test_the_learning_rate_schedule(vanilla):
 def test_a_finished_training_is_reused_unless_its_checkpoint_is_damaged(trained, vanilla, tmp_path, caplog):
     done, ends, last = trained(vanilla, tmp_path), [], tmp_path / "last.ckpt"
     again = trained(vanilla, tmp_path, progress=lambda *end: ends.append(end))
-    assert not ends and again.history == done.history
-    assert same_weights(again.generator, done.generator)
+    assert not ends and same(again, done)
     last.write_bytes(last.read_bytes()[:1000])
     again = trained(vanilla, tmp_path, progress=lambda *end: ends.append(end))
-    assert len(ends) == 3 and again.history == done.history
+    assert len(ends) == 3 and same(again, done)
     assert f"the checkpoint {last} is damaged: the training starts over" in caplog.text
 
 

@@ -1,7 +1,6 @@
 """Methods of the room, small, and problems of the design room."""
 
-from sidegan.seeding import Gradient
-from sidegan.seeding.paper import Paper
+from sidegan.seeding.methods import Gradient, Paper
 from tests.design.conftest import lwr_problem, planar_problem, random
 
 __all__ = ["METHODS", "lwr_problem", "planar_problem", "random"]

@@ -5,9 +5,8 @@ import pytest
 
 from sidegan.design.problem import Problem
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding import Gradient
-from sidegan.seeding.paper import ConditionProblem, Paper
-from sidegan.seeding.result import settle
+from sidegan.seeding.methods import ConditionProblem, Gradient, Paper
+from sidegan.seeding.optimise import settle
 from sidegan.validity import Constraints, check
 from tests.seeding.conftest import METHODS
 

@@ -15,7 +15,7 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import REPORT, RunContext, report_and_history
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stage import Stage
-from sidegan.seeding.result import SeedBatch, shipped
+from sidegan.seeding.optimise import SeedBatch, shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults
 

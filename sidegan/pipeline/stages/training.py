@@ -134,7 +134,7 @@ def _train(run: RunContext, build: Build, name: str, training: int, variant: Var
 
 
 def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrogates) -> None:
-    from sidegan.gan.published_surrogates import PublishedPretraining, read_weights, write_converter
+    from sidegan.gan.published import PublishedPretraining, read_weights, write_converter
 
     seeds = training_seeds(run)
     samples = read_arrays(run.store.require(negatives(run)) / SAMPLES)["images"]

@@ -1,7 +1,7 @@
-"""The paper's optimiser of seeds: ant colony for a rough global solution, compass search to fine-tune.
+"""Optimisers of seeds: compiled gradient descent, the default, and the paper's, by pygmo.
 
-Source: Jegorova et al. 2020, section V-A, with pygmo's ``gaco`` (Schlueter et al. 2009) and
-``compass_search`` (Kolda, Lewis, Torczon 2003).
+Source of the latter: Jegorova et al. 2020, section V-A: ant colony for a rough global solution, ``gaco``
+(Schlueter et al. 2009), compass search to fine-tune, ``compass_search`` (Kolda, Lewis, Torczon 2003).
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.extras import extra
 from sidegan.design.problem import Problem
-from sidegan.seeding.result import Optimiser
+from sidegan.seeding.optimise import Optimiser
 
 if TYPE_CHECKING:
     import pygmo
@@ -21,6 +21,29 @@ if TYPE_CHECKING:
 # First and last step of the compass search, as shares of the box; inferred from the authors' seeds.
 _COMPASS_STEP, _COMPASS_STOP = 0.5, 0.2
 _SEED_LIMIT = 2**31  # pygmo takes seeds below this
+
+
+@dataclass(frozen=True)
+class Gradient(Optimiser):
+    """L-BFGS on the log condition number in natural coordinates, with penalties for violations.
+
+    Example: ``Gradient(200, 5, reserve=0.2).optimise(problem, 100, np.random.SeedSequence(0))``.
+    """
+
+    steps: int  # evaluations per start
+    attempts: int  # most rounds of starts
+    # share of each limit that seeds keep in reserve, and twice that share of 0.25 m as clearance; a larger
+    # one makes it easier for a generator to stay valid, but worsens the seeds' conditioning
+    reserve: float
+
+    def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
+        """Candidates [rad/s], (count, J, H, 2), each from its own descent."""
+        from sidegan.design.goal import Goal
+        from sidegan.design.search import Descent  # imports compiled code
+
+        descent = Descent(problem, Goal(), self.reserve)
+        random = np.random.default_rng(source)
+        return np.stack([descent.run(descent.start(random, reach), self.steps) for _ in range(count)])
 
 
 class ConditionProblem:
@@ -42,12 +65,10 @@ class ConditionProblem:
         return self  # pygmo copies its problems; this one is immutable, with large work arrays
 
     def fitness(self, x: Array) -> Array:
-        """Log fitness and violations, (1 + G,)."""
-        return self.batch_fitness(x)
-
-    def batch_fitness(self, x: Array) -> Array:
         """Log fitness and violations of B concatenated decision vectors, (B · (1 + G),)."""
         return self.evaluate(self.coefficients(x)).ravel()
+
+    batch_fitness = fitness
 
     def coefficients(self, x: Array) -> Array:
         """Coefficients [rad/s], (B, J, H, 2), of concatenated decision vectors."""

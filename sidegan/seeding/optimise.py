@@ -1,4 +1,4 @@
-"""Optimisers of seeds and their results: provably valid seeds, and why other starts failed."""
+"""Optimisers of seeds, their results, and the resumable parallel tasks that make a seed set."""
 
 import json
 import time
@@ -6,13 +6,15 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.base.storage import read_arrays, write_arrays
+from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
+from sidegan.base.storage import read_arrays, reading, write_arrays, write_task
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.kernels import HOPELESS
@@ -22,6 +24,8 @@ from sidegan.validity.remedies import remedy
 _FINER = 3  # ratio of samples for the reported fitness to the problem's samples
 _REACH = 0.7  # share of the tightest limit used by the first starts, and its factor per round
 _ILL = "the condition number"
+_SPARE_ROUNDS = 2  # additional rounds of tasks if starts fail
+_SPARE_STARTS = 4  # additional starts of a long trajectory per configured one, while none is valid
 
 
 @dataclass(frozen=True)
@@ -52,21 +56,17 @@ class SeedBatch:
         )
 
     @classmethod
-    def of(cls, arrays: Mapping[str, Array]) -> "SeedBatch":
-        """A batch from a file's arrays; ArtifactError if they are not a batch."""
-        try:
+    def read(cls, path: Path) -> "SeedBatch":
+        """A batch from a file of its ``arrays``; ArtifactError if there is none."""
+        arrays = read_arrays(path)
+        with reading(path, "seed"):
             return cls(arrays["coefficients"], arrays["fitness"], **json.loads(arrays["origin"].item()))
-        except (KeyError, TypeError, ValueError) as error:
-            held = ", ".join(arrays)
-            raise ArtifactError(
-                f"the file holds {held}, expected coefficients, fitness and origin"
-            ) from error
 
     def arrays(self) -> dict[str, Array]:
         """Arrays for a file, of numbers and text."""
-        origin = {name: x for name, x in vars(self).items() if name not in ("coefficients", "fitness")}
-        text = np.array(json.dumps(origin))
-        return {"coefficients": self.coefficients, "fitness": self.fitness, "origin": text}
+        numbers = {"coefficients": self.coefficients, "fitness": self.fitness}
+        origin = {name: x for name, x in vars(self).items() if name not in numbers}
+        return {**numbers, "origin": np.array(json.dumps(origin))}
 
     def best(self, count: int) -> "SeedBatch":
         """The ``count`` seeds with the least fitness, or all, in their order."""
@@ -95,9 +95,8 @@ def shipped(path: Path, stamp: Mapping[str, Any], count: int) -> SeedBatch | Non
     """The first ``count`` seeds of a file by ``ship``; None if it is missing, short or has another stamp."""
     if not path.exists():
         return None
-    arrays = read_arrays(path)
-    seeds = SeedBatch.of(arrays)
-    if json.loads(arrays["stamp"].item()) != stamp or len(seeds) < count:
+    seeds = SeedBatch.read(path)
+    if json.loads(read_arrays(path)["stamp"].item()) != stamp or len(seeds) < count:
         return None
     return replace(
         seeds,
@@ -131,8 +130,7 @@ class Optimiser(ABC):
         missing = count
         batches = list[SeedBatch]()
         for index in range(self.attempts):
-            source = np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
-            proposed = self.propose(problem, missing, _REACH ** (index + 1), source)
+            proposed = self.propose(problem, missing, _REACH ** (index + 1), _child(seed, index))
             batches.append(settle(problem, proposed, self.smallest).best(missing))
             missing -= len(batches[-1])
             if not missing or (index and not any(map(len, batches[-2:]))):
@@ -151,3 +149,91 @@ def settle(problem: Problem, c: Array, smallest: float) -> SeedBatch:
     if not valid.all():
         faults.update(verdict.faults())
     return SeedBatch(c[good], fitness[good], len(c), int((~good).sum()), dict(+faults))
+
+
+def _child(seed: np.random.SeedSequence, index: int) -> np.random.SeedSequence:
+    return np.random.SeedSequence(seed.entropy, spawn_key=(*seed.spawn_key, index))
+
+
+def make_seeds(
+    problem: Problem,
+    method: Optimiser,
+    count: int,
+    random: np.random.SeedSequence,
+    *,
+    batch: int,
+    work: Path,
+    workers: int | None = None,
+) -> SeedBatch:
+    """``count`` valid seeds, a batch per task, whatever the number of workers.
+
+    Files of finished tasks in ``work`` are reused.
+
+    Raises:
+        InfeasibleError: when too few seeds are valid after three rounds of tasks; says what they violate.
+    """
+    work.mkdir(parents=True, exist_ok=True)
+    batches: list[SeedBatch] = []
+    for _ in range(1 + _SPARE_ROUNDS):
+        missing = count - sum(map(len, batches))
+        if missing <= 0:
+            break
+        sizes = [min(batch, missing - i) for i in range(0, missing, batch)]
+        jobs: list[Job] = [
+            partial(_task, problem, method, size, _child(random, index), work / f"seeds-{index:05d}.npz")
+            for index, size in enumerate(sizes, len(batches))
+        ]
+        batches += run_jobs("seeds", jobs, workers, missing)
+    whole = SeedBatch.join(batches)
+    if len(whole) < count:
+        raise whole.shortfall(problem.constraints, count)
+    return whole
+
+
+def make_long(
+    problem: Problem,
+    method: Optimiser,
+    starts: int,
+    random: np.random.SeedSequence,
+    workers: int | None = None,
+) -> SeedBatch:
+    """A long trajectory, the best of ``starts`` starts, or of more while none is valid.
+
+    The method should have a single attempt; each start has its own random numbers.
+
+    Raises:
+        InfeasibleError: when no start becomes valid.
+    """
+    began = cpu_seconds()
+    seeds = random.spawn((1 + _SPARE_STARTS) * starts)
+    jobs: list[Job] = [partial(_task, problem, method, 1, seed, None) for seed in seeds]
+    batches = run_jobs("long", jobs[:starts], workers, starts)
+    for job in jobs[starts:]:
+        if any(map(len, batches)):
+            break
+        batches += run_jobs("long", [job], workers=1, total=1)
+    whole = SeedBatch.join(batches)
+    if not len(whole):
+        raise whole.shortfall(problem.constraints, 1)
+    return replace(whole.best(1), cpu_seconds=cpu_seconds() - began)
+
+
+def _task(
+    problem: Problem,
+    method: Optimiser,
+    count: int,
+    seed: np.random.SeedSequence,
+    path: Path | None,
+    report: Report,
+) -> SeedBatch:
+    """Seeds from an earlier task's file, or new ones, which are kept there; None: no file."""
+    try:
+        batch = SeedBatch.read(path) if path else None
+    except ArtifactError:
+        batch = None
+    if batch is None:
+        batch = method.optimise(problem, count, seed)
+        if path:
+            write_task(path, batch.arrays())
+    report(1, 1)
+    return batch
