@@ -27,9 +27,9 @@ another library computes the same quantity, its row asserts that the numbers agr
 
 {processor}. {versions}.
 
-The arm is the LWR on its desk, with trajectories of 16 s and six harmonics. The rate of a core is per CPU second
-on one thread; the rate of two cores is per second of wall time, for libraries that can use them, and other load
-on the machine lowers it. The ratio is that of the medians, with that of the extremes in brackets.
+The arm is the LWR on its desk, with trajectories of 16 s and six harmonics. The rate of a core is per CPU
+second on one thread; the rate of two cores is per second of wall time, for libraries that can use them, and
+other load on the machine lowers it. The ratio is that of the medians, with that of the extremes in brackets.
 
 | work | by | a core, per CPU second | two cores, per second | ours is faster by |
 | --- | --- | --- | --- | --- |
