@@ -8,8 +8,7 @@ import pinocchio as pin
 import pytest
 
 from sidegan.base.threads import on_threads
-from sidegan.motion.base_parameters import BaseParameters
-from sidegan.motion.dynamics import RigidBody, gram
+from sidegan.motion.dynamics import BaseParameters, RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
 from tests.motion.conftest import CHAINS, close, normal
