@@ -135,11 +135,10 @@ def test_validity(rate: Rate, by: str) -> None:
         work = partial(check, CONSTRAINTS, FAMILY, start(2000))
         rate(work, 2000, "trajectories", both=work)
     elif by == _TOUCH:
-        arm = CONSTRAINTS.arm
-        other = Pinocchio(CONSTRAINTS)
-        noise = np.random.default_rng(0)
-        count = 50
-        q = noise.uniform(arm.position_lower, arm.position_upper, (count * _CELLS, arm.joints))
+        arm, other, count = CONSTRAINTS.arm, Pinocchio(CONSTRAINTS), 50
+        q = np.random.default_rng(0).uniform(
+            arm.position_lower, arm.position_upper, (count * _CELLS, arm.joints)
+        )
         positions = np.asfortranarray(q.T)
         work, both = (partial(other.touch, threads, positions) for threads in (1, 2))
         found = rate(work, count, "trajectories", both=both)
@@ -154,11 +153,10 @@ def test_validity(rate: Rate, by: str) -> None:
 def test_generation(rate: Rate) -> None:
     """Trajectories from a generator of the usual size, in batches of a thousand."""
     seeds = tensor(start(200))
-    arm = CONSTRAINTS.arm
     scaling = Scaling.fit(seeds)
     network = Generator(*FAMILY.shape[:2], shortcut=True)
     network.start_from(scaling.image(seeds))
-    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
+    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, CONSTRAINTS.arm)
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
 
 
