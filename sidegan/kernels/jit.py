@@ -29,6 +29,7 @@ _OPTIONS: Any = {
     "no_cfunc_wrapper": True,
     "_nrt": False,
 }
+_INNER: Any = {"no_cpython_wrapper": True}
 _ANY_ORDER: Any = {"fastmath": {"contract", "reassoc"}}
 _PATIENCE = 120.0  # [s] to wait for another process that compiles a kernel, before compiling it too
 _KEPT = 3  # cached older versions of the kernels
@@ -46,7 +47,7 @@ class Kernel:
         folder = _folder()
         options = options | {"cache": folder is not None}
         with _cached_in(folder and folder / "inner"):
-            self.inner = numba.njit(no_cpython_wrapper=True, **options)(function)
+            self.inner = numba.njit(**_INNER, **options)(function)
         with _cached_in(folder):
             self._compiled = numba.njit(**options)(function)
         self._name, self._called = f"{function.__module__}.{function.__qualname__}", False

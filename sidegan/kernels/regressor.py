@@ -35,21 +35,27 @@ class Columns(NamedTuple):
 
 
 @kernel
-def _columns(j: Joint, own: bool, link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
-    """Write a link's ten regressor entries in the row of a joint: its own, or one further in.
-
-    The joint's screw, its twist at unit speed, comes from the parent's frame to the link's.
-    """
+def _carry_screw(link: Lanes, screw: Lanes, width: int) -> None:
+    """Transform a joint's screw from the parent's frame to the link's."""
     for n in range(min(width, LANES)):
-        if own:
-            turn, linear = times(1.0 - j.slides, j.axis), times(j.slides, j.axis)
-        else:
-            r, turn = load_turn(link, n), load(screw, 0, n)
-            linear = to_child(r, add(load(screw, 3, n), cross(turn, load(link, SHIFT, n))))
-            turn = to_child(r, turn)
-        store(screw, 0, n, turn)
-        store(screw, 3, n, linear)
-        x = columns_of(load_motion(link, n), turn, linear)
+        r, turn = load_turn(link, n), load(screw, 0, n)
+        linear = add(load(screw, 3, n), cross(turn, load(link, SHIFT, n)))
+        store(screw, 0, n, to_child(r, turn))
+        store(screw, 3, n, to_child(r, linear))
+
+
+@kernel
+def _new_screw(j: Joint, screw: Lanes, width: int) -> None:
+    for n in range(min(width, LANES)):
+        store(screw, 0, n, times(1.0 - j.slides, j.axis))
+        store(screw, 3, n, times(j.slides, j.axis))
+
+
+@kernel
+def _columns(link: Lanes, screw: Lanes, ten: Lanes, width: int) -> None:
+    """Write a link's ten regressor entries in one joint's row."""
+    for n in range(min(width, LANES)):
+        x = columns_of(load_motion(link, n), load(screw, 0, n), load(screw, 3, n))
         ten[n] = x[0]
         store(ten, 1, n, (x[1], x[2], x[3]))
         store(ten, 4, n, (x[4], x[5], x[6]))
@@ -71,9 +77,14 @@ def rows_of(chain: Chain, states: Array, block: Block, columns: Columns, work: S
         lanes = min(step, count - at)
         fill(states, (b, start + at, lanes), step, state)
         for i in range(states.shape[2]):
-            move(joint(chain, i), state[i], links[i], links[i + 1], step)
+            link = links[i + 1]
+            move(joint(chain, i), state[i], links[i], link, step)
+            _new_screw(joint(chain, i), screws[i], step)
             for j in range(i + 1):
-                _columns(joint(chain, i), j == i, links[i + 1], screws[j], ten, step)
+                screw = screws[j]
+                if j < i:
+                    _carry_screw(link, screw, step)
+                _columns(link, screw, ten, step)
                 for k in range(columns.first[i], columns.first[i + 1]):
                     row, to, kind = y[k], j * span + at, columns.kinds[k] * LANES
                     for n in range(min(lanes, LANES)):
