@@ -1,6 +1,7 @@
 r"""How fast the parts are, in one table: CPU time on one thread, beside Pinocchio.
 
     pytest benchmarks --benchmark-only                  # some minutes
+    pytest benchmarks --benchmark-only -k regressor     # a part of it
 
 Two trees are compared on one machine, one after the other; times are then shown side by side, and what became
 slower by a fifth fails the command:

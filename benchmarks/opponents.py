@@ -1,6 +1,9 @@
-"""Opponents of sidegan, as one would write them; its row skips where FIGAROH is absent."""
+"""Opponents of sidegan, as one would write them; rows skip where FIGAROH or frax is absent."""
 
-from collections.abc import Callable, Sequence
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,9 +18,19 @@ from sidegan.validity import Constraints
 from tests.oracle import capsule_geometry, chain_model
 
 Array = np.ndarray
-State = Sequence[Array]  # position, velocity and acceleration, (J,) or (S, J) each
+State = Sequence[Array]  # position, velocity and acceleration, (J,) each
 
 _CERTAIN = 1e6  # variance of parameters before any sample
+_TURN = np.array([np.cos(0.4), np.sin(0.4)])  # of inertias with products
+# Mass, centre, moments about it and axis of a turn by which ten bodies span all inertial parameters.
+_BODIES: list[tuple[float, Array, list[float], Array | None]] = [
+    (1.0, np.zeros(3), [1.0, 1.0, 1.0], None),
+    (2.0, np.zeros(3), [1.0, 1.0, 1.0], None),
+    *((1.0, axis, [1.0, 1.0, 1.0], None) for axis in np.eye(3)),
+    (1.0, np.zeros(3), [2.0, 1.0, 1.5], None),
+    (1.0, np.zeros(3), [1.0, 2.0, 1.5], None),
+    *((1.0, np.zeros(3), [1.0, 2.0, 2.5], axis) for axis in np.eye(3)),
+]
 
 
 class Pinocchio:
@@ -72,43 +85,128 @@ class Pinocchio:
         return estimate
 
 
-def mujoco_torque(arm: Arm, states: Sequence[State]) -> Callable[[], Array]:
-    """Function of the torques of states, (S, J), by ``mj_inverse``."""
-    model = mujoco_model(arm)
-    data = mujoco.MjData(model)
+class Mujoco:
+    """Torques and regressors of an arm by ``mj_inverse``, and its plant by ``rollout``."""
 
-    def torque() -> Array:
+    def __init__(self, arm: Arm) -> None:
+        self.own = arm.inertial_parameters
+        self.model = mujoco_model(arm)
+        self.data = mujoco.MjData(self.model)
+
+    def torque(self, states: Sequence[State]) -> Array:
+        """Torques of states, (S, J)."""
+        data = self.data
         found = []
         for data.qpos[:], data.qvel[:], data.qacc[:] in states:
-            mujoco.mj_inverse(model, data)
+            mujoco.mj_inverse(self.model, data)
             found.append(data.qfrc_inverse.copy())
         return np.array(found)
 
-    return torque
+    def regressor(self, states: Sequence[State]) -> Array:
+        """Full regressor (S, J, 10 J), from torques with ten other bodies in the place of each link's."""
+        before = self.torque(states)
+        parts = []
+        model = self.model
+        for link, own in enumerate(self.own, start=1):
+            fields = (model.body_mass, model.body_ipos, model.body_inertia, model.body_iquat)
+            kept = [field[link].copy() for field in fields]
+            torques, parameters = [], []
+            for mass, centre, moments, axis in _BODIES:
+                turn = np.array([1.0, 0, 0, 0] if axis is None else [_TURN[0], *(_TURN[1] * axis)])
+                for field, value in zip(fields, (mass, centre, moments, turn)):
+                    field[link] = value
+                turned = pin.Quaternion(*turn).matrix()
+                body = pin.Inertia(mass, centre, turned @ np.diag(moments) @ turned.T)
+                torques.append(self.torque(states) - before)
+                parameters.append(body.toDynamicParameters() - own)
+            for field, value in zip(fields, kept):
+                field[link] = value
+            parts.append(
+                np.linalg.solve(parameters, np.reshape(torques, (10, -1))).reshape(10, *before.shape)
+            )
+        return np.moveaxis(np.concatenate(parts), 0, -1)
+
+    @staticmethod
+    def execute(plant: Plant, threads: int, start: Array, targets: Array) -> Array:
+        """Positions (B, T, J) after each step of servos with given targets (B, T, J), all arms at once."""
+        joints = targets.shape[2]
+        data = [mujoco.MjData(plant.model) for _ in range(threads)]
+        first = np.concatenate([np.zeros((len(start), 1)), start], 1)  # time, positions and velocities
+        states, _ = rollout.rollout(plant.model, data, first, targets)
+        return states[:, :, 1 : 1 + joints]
 
 
-def mujoco_execute(plant: Plant, threads: int, start: Array, targets: Array) -> Array:
-    """Positions (B, T, J) after each step of servos with given targets (B, T, J), all arms at once."""
-    joints = targets.shape[2]
-    data = [mujoco.MjData(plant.model) for _ in range(threads)]
-    first = np.concatenate([np.zeros((len(start), 1)), start], 1)  # time, positions and velocities
-    states, _ = rollout.rollout(plant.model, data, first, targets)
-    return states[:, :, 1 : 1 + joints]
+class Figaroh:
+    """Base regressors of an arm by FIGAROH, and a trajectory by its optimiser."""
+
+    def __init__(self, arm: Arm) -> None:
+        pytest.importorskip("figaroh", reason="FIGAROH is not installed")
+        from figaroh.tools.robot import Robot
+
+        self.robot = Robot(str(arm.urdf), package_dirs="")
+        joints = list(range(arm.joints))
+        self.settings = {"act_idxq": joints, "act_idxv": joints, "is_joint_torques": True}
+
+    def regressor(self, columns: Array, *states: Array) -> Array:
+        """Some columns of the regressor, (J S, p), joint by joint, of states (S, J)."""
+        from figaroh.tools.qrdecomposition import build_baseRegressor
+        from figaroh.tools.regressor import build_regressor_basic
+
+        return build_baseRegressor(build_regressor_basic(self.robot, *states, self.settings), columns)
+
+    def base_columns(self, *states: Array) -> Array:
+        """Columns that its decomposition takes as the base, (p,)."""
+        from figaroh.identification.parameter import get_standard_parameters
+        from figaroh.tools.qrdecomposition import get_baseIndex
+        from figaroh.tools.regressor import (
+            build_regressor_basic,
+            build_regressor_reduced,
+            get_index_eliminate,
+        )
+
+        y = build_regressor_basic(self.robot, *states, self.settings)
+        gone, names = get_index_eliminate(y, get_standard_parameters(self.robot.model, self.settings))
+        left = np.delete(np.arange(y.shape[1]), gone)
+        return left[list(get_baseIndex(build_regressor_reduced(y, gone), names))]
+
+    def optimise(self, joints: Sequence[str], **changes: Any) -> list[float]:
+        """Condition numbers of a trajectory of four cubic splines of 4 s, as IPOPT makes them smaller."""
+        pytest.importorskip("cyipopt", reason="IPOPT's bindings are not installed")
+        from figaroh.optimal import base_optimal_trajectory as optimal
+
+        class Search(optimal.BaseOptimalTrajectory):  # type: ignore[misc]
+            def __init__(search) -> None:  # noqa: N805
+                search.robot = self.robot
+                search.model = self.robot.model
+                search.active_joints = list(joints)
+                search.logger = optimal.logger
+                search.identif_config = self.settings
+                search.trajectory_config = {"n_wps": 5, "t_s": 4.0, "soft_lim": 0.05, "max_attempts": 1000}
+                search.trajectory_config |= changes
+                search.results = {key: [] for key in ("T_F", "P_F", "V_F", "A_F", "iteration_data")}
+
+            def create_ipopt_problem(search, *words: Any) -> Any:  # noqa: N805
+                search.problem = optimal.BaseTrajectoryIPOPTProblem(search, *words)
+                return search.problem
+
+        search = Search()
+        search.initialize()
+        search.solve(1)
+        return search.problem.iteration_data["obj_values"]
 
 
-def figaroh_regressor(arm: Arm, columns: Array, states: State) -> Callable[[], Array]:
-    """Function of columns of the regressor, (S, J, p), of states (S, J), by FIGAROH; a skip without it."""
-    pytest.importorskip("figaroh", reason="FIGAROH is not installed")
-    from figaroh.tools.qrdecomposition import build_baseRegressor
-    from figaroh.tools.regressor import build_regressor_basic
-    from figaroh.tools.robot import Robot
-
-    robot = Robot(str(arm.urdf), package_dirs="")
-    joints = list(range(arm.joints))
-    settings = {"act_idxq": joints, "act_idxv": joints, "is_joint_torques": True}
-
-    def regressor() -> Array:
-        y = build_baseRegressor(build_regressor_basic(robot, *states, settings), columns)
-        return y.reshape(arm.joints, len(states[0]), -1).swapaxes(0, 1)
-
-    return regressor
+def frax_torque(arm: Arm, folder: Path) -> Any:
+    """Torques of batches of states (S, J) by frax, compiled by JAX in double precision; a skip without it."""
+    jax = pytest.importorskip("jax", reason="JAX is not installed")
+    frax = pytest.importorskip("frax", reason="frax is not installed", exc_type=ImportError)
+    jax.config.update("jax_enable_x64", True)
+    tree = ET.parse(arm.urdf)
+    for link in (element for element in tree.getroot().iter("link") if element.find("inertial") is None):
+        inertial = ET.SubElement(link, "inertial")  # frax asks one of the base as well
+        ET.SubElement(inertial, "mass", value="1")
+        ET.SubElement(inertial, "inertia", ixx="1", iyy="1", izz="1", ixy="0", ixz="0", iyz="0")
+    tree.write(folder / "arm.urdf")
+    robot = frax.Robot(str(folder / "arm.urdf"))
+    gravity = jax.numpy.array([*-arm.gravity, 0, 0, 0])
+    batch = jax.jit(jax.vmap(lambda q, dq, ddq: robot.rnea(q, dq, ddq, gravity, None)))
+    return lambda *states: batch(*states).block_until_ready()

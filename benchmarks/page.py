@@ -1,63 +1,76 @@
-"""docs/benchmarks.md and its numbers, measured here: rates that are there already stay.
+"""docs/benchmarks.md, its figure and its numbers, measured here: what is there already stays.
 
-python -m benchmarks.page                 # all rates, and the page
-python -m benchmarks.page -k torque       # these rates anew, and the page
+python -m benchmarks.page                 # rates that are missing, growth that is missing, and the page
+python -m benchmarks.page -k torque       # these rates anew
+python -m benchmarks.page device.json     # a GPU's, as benchmarks.device printed them elsewhere
+python -m benchmarks.page only            # the page alone
 """
 
 import json
 import os
+import subprocess
 import sys
 import tempfile
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import pytest
+from matplotlib.ticker import NullFormatter
 
+from benchmarks.growth import POINTS, workers
 from sidegan.pipeline.stages.timing import processor
 
-_NUMBERS = Path(__file__).parents[1] / "docs" / "benchmarks.json"
-_PACKAGES = ["sidegan", "numpy", "torch", "numba", "pin", "mujoco", "figaroh"]
-_PAGE = """\
-# How fast it is
-
-`python -m benchmarks.page` writes this page. The rows come from `pytest benchmarks --benchmark-only`; where
-another library computes the same quantity, its row asserts that the numbers agree. FIGAROH is no dependency:
-`pip install figaroh`.
-
-{processor}. {versions}.
-
-The arm is the LWR on its desk, with trajectories of 16 s and six harmonics. The rate of a core is per CPU
-second on one thread; the rate of two cores is per second of wall time, for libraries that can use them, and
-other load on the machine lowers it. The ratio is that of the medians, with that of the extremes in brackets.
-
-| work | by | a core, per CPU second | two cores, per second | ours is faster by |
-| --- | --- | --- | --- | --- |
-{rows}
-"""
+_DOCS = Path(__file__).parents[1] / "docs"
+_NUMBERS, _PAGE, _FIGURE = _DOCS / "benchmarks.json", _DOCS / "benchmarks.md", _DOCS / "images" / "growth.png"
+_PACKAGES = ["sidegan", "numpy", "torch", "numba", "pin", "mujoco", "figaroh", "frax", "jax"]
+_LARGE = ("library", "greedy", "d_optimal", "rls", "workers")  # a process for each size
+_UNITS = {"2,000 seeds": "s", "file": "MB", "peak": "MB", "regressor": "µs", "validity": "µs"}
 
 
-def _measured(words: list[str]) -> dict[str, Any]:
-    """Seconds per unit, by work and by whom."""
+def _rates(*words: str) -> dict[str, Any]:
+    """Rows of the table, by work and by whom."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "rates.json"
         pytest.main(["benchmarks", "-n", "0", "--benchmark-only", f"--benchmark-json={file}", *words])
         rows = json.loads(file.read_text())["benchmarks"]
     found: dict[str, Any] = {}
     for row in rows:
-        by, stats = (row["params"] or {}).get("by", "sidegan"), row["stats"]
-        rate = {"median": stats["median"], "low": stats["min"], "high": stats["max"]}
-        found.setdefault(row["group"], {})[by] = rate | {"wall": row["extra_info"].get("wall") or []}
+        by = (row["params"] or {}).get("by", "sidegan")
+        stats = row["stats"]
+        keys = {"median": "median", "low": "min", "high": "max"}
+        rate = {key: stats[name] for key, name in keys.items()}
+        rate["wall"] = row["extra_info"].get("wall") or []
+        found.setdefault(row["group"], {})[by] = rate
     return found
+
+
+def _grown(name: str, sizes: list[str]) -> dict[str, Any]:
+    command = [sys.executable, "-m", "benchmarks.growth", name, *sizes]
+    return json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+
+
+def _grow(known: dict[str, Any]) -> None:
+    """Measure the sizes that are missing."""
+    for work, sizes in POINTS.items():
+        name = work.__name__
+        missing = [str(size) for size in sizes if str(size) not in known.setdefault(name, {})]
+        for part in [[size] for size in missing] if name in _LARGE else [missing] if missing else []:
+            known[name] |= _grown(name, part)
+
+
+def _table(rows: list[list[str]]) -> str:
+    lines = [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
 
 
 def _number(x: float) -> str:
     return f"{x:,.0f}" if x >= 1000 else f"{x:.3g}"
 
 
-def _rows(rates: dict[str, Any]) -> str:
-    """Rows of the table."""
-    rows = []
+def _table_of_rates(rates: dict[str, Any]) -> str:
+    rows = [["work", "by", "a core, per CPU second", "two cores, per second", "ours is faster by"]]
     for group, parts in rates.items():
         ours = parts.get("sidegan")
         for by, rate in parts.items():
@@ -66,28 +79,83 @@ def _rows(rates: dict[str, Any]) -> str:
             if ours and rate is not ours:
                 ends = ("median", "median"), ("low", "high"), ("high", "low")
                 ratio = "{} ({} … {})".format(*(_number(rate[a] / ours[b]) for a, b in ends))
-            rows.append(f"| {group} | {by} | {_number(1 / rate['median'])} | {wall} | {ratio} |")
-    return "\n".join(rows)
+            rows.append([group, by, _number(1 / rate["median"]), wall, ratio])
+    return _table(rows)
 
 
-def _version(name: str) -> str:
-    try:
-        return f"{name} {version(name)}"
-    except PackageNotFoundError:
-        return f"{name} absent"
+def _table_of_growth(name: str, sizes: dict[str, Any]) -> str:
+    keys = list(next(iter(sizes.values())))
+    head = [name.replace("_", "-"), *(f"{key} [{_UNITS.get(key, 'CPU s')}]" for key in keys)]
+    ordered = sorted(sizes.items(), key=lambda item: int(item[0]))
+    rows = [[f"{int(size):,}", *(_number(x) for x in costs.values())] for size, costs in ordered]
+    return _table([head, *rows])
+
+
+def _draw(growth: dict[str, Any]) -> None:
+    drawn = [work for work in POINTS if work is not workers]
+    figure, axes = plt.subplots(2, -(-len(drawn) // 2), figsize=(11, 5.6), layout="constrained")
+    axes.flat[-1].set_axis_off()
+    for axis, work in zip(axes.flat, drawn):
+        sizes = sorted((int(size), costs) for size, costs in growth.get(work.__name__, {}).items())
+        for key in sizes[0][1] if sizes else []:
+            if _UNITS.get(key) != "MB":
+                axis.loglog([x for x, _ in sizes], [costs[key] for _, costs in sizes], "o-", label=key)
+        if sizes:
+            ends = [sizes[0][0], sizes[-1][0]]
+            top = max(x for key, x in sizes[-1][1].items() if _UNITS.get(key) != "MB")
+            axis.loglog(ends, [top * x / ends[1] for x in ends], ":", color="grey", label="linear")
+        small = work.__name__ not in _LARGE
+        axis.set(title=work.__name__.replace("_", "-"), ylabel="µs a trajectory" if small else "CPU s")
+        axis.legend(fontsize=7)
+        axis.xaxis.set_minor_formatter(NullFormatter())
+    figure.savefig(_FIGURE, dpi=90)
+
+
+def _versions() -> str:
+    found = []
+    for name in _PACKAGES:
+        try:
+            found.append(f"{name} {version(name)}")
+        except PackageNotFoundError:
+            found.append(f"{name} absent")
+    return ", ".join(found)
+
+
+def _machine() -> str:
+    return f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
+
+
+def _write(numbers: dict[str, Any]) -> None:
+    _NUMBERS.write_text(json.dumps(numbers, indent=1) + "\n")
+    devices = numbers.get("device", {})
+    rows = [["networks", "device", "epoch [s]", "sample [µs]"]]
+    for key, device in devices.items():
+        rows.append([key, device["name"], _number(device["epoch"]), _number(device["sample"])])
+    if "cuda" not in devices:
+        rows.append(["cuda", "none on this machine", "", ""])
+    growth = {name: sizes for name, sizes in numbers["growth"].items() if sizes}
+    _draw(growth)
+    text = (Path(__file__).parent / "page.md").read_text()
+    fields = {"versions": numbers["versions"], "processor": numbers["processor"]}
+    fields |= {"rates": _table_of_rates(numbers["rates"]), "device": _table(rows)}
+    tables = "\n\n".join(_table_of_growth(*item) for item in growth.items())
+    _PAGE.write_text(text.format(growth=tables, **fields))
 
 
 def main(words: list[str]) -> None:
     """Measure and write."""
-    numbers = json.loads(_NUMBERS.read_text()) if _NUMBERS.exists() else {"rates": {}}
-    for group, parts in _measured(words).items():
-        numbers["rates"].setdefault(group, {}).update(parts)
-    numbers["processor"] = f"{processor()}, {os.cpu_count()} cores, load {os.getloadavg()[1]:.1f}"
-    numbers["versions"] = ", ".join(map(_version, _PACKAGES))
-    _NUMBERS.write_text(json.dumps(numbers, indent=1) + "\n")
-    rows = _rows(numbers["rates"])
-    page = _PAGE.format(rows=rows, versions=numbers["versions"], processor=numbers["processor"])
-    _NUMBERS.with_suffix(".md").write_text(page)
+    numbers = json.loads(_NUMBERS.read_text()) if _NUMBERS.exists() else {"rates": {}, "growth": {}}
+    if words == ["only"]:
+        pass
+    elif words and words[0].endswith(".json"):
+        numbers["device"] = json.loads(Path(words[0]).read_text())
+    else:
+        numbers |= {"versions": _versions(), "processor": _machine()}
+        for group, parts in (_rates(*words) if words or not numbers["rates"] else {}).items():
+            numbers["rates"].setdefault(group, {}).update(parts)
+        if not words:
+            _grow(numbers["growth"])
+    _write(numbers)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 import logging
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,18 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks import device
 from benchmarks.conftest import OURS, Rate
-from benchmarks.opponents import Pinocchio, figaroh_regressor, mujoco_execute, mujoco_torque
+from benchmarks.opponents import Figaroh, Mujoco, Pinocchio, frax_torque
 from sidegan.base.arrays import Array, flatten
-from sidegan.design.excitation import excite
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import Generator
 from sidegan.gan.scaling import Scaling
-from sidegan.gan.side_gan import Data
-from sidegan.gan.surrogates import Converter, SuccessPredictor
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
@@ -42,10 +39,10 @@ pytestmark = pytest.mark.benchmark(timer=time.process_time)
 _DESK = Plane((0.0, 0.0, 1.0), 0.10)
 _SAMPLES = 80  # states of a trajectory
 _CELLS = 160  # configurations of a trajectory that the opponent checks, 0.1 s apart
-_EPOCHS = 2
 _SEEDS = {"sidegan": ("gradient", 50), "gaco + compass": ("paper", 1)}  # method, seeds
 _TOUCH = "computeCollisionsInParallel, samples and links only"
-_PARALLEL, _INVERSE = "Pinocchio, rneaInParallel", "MuJoCo, mj_inverse"
+_FIGAROH = "FIGAROH, ten iterations at 5 Hz"
+_PARALLEL, _INVERSE, _FRAX = "Pinocchio, rneaInParallel", "MuJoCo, mj_inverse", "frax, compiled by JAX"
 
 CONSTRAINTS = Constraints(load_robot("kuka_lwr4"), [_DESK])
 FAMILY, BODY = Trajectory(CONSTRAINTS.arm.joints), CONSTRAINTS.body
@@ -63,38 +60,54 @@ def motions(count: int, samples: int) -> list[list[tuple[np.ndarray, ...]]]:
     return [list(zip(*parts)) for parts in zip(*motion[1:])]
 
 
-@pytest.mark.parametrize("by", [OURS, "Pinocchio", "FIGAROH"])
+@pytest.mark.parametrize("by", [OURS, "Pinocchio", "FIGAROH", "MuJoCo, unit bodies"])
 def test_regressor(rate: Rate, by: str) -> None:
     """Base regressor, and of ours and Pinocchio's YᵀY."""
-    few, unit = 50, "states"
+    few = 50
+    unit = "states"
+    loops = Pinocchio(CONSTRAINTS)
     if by == OURS:
         c = start(1000)
         work = partial(gram, BODY, FAMILY, c, samples=_SAMPLES)
         rate(work, len(c) * _SAMPLES, unit, both=work)
-    elif by == "FIGAROH":
-        states = [x[0] for x in FAMILY.roll_out(start(1), FAMILY.grid(_SAMPLES))[1:]]
-        found = rate(figaroh_regressor(CONSTRAINTS.arm, BODY.base.columns, states), _SAMPLES, unit, 3)
-        np.testing.assert_allclose(found, BODY.base_regressor(*states), atol=1e-9)
-    else:
-        loops, each = Pinocchio(CONSTRAINTS), motions(few, _SAMPLES)
-        found = rate(lambda: [loops.gram(states) for states in each], few * _SAMPLES, unit)
-        np.testing.assert_allclose(found, gram(BODY, FAMILY, start(few), _SAMPLES), rtol=1e-9, atol=1e-9)
+        return
+    if by != "Pinocchio":
+        (states,) = motions(1, _SAMPLES)
+        columns = BODY.base.columns
+        parts = [np.array(x) for x in zip(*states)]
+        expected = BODY.base_regressor(*parts)
+        if by == "FIGAROH":
+            other = Figaroh(CONSTRAINTS.arm)
+            assert len(other.base_columns(*parts)) == len(columns)
+            found = rate(lambda: other.regressor(columns, *parts), _SAMPLES, unit, 3)
+            found = found.reshape(CONSTRAINTS.arm.joints, _SAMPLES, -1).swapaxes(0, 1)
+        else:
+            found = rate(partial(Mujoco(CONSTRAINTS.arm).regressor, states), _SAMPLES, unit, 3)[..., columns]
+        np.testing.assert_allclose(found, expected, atol=1e-9)
+        return
+    each = motions(few, _SAMPLES)
+    expected = gram(BODY, FAMILY, start(few), samples=_SAMPLES)
+    np.testing.assert_allclose([loops.gram(states) for states in each], expected, rtol=1e-9, atol=1e-9)
+    rate(lambda: [loops.gram(states) for states in each], few * _SAMPLES, unit)
 
 
-@pytest.mark.parametrize("by", [OURS, _PARALLEL, _INVERSE])
-def test_torque(rate: Rate, by: str) -> None:
+@pytest.mark.parametrize("by", [OURS, _PARALLEL, _INVERSE, _FRAX])
+def test_torque(rate: Rate, by: str, tmp_path: Path) -> None:
     """Torques of states that are there."""
     states = [x.reshape(-1, FAMILY.joints) for x in FAMILY.roll_out(start(500), FAMILY.grid(_SAMPLES))[1:]]
     expected = BODY.torque(*states)
-    if by == _PARALLEL:
-        columns = [np.asfortranarray(x.T) for x in states]
+    columns = [np.asfortranarray(x.T) for x in states]
+    if by == _FRAX:
+        work = both = partial(frax_torque(CONSTRAINTS.arm, tmp_path), *states)
+    elif by == _PARALLEL:
         work, both = (partial(Pinocchio(CONSTRAINTS).torque, threads, columns) for threads in (1, 2))
     elif by == _INVERSE:
-        work, both = mujoco_torque(CONSTRAINTS.arm, list(zip(*states))), None
+        work = partial(Mujoco(CONSTRAINTS.arm).torque, list(zip(*states)))
+        both = None
     else:
         work = both = partial(BODY.torque, *states)
     found = rate(work, len(expected), "states", both=both)
-    np.testing.assert_allclose(found, expected, atol=1e-9)
+    np.testing.assert_allclose(np.asarray(found), expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("by", [OURS, "mujoco.rollout"])
@@ -115,7 +128,7 @@ def test_plant(rate: Rate, by: str) -> None:
     torque = plant.body.torque(*motion[1:])
     targets = motion.position + (damping * ahead + torque) / stiffness
     first = np.concatenate([motion.position[:, 0], motion.velocity[:, 0]], 1)
-    work, both = (partial(mujoco_execute, plant, threads, first, targets) for threads in (1, 2))
+    work, both = (partial(Mujoco.execute, plant, threads, first, targets) for threads in (1, 2))
     found = rate(work, amount, unit, 3, both=both)
     np.testing.assert_allclose(found[:, :-1], expected[:, 1:], atol=1e-9)
 
@@ -135,10 +148,11 @@ def test_validity(rate: Rate, by: str) -> None:
         work = partial(check, CONSTRAINTS, FAMILY, start(2000))
         rate(work, 2000, "trajectories", both=work)
     elif by == _TOUCH:
-        arm, other, count = CONSTRAINTS.arm, Pinocchio(CONSTRAINTS), 50
-        q = np.random.default_rng(0).uniform(
-            arm.position_lower, arm.position_upper, (count * _CELLS, arm.joints)
-        )
+        arm = CONSTRAINTS.arm
+        other = Pinocchio(CONSTRAINTS)
+        noise = np.random.default_rng(0)
+        count = 50
+        q = noise.uniform(arm.position_lower, arm.position_upper, (count * _CELLS, arm.joints))
         positions = np.asfortranarray(q.T)
         work, both = (partial(other.touch, threads, positions) for threads in (1, 2))
         found = rate(work, count, "trajectories", both=both)
@@ -153,16 +167,24 @@ def test_validity(rate: Rate, by: str) -> None:
 def test_generation(rate: Rate) -> None:
     """Trajectories from a generator of the usual size, in batches of a thousand."""
     seeds = tensor(start(200))
+    arm = CONSTRAINTS.arm
     scaling = Scaling.fit(seeds)
     network = Generator(*FAMILY.shape[:2], shortcut=True)
     network.start_from(scaling.image(seeds))
-    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, CONSTRAINTS.arm)
+    made = TrajectoryGenerator(network.eval(), scaling, FAMILY, arm)
     rate(lambda: [made.sample(1000) for _ in range(10)], 10_000, "trajectories")
 
 
-@pytest.mark.parametrize("by", _SEEDS)
+@pytest.mark.parametrize("by", [*_SEEDS, _FIGAROH])
 def test_seeds(rate: Rate, by: str, tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Seeds by the compiled search and by the paper's, failures, checks and their file included."""
+    if by == _FIGAROH:
+        search = Figaroh(CONSTRAINTS.arm)
+        names = CONSTRAINTS.arm.joint_names
+        work = partial(search.optimise, names, freq=5, max_iterations=10)
+        found = rate(work, 1, "seeds", 1)
+        assert len(found) > 5 and min(found) < found[0], "its optimiser has made the condition number smaller"
+        return
     method, count = _SEEDS[by]
     words = ["+experiment=exp1", "scale=paper", f"seeds={method}", f"seeds.count={count}", "stages=[seeds]"]
     words += ["seeds.shipped=null"] if method == "paper" else []
@@ -190,18 +212,9 @@ def _run(place: Path, *words: str) -> None:
 
 def test_training(rate: Rate, tmp_path: Path) -> None:
     """Epochs of variant eigen on 1800 seeds, with untrained surrogates and the true physics after each."""
-    cfg = composed("+experiment=exp1", "scale=paper")
-    arm, sizes, seeds = CONSTRAINTS.arm, cfg.surrogates, start(1800)
-    spectrum = excite(BODY, FAMILY, seeds[:200]).spectrum
-    predictor = SuccessPredictor(arm, FAMILY, len(CONSTRAINTS.labels), sizes.width, sizes.margin_steps)
-    converter = Converter(arm, FAMILY, spectrum.shape[1], sizes.width, sizes.feature_steps)
-    converter.fit_standard(tensor(spectrum))
-    for network in (predictor, converter):
-        network.freeze()
-    variant = replace(cfg.gan["eigen"], epochs=_EPOCHS, fitness_start=0)
-    data = Data(CONSTRAINTS, FAMILY, seeds, predictor, converter)
+    variant, data = device.task()
     places = _places(tmp_path)
-    rate(lambda place: train(variant, data, Run("eigen", 0, place)), _EPOCHS, "epochs", 2, setup=places)
+    rate(lambda place: train(variant, data, Run("eigen", 0, place)), device.EPOCHS, "epochs", 2, setup=places)
 
 
 @pytest.mark.parametrize("by", [OURS, "Pinocchio + NumPy"])
