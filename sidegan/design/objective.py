@@ -16,8 +16,7 @@ from sidegan.design.problem import Problem
 from sidegan.kernels import objective as kernel
 from sidegan.kernels.dynamics import Limits
 from sidegan.motion.arrays import array
-from sidegan.motion.operations import columns_of_links
-from sidegan.motion.threads import share
+from sidegan.motion.operations import columns_of_links, share
 from sidegan.validity.constraints import NAMES
 
 _LEAST = 1e-3  # lower bound of the torque that dry friction leaves, as a share of the limit: a divisor

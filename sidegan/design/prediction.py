@@ -16,7 +16,7 @@ from sidegan.design.coordinates import Coordinates
 from sidegan.design.problem import Problem
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.threads import eigh
+from sidegan.motion.operations import eigh
 from sidegan.motion.trajectory import Trajectory
 
 SAMPLES = 40  # least samples per trajectory: more change the sums by less than 1 %

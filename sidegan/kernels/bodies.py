@@ -155,13 +155,7 @@ def near_pieces(bodies: Bodies, at: Place, p: int, need: float, known: Vector) -
 def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, at: Place) -> None:
     """Write lower bounds on the distances [m] of hulls, (M,), at positions (N, J); see ``gjk.apart``.
 
-    Args:
-        bodies: the arm's bodies.
-        q: positions [rad or m].
-        asked: row of q and pair for each distance, (M, 2) int, sorted by row.
-        need: bound at which the search may stop.
-        out: output.
-        at: scratch.
+    ``asked`` holds row of q and pair for each distance, (M, 2) int, sorted by row.
     """
     before = -1
     for m in range(len(asked)):
@@ -172,13 +166,6 @@ def distances(bodies: Bodies, q: Array, asked: Array, need: float, out: Array, a
         place_capsule(bodies.shapes, bodies.shapes.pairs[p, 0], at)
         place_capsule(bodies.shapes, bodies.shapes.pairs[p, 1], at)
         out[m] = near_pieces(bodies, at, p, need, (0.0, 0.0, 0.0))
-
-
-@inline
-def _lever(axis: Vector, origin: Vector, a: Vector, b: Vector) -> float:
-    """Largest distance [m] of the segment from a to b from the line through ``origin`` along ``axis``."""
-    one, two = cross(axis, less(a, origin)), cross(axis, less(b, origin))
-    return math.sqrt(max(dot(one, one), dot(two, two)))
 
 
 @inline
@@ -195,8 +182,9 @@ def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> fl
     for j in range(outer - 1, inner - 1, -1):
         lever = reach[p, j]
         if not chain.prismatic[j]:
-            axis = to_parent(matrix(at.turn, j + 1), row(chain.axis, j))
-            now = _lever(axis, row(at.place, j + 1), a, b)
+            axis, origin = to_parent(matrix(at.turn, j + 1), row(chain.axis, j)), row(at.place, j + 1)
+            one, two = cross(axis, less(a, origin)), cross(axis, less(b, origin))
+            now = math.sqrt(max(dot(one, one), dot(two, two)))
             lever = min(lever, now + bodies.hulls.around[c] + total)
         total += half[j] * lever
     return total
@@ -206,16 +194,10 @@ def _reached(bodies: Bodies, at: Place, p: int, half: Array, reach: Array) -> fl
 def never_touch(
     bodies: Bodies, reach: Array, p: int, gap: float, boxes: Array, budget: int, at: Place
 ) -> bool:
-    """Whether a pair provably stays farther apart than a gap [m] at all positions.
+    """Whether pair p provably stays farther apart than a gap [m] at all positions, within a budget of boxes.
 
-    Args:
-        bodies: the arm's bodies.
-        reach: largest lever arm of each joint for the pair's hulls, (P, J).
-        p: the pair.
-        gap: distance to exceed.
-        boxes: stack of boxes of positions, centres and half widths, (2, D, J); the first holds all positions.
-        budget: maximum number of boxes to check.
-        at: scratch.
+    ``reach`` is the largest lever arm of each joint for the pair's hulls, (P, J); ``boxes`` a stack of boxes
+    of positions, centres and half widths, (2, D, J), the first of which holds all positions.
     """
     inner, outer, first, last = ordered(bodies.shapes, p)
     count = 1

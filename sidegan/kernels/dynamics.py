@@ -142,13 +142,6 @@ def load_wrench(x: Lanes, n: int) -> Wrench:
 
 
 @inline
-def store_wrench(x: Lanes, n: int, wrench: Wrench) -> None:
-    """Write force and moment to lane n."""
-    store(x, 0, n, wrench[0])
-    store(x, 3, n, wrench[1])
-
-
-@inline
 def step_of(count: int) -> int:
     """Lanes per block for ``count`` states: blocks of nearly equal size, in whole vectors."""
     count = max(1, count)
@@ -189,7 +182,9 @@ def move(j: Joint, state: Lanes, parent: Lanes, link: Lanes, width: int) -> None
 def _wrench(link: Lanes, v: Ten, wrench: Lanes, width: int) -> None:
     """Write the force and the moment about the link's origin that its motion requires."""
     for n in range(min(width, LANES)):
-        store_wrench(wrench, n, wrench_of(v, load_motion(link, n)))
+        force, moment = wrench_of(v, load_motion(link, n))
+        store(wrench, 0, n, force)
+        store(wrench, 3, n, moment)
 
 
 @kernel

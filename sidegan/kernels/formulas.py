@@ -12,9 +12,8 @@ Number = Any  # or an array of them
 Vector = tuple[Number, Number, Number]
 Matrix = tuple[Vector, Vector, Vector]  # row by row
 Ten = tuple[Number, ...]  # a link's inertial parameters, in Pinocchio's order
-Motion = tuple[
-    Vector, Vector, Vector
-]  # angular velocity and acceleration, acceleration of the origin minus gravity
+# Angular velocity and acceleration, acceleration of the origin minus gravity.
+Motion = tuple[Vector, Vector, Vector]
 Moving = tuple[Motion, Motion]  # a motion and its rate
 Wrench = tuple[Vector, Vector]  # force and moment
 Own = tuple[Number, Number, Number, Number]  # a joint's velocity and its first three derivatives, or bounds
@@ -173,14 +172,6 @@ def columns_of(motion: Motion, turn: Vector, linear: Vector) -> Ten:
         turn[1] * alpha[2] + turn[2] * alpha[1] + u[1] * w[2] + u[2] * w[1],
         turn[2] * alpha[2] + u[2] * w[2],
     )
-
-
-def cell_bounds(dq: Number, ddq: Number, jerk: Number, half: float) -> tuple[Number, Number, Number, Number]:
-    """Bounds over a cell on position change, velocity change, speed and acceleration (Taylor's theorem)."""
-    speed, acceleration = abs(dq), abs(ddq)
-    change = half * (speed + half / 2 * (acceleration + half / 3 * jerk))
-    velocity_change = half * (acceleration + half / 2 * jerk)
-    return change, velocity_change, speed + velocity_change, acceleration + half * jerk
 
 
 def drift(rate: Number, bound: Number, half: float) -> Number:

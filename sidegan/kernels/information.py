@@ -26,7 +26,7 @@ from sidegan.kernels.dynamics import (
     step_of,
 )
 from sidegan.kernels.dynamics import Scratch as Lanes
-from sidegan.kernels.jit import inline, kernel
+from sidegan.kernels.jit import kernel
 from sidegan.kernels.regressor import SPAN, Columns, mirror, rows_of, tile
 
 KINDS = ("rotor_inertia", "viscous", "coulomb", "offset")
@@ -51,6 +51,9 @@ class Signals(NamedTuple):
     shares: Array  # the terms' parameters in each set, (K, E)
 
 
+Terms = tuple[JointTerms, Signals]
+
+
 def no_terms(joints: int) -> JointTerms:
     """No terms, and joints of equal weight."""
     return JointTerms(np.zeros(0, np.int64), np.zeros(joints + 1, np.int64), 1.0, np.ones(joints))
@@ -63,27 +66,23 @@ def signals_for(terms: JointTerms, samples: int, sets: int) -> Signals:
     return Signals(values, rates, pushes, np.zeros((sets, count)))
 
 
-@inline
-def _signal(terms: JointTerms, kind: int, dq: float, ddq: float) -> tuple[float, float]:
-    """Regressor entry of a term, and its derivative."""
-    if kind == _ROTOR:
-        return ddq, 1.0
-    if kind == _VISCOUS:
-        return dq, 1.0
-    if kind == _OFFSET:
-        return 1.0, 0.0
-    sign = math.tanh(dq / terms.width)
-    return sign, (1.0 - sign * sign) / terms.width
-
-
 @kernel
 def write_signals(terms: JointTerms, states: Array, b: int, signals: Signals) -> None:
     """Write values and their derivatives along trajectory b of states (5, B, J, T)."""
     for j in range(len(terms.first) - 1):
         for e in range(terms.first[j], terms.first[j + 1]):
+            kind = terms.kinds[e]
             for n in range(states.shape[3]):
-                found = _signal(terms, terms.kinds[e], states[DQ, b, j, n], states[DDQ, b, j, n])
-                signals.values[e, n], signals.rates[e, n] = found
+                if kind == _ROTOR:
+                    value, rate = states[DDQ, b, j, n], 1.0
+                elif kind == _VISCOUS:
+                    value, rate = states[DQ, b, j, n], 1.0
+                elif kind == _OFFSET:
+                    value, rate = 1.0, 0.0
+                else:
+                    value = math.tanh(states[DQ, b, j, n] / terms.width)
+                    rate = (1.0 - value * value) / terms.width
+                signals.values[e, n], signals.rates[e, n] = value, rate
 
 
 @kernel
@@ -160,13 +159,7 @@ def _weigh(columns: Columns, roots: Array, span: int, y: Array) -> None:
 
 @kernel
 def weighted_grams(
-    chain: Chain,
-    states: Array,
-    columns: Columns,
-    terms: tuple[JointTerms, Signals],
-    grams: Array,
-    work: Lanes,
-    y: Array,
+    chain: Chain, states: Array, columns: Columns, terms: Terms, grams: Array, work: Lanes, y: Array
 ) -> None:
     """Write the Gram matrices YᵀWY / T, (B, P, P), of B trajectories' states (5, B, J, T).
 
@@ -196,7 +189,7 @@ def weighted_slopes(
     chain: Chain,
     limits: Limits,
     states: Array,
-    terms: tuple[JointTerms, Signals],
+    terms: Terms,
     directions: tuple[Array, Array],
     slope: Array,
     work: Lanes,

@@ -11,7 +11,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache, update_wrapper
+from functools import cache, partial, update_wrapper
 from inspect import isfunction
 from pathlib import Path
 from types import ModuleType
@@ -30,7 +30,7 @@ _OPTIONS: Any = {
     "_nrt": False,
 }
 _INNER: Any = {"no_cpython_wrapper": True}
-_ANY_ORDER: Any = {"contract", "reassoc"}
+_ANY_ORDER: Any = {"fastmath": {"contract", "reassoc"}}
 _PATIENCE = 120.0  # [s] to wait for another process that compiles a kernel, before compiling it too
 _KEPT = 3  # cached older versions of the kernels
 
@@ -40,17 +40,12 @@ Function = Callable[..., Any]
 
 
 class Kernel:
-    """A compiled function that can be called from Python and from other kernels.
-
-    Args:
-        function: the function.
-        options: options of ``numba.njit``.
-    """
+    """A compiled function that can be called from Python and from other kernels."""
 
     def __init__(self, function: Function, options: Any) -> None:
         update_wrapper(self, function)
         folder = _folder()
-        options["cache"] = folder is not None
+        options = options | {"cache": folder is not None}
         with _cached_in(folder and folder / "inner"):
             self.inner = numba.njit(**_INNER, **options)(function)
         with _cached_in(folder):
@@ -101,10 +96,6 @@ def _typeof(kernel: Kernel, _: Any) -> Any:
     return _Inner(kernel.inner)
 
 
-def _kernel(**options: Any) -> Callable[[Function], Kernel]:
-    return lambda function: Kernel(function, _OPTIONS | options)
-
-
 @contextmanager
 def _turn(folder: Path | None, name: str) -> Iterator[None]:
     """Context for a kernel's first call in a process, which compiles it or loads it from the cache.
@@ -142,10 +133,7 @@ def _cached_in(folder: Path | None) -> Iterator[None]:
 
 @cache
 def _folder() -> Path | None:
-    """Cache folder of this version of the kernels, named by a digest of their sources; None if not writable.
-
-    It lies in the folder named by ``SIDEGAN_CACHE``, or in the user's cache.
-    """
+    """Cache of this version of the kernels in ``SIDEGAN_CACHE`` or the user's cache; None if not writable."""
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.glob("*.py")):
         digest.update(path.read_bytes())
@@ -182,8 +170,8 @@ def share(module: ModuleType) -> None:
             register_jitable(forceinline=True, **_OPTIONS)(function)
 
 
-kernel = _kernel()
+kernel = partial(Kernel, options=_OPTIONS)
 part = numba.njit(inline="always", **_OPTIONS)  # inlined into its callers, never compiled on its own
-inline = _kernel(forceinline=True)  # a call would cost more than the work
-kernel_in_any_order = _kernel(fastmath=_ANY_ORDER)  # lets sums over lanes be vectorised
-inline_in_any_order = _kernel(forceinline=True, fastmath=_ANY_ORDER)
+inline = partial(Kernel, options=_OPTIONS | {"forceinline": True})  # a call would cost more than the work
+kernel_in_any_order = partial(Kernel, options=_OPTIONS | _ANY_ORDER)  # lets sums over lanes be vectorised
+inline_in_any_order = partial(Kernel, options=_OPTIONS | _ANY_ORDER | {"forceinline": True})

@@ -15,8 +15,13 @@ from sidegan.kernels.cells import (
     Model,
     Motions,
     Work,
+    bend,
     bend_torques,
     bound_motion,
+    fastest,
+    least_gap,
+    least_height,
+    place_twists,
     roll_out,
     torque_rates,
     torques,
@@ -26,7 +31,6 @@ from sidegan.kernels.distances import from_region, near_region
 from sidegan.kernels.formulas import Vector, dot, drift, less, times, to_parent
 from sidegan.kernels.jit import inline, kernel
 from sidegan.kernels.links import TOUCHING, matrix, row, set_row
-from sidegan.kernels.moving import bend, fastest, least_gap, least_height, place_twists
 
 POSITION, VELOCITY, TORQUE, COLLISION, KEEP_OUT, ACCELERATION, JERK = range(7)  # columns of the margins
 

@@ -1,17 +1,23 @@
-"""Compiled dynamics as functions of arrays."""
+"""Compiled dynamics as functions of arrays, and distribution of work among threads."""
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.base.threads import threads
 from sidegan.kernels import dynamics, information, regressor
 from sidegan.kernels.chain import Chain
-from sidegan.kernels.waves import waves
+from sidegan.kernels.links import waves
 from sidegan.motion.arrays import array
-from sidegan.motion.threads import each, share, threads_for
 
 States = Sequence[Array]
+
+_AS_STATES = 50  # states that are as much work as a small matrix
+_WORTH_A_THREAD = 1_000  # states, half a millisecond of work
 
 
 def rows(chain: Chain, columns: Array, states: States) -> Array:
@@ -66,9 +72,9 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
     joints = torque.shape[1]
     of_links = columns_of_links(columns, joints)
     size = len(columns) + 1
-    threads = threads_for(len(torque), len(torque))
-    products = np.zeros((threads, joints, size, size))
-    parts = [np.array_split(x, threads) for x in (*states, torque)]
+    count = threads_for(len(torque), len(torque))
+    products = np.zeros((count, joints, size, size))
+    parts = [np.array_split(x, count) for x in (*states, torque)]
 
     def work(k: int) -> None:
         motion = _states(*(x[k][None] for x in parts[:3]))
@@ -76,7 +82,7 @@ def sums(chain: Chain, columns: Array, states: States, torque: Array) -> Array:
         pulled = array(parts[3][k].T)
         regressor.sums(chain, motion, pulled, of_links, products[k], dynamics.scratch(chain), y)
 
-    each(work, threads)
+    each(work, count)
     return products.sum(0)
 
 
@@ -95,3 +101,41 @@ def _states(q: Array, dq: Array, ddq: Array) -> Array:
     sine, cosine, position = (x.ravel() for x in states[:3])
     waves(position, sine, cosine)
     return states
+
+
+def threads_for(tasks: int, states: int) -> int:
+    """Number of threads worth using for this many tasks and states."""
+    return max(1, min(threads(), tasks, states // _WORTH_A_THREAD))
+
+
+def share(work: Callable[[slice], None], batch: int, states: int) -> None:
+    """Run work on slices of a batch, one per thread; each item is as much work as ``states`` states."""
+    count = threads_for(batch, batch * states)
+    cuts = [batch * k // count for k in range(count + 1)]
+    each(lambda k: work(slice(cuts[k], cuts[k + 1])), count)
+
+
+def each(work: Callable[[int], None], count: int) -> None:
+    """Run work 0, 1, … in parallel."""
+    if count == 1:
+        work(0)
+    else:
+        list(_pool(os.getpid(), count).map(work, range(count)))
+
+
+@cache
+def _pool(process: int, threads: int) -> ThreadPoolExecutor:
+    """Persistent threads of this process; a fork does not inherit its parent's."""
+    return ThreadPoolExecutor(threads, "sidegan")
+
+
+def eigh(x: Array) -> tuple[Array, Array]:
+    """Eigenvalues (B, p), ascending, and eigenvectors (B, p, p) of symmetric matrices, on several threads."""
+    values = np.empty(x.shape[:2])
+    vectors = np.empty_like(x)
+
+    def work(k: slice) -> None:
+        values[k], vectors[k] = np.linalg.eigh(x[k])
+
+    share(work, len(x), _AS_STATES)
+    return values, vectors

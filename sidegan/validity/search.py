@@ -9,7 +9,7 @@ from sidegan.base.threads import threads
 from sidegan.kernels import cells as kernel_cells
 from sidegan.kernels import proof as kernel
 from sidegan.motion.arrays import array
-from sidegan.motion.threads import each
+from sidegan.motion.operations import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.consistency import inertia_matrices
 from sidegan.validity import bounds

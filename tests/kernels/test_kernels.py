@@ -1,5 +1,7 @@
 """Compiled kernels against Pinocchio, definitions and finite differences."""
 
+import math
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -10,24 +12,32 @@ from sidegan.base.threads import on_threads
 from sidegan.kernels import dynamics
 from sidegan.kernels.dynamics import Limits
 from sidegan.kernels.information import no_terms, signals_for, weighted_slopes
-from sidegan.motion import operations, threads
+from sidegan.motion import operations
 from sidegan.motion.dynamics import RigidBody, gram
 from sidegan.motion.trajectory import Trajectory
 from tests.chains import random_chain, random_states
-from tests.motion.conftest import body_and_states, close, normal
+from tests.motion.conftest import close, normal
 
 CHAINS = st.tuples(st.integers(1, 9), st.integers(0, 30))
 COUNTS = st.sampled_from([1, 8, 63, 65, 130])  # around the number of lanes, and more than a span
 SIZES = st.tuples(st.integers(1, 3), COUNTS)
 
 
+def body_and_states(chain, *shape):
+    """A random chain and states of it, three arrays of (*shape, J)."""
+    arm, _ = random_chain(*chain)
+    count = math.prod(shape)
+    return RigidBody(arm), [x.reshape(*shape, arm.joints) for x in random_states(arm, count, chain[1])]
+
+
 @settings(deadline=None, max_examples=15)
 @given(CHAINS, SIZES)
-def test_grams_and_sums_are_those_of_the_regressor(chain, size):
+def test_weighted_grams_and_sums_are_those_of_the_regressor(chain, size):
     body, states = body_and_states(chain, *size)
     y, torque = body.base_regressor(*states), normal(*size, body.joints)
-    rows = y.reshape(len(y), -1, y.shape[-1])
-    grams = operations.gram(body.chain, body.base.columns, states, None)
+    certainty = np.linspace(0.5, 2.0, body.joints)
+    rows = (certainty[:, None] * y).reshape(len(y), -1, y.shape[-1])
+    grams = operations.gram(body.chain, body.base.columns, states, certainty)
     close(grams, rows.mT @ rows / size[1], 1e-13)
     rows = np.concatenate([y, torque[..., None]], 3)[0].swapaxes(0, 1)
     close(body.sums(*(x[0] for x in states), torque[0]), rows.mT @ rows, 1e-13)
@@ -36,7 +46,7 @@ def test_grams_and_sums_are_those_of_the_regressor(chain, size):
 @settings(deadline=None, max_examples=15)
 @given(CHAINS, COUNTS, st.integers(1, 4))
 def test_gradients_of_energies_agree_with_pinocchio(chain, count, sets):
-    """Of several multiples of the arm's own parameters, with joints that count by weights."""
+    """Of several multiples of the arm's own parameters, with weighted joints."""
     (body, states), (_, model) = body_and_states(chain, 1, count), random_chain(*chain)
     joints, own = body.joints, body.arm.inertial_parameters.ravel()
     factors, weights = normal(sets), normal(sets, seed=1)
@@ -82,20 +92,8 @@ def test_results_do_not_depend_on_threads_or_batches(arm):
     np.testing.assert_allclose(gram(body, trajectory, c[7:8]), grams[7:8], rtol=1e-13, atol=1e-12)
 
 
-def test_an_error_in_a_thread_is_raised():
-    done = []
-
-    def work(k):
-        done.append(k)
-        if k == 1:
-            raise ArithmeticError("of thread 1")
-
-    with pytest.raises(ArithmeticError, match="of thread 1"):
-        threads.each(work, 3)
-    assert sorted(done) == [0, 1, 2]
-
-
 @pytest.mark.parametrize("shape", [(0, 5, 7), (2, 0, 7)])
 def test_empty_batches_give_empty_results(arm, shape):
     q = np.zeros(shape)
     assert RigidBody(arm).torque(q, q, q).shape == shape
+    assert gram(RigidBody(arm), Trajectory(7), np.zeros((0, 7, 6, 2))).shape == (0, 43, 43)

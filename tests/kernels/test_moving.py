@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from sidegan.kernels.cells import bend, least_height
 from sidegan.kernels.distances import near_region
-from sidegan.kernels.moving import bend, least_height
 from sidegan.motion.arrays import shapes_of
 from sidegan.validity import Box, Convex, Plane, Sphere
 from sidegan.validity.regions import tables

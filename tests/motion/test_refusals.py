@@ -12,8 +12,6 @@ from sidegan.motion.trajectory import Trajectory, concatenate
 from sidegan.robot import load_robot
 
 NAN, INF = float("nan"), float("inf")
-
-
 FAMILY, SHORT, C = Trajectory(2), Trajectory(7, 4, 8.0), np.ones((3, 2, 6, 2))
 PLANAR, LWR = (RigidBody(load_robot(name)) for name in ("planar2", "kuka_lwr4"))
 STILL = RigidBody(replace(PLANAR.arm, axis=np.zeros((2, 3))))
@@ -23,21 +21,6 @@ AWAY = WHOLE._replace(position=WHOLE.position + np.arange(3)[:, None, None])
 
 def states(*shapes):
     return [np.zeros(shape) for shape in shapes]
-
-
-def roll_out_of(*shape, value=0.0):
-    """Roll-out of coefficients, the last of which has a value."""
-
-    def call():
-        c = np.zeros(shape)
-        c[-1] = value
-        FAMILY.roll_out(c, FAMILY.grid(3))
-
-    return call
-
-
-def joined(c, times):
-    return partial(concatenate, FAMILY.roll_out(c, times))
 
 
 REFUSALS = [
@@ -55,12 +38,12 @@ REFUSALS = [
     ("must be 2 finite joint positions", partial(Trajectory, 2, home=[0.0])),
     ("nan", partial(Trajectory, 2, home=[0.0, NAN])),
     *(
-        (r"expected \(B, 2, 6, 2\)", roll_out_of(*shape))
+        (r"expected \(B, 2, 6, 2\)", partial(FAMILY.roll_out, np.zeros(shape), FAMILY.grid(3)))
         for shape in ((2, 6, 2), (1, 3, 6, 2), (1, 2, 5, 2), (1, 2, 6, 1), (1, 1, 2, 6, 2))
     ),
     *(
-        (r"coefficients\[2\] are not finite", roll_out_of(3, 2, 6, 2, value=value))
-        for value in (NAN, INF, -INF)
+        (r"coefficients\[2\] are not finite", partial(FAMILY.roll_out, last * C, FAMILY.grid(3)))
+        for last in np.reshape([[1, 1, NAN], [1, 1, INF], [1, 1, -INF]], (3, 3, 1, 1, 1))
     ),
     *(
         (r"rate is .*, expected 1 to 10,000,000 samples in 16\.0 s", partial(FAMILY.times, rate))
@@ -73,9 +56,9 @@ REFUSALS = [
         for time in (-0.1, 16.1, NAN)
     ),
     ("begin and end at rest at one position", partial(concatenate, AWAY)),
-    ("begin and end at rest at one position", joined(C, FAMILY.grid(10))),
-    ("two samples or more", joined(C[:0], FAMILY.times(1))),
-    ("two samples or more", joined(C[:1], np.zeros(1))),
+    ("begin and end at rest at one position", partial(concatenate, FAMILY.roll_out(C, FAMILY.grid(10)))),
+    ("two samples or more", partial(concatenate, FAMILY.roll_out(C[:0], FAMILY.times(1)))),
+    ("two samples or more", partial(concatenate, FAMILY.roll_out(C[:1], np.zeros(1)))),
 ]
 
 

@@ -10,18 +10,13 @@ from sidegan.motion.trajectory import Trajectory, concatenate
 from sidegan.validity.bounds import jerk_bound
 from tests.motion.conftest import close, normal
 
+HOMES = st.tuples(st.floats(-3, 3), st.floats(-3, 3))
+ANY = st.builds(Trajectory, st.just(2), st.integers(1, 210), st.floats(1.0, 560.0), HOMES)
 FAMILIES = [(1.0, 1), (1.0, 210), (4.0, 3), (16.0, 6), (37.3, 11), (560.0, 6), (560.0, 210)]
 
 
 def coefficients(trajectory, batch=3, seed=0):
     return normal(batch, *trajectory.shape, seed=seed)
-
-
-@st.composite
-def families(draw):
-    joints = draw(st.integers(1, 4))
-    home = draw(st.lists(st.floats(-3, 3), min_size=joints, max_size=joints))
-    return Trajectory(joints, draw(st.integers(1, 210)), draw(st.floats(1.0, 560.0)), home)
 
 
 def park(trajectory, c, t):
@@ -53,7 +48,7 @@ def test_position_is_that_of_parks_formula(period, harmonics):
 
 
 @settings(max_examples=60, deadline=None)
-@given(families(), st.integers(0, 1000))
+@given(ANY, st.integers(0, 1000))
 def test_trajectories_rest_at_home_at_both_ends(trajectory, seed):
     c, ends = coefficients(trajectory, seed=seed), [0, -1]
     motion = trajectory.roll_out(c, trajectory.times(50 / trajectory.period))
