@@ -12,7 +12,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
-from sidegan.validity.straight import require_straight
+from sidegan.validity.check import require_straight
 
 # Largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time that rests at both ends.
 _PEAKS = (15 / 8, 10 / 3**0.5, 60.0)

@@ -4,8 +4,6 @@ A sample's derivatives and a bound on the next one bound the joints' motion in t
 inequalities alone (``sidegan.kernels.formulas``), that bounds the capsules' motion and the torques.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from sidegan.base.arrays import Array
@@ -35,33 +33,22 @@ def derivative_bound(trajectory: Trajectory, c: Array, order: int) -> Array:
     return np.einsum("bjhx,hx->bj", np.abs(c), trajectory.derivative_bound(order))
 
 
-class Reaches(NamedTuple):
-    """Largest change of distances per joint motion [m per rad or m]."""
+def reaches(arm: Arm, pairs: Array, guarded: Array) -> tuple[Array, Array, Array]:
+    """Largest change of distances per joint motion [m per rad or m].
 
-    pairs: Array  # of capsules, (P, J)
-    pieces: Array  # of the pieces inside them, (P, J)
-    regions: Array  # of guarded capsules and their regions, (K, J)
-
-    @property
-    def largest(self) -> Array:
-        """Largest reach of each joint over all pairs and regions, (1, J); zero if there are none."""
-        none = np.zeros((1, self.regions.shape[1]))
-        return np.concatenate([self.pairs, self.regions, none]).max(0, keepdims=True)
-
-    @classmethod
-    def of(cls, arm: Arm, pairs: Array, guarded: Array) -> "Reaches":
-        """Reaches for pairs of capsules, (P, 2), and for regions and capsules, (K, 2).
-
-        For two capsules only the joints between their links count; these move the outer one.
-        """
-        link = arm.capsules.link
-        reach = capsule_reach(arm)
-        first, second = link[pairs].T
-        outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
-        joints = np.arange(arm.joints)
-        far = np.maximum(first, second)[:, None]
-        between = (joints[None] > np.minimum(first, second)[:, None]) & (joints[None] <= far)
-        return cls(reach[outer] * between, piece_reach(arm)[outer] * between, reach[guarded[:, 1]])
+    Of pairs of capsules (P, 2), and of the pieces inside them, (P, J) each; and of regions and capsules
+    (K, 2), (K, J). For two capsules only the joints between their links count; these move the outer one.
+    """
+    link, pieces = arm.capsules.link, arm.capsules.pieces
+    reach = inner = _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
+    if pieces is not None:
+        inner = _reach(arm, np.split(pieces.corners, pieces.start[1:-1]))
+    first, second = link[pairs].T
+    outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
+    joints = np.arange(arm.joints)
+    far = np.maximum(first, second)[:, None]
+    between = (joints[None] > np.minimum(first, second)[:, None]) & (joints[None] <= far)
+    return reach[outer] * between, inner[outer] * between, reach[guarded[:, 1]]
 
 
 def travel(arm: Arm) -> Array:
@@ -70,25 +57,12 @@ def travel(arm: Arm) -> Array:
     return np.linalg.norm(arm.translation, axis=1) + np.where(arm.prismatic, slide, 0.0)
 
 
-def capsule_reach(arm: Arm) -> Array:
-    """Largest speed of a point on a capsule's axis per unit joint speed [m per rad or m], (C, J).
+def _reach(arm: Arm, bodies: list[Array]) -> Array:
+    """Largest speed of the corners (V, 3) of each body per unit joint speed [m per rad or m], (C, J).
 
     A point's distance from a joint's axis is at most that of the next joint's origin, which rotation about
     the axis does not change, plus the lengths from there outwards.
     """
-    return _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
-
-
-def piece_reach(arm: Arm) -> Array:
-    """Reach as of ``capsule_reach``, for points of the hulls inside the capsules, (C, J)."""
-    pieces = arm.capsules.pieces
-    if pieces is None:
-        return capsule_reach(arm)
-    return _reach(arm, np.split(pieces.corners, pieces.start[1:-1]))
-
-
-def _reach(arm: Arm, bodies: list[Array]) -> Array:
-    """Largest speed of the corners (V, 3) of each body per unit joint speed [m per rad or m], (C, J)."""
     travels = travel(arm)
     reach = np.zeros((len(bodies), arm.joints))
     for k, (link, corners) in enumerate(zip(arm.capsules.link.tolist(), bodies)):

@@ -13,9 +13,8 @@ from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
-from sidegan.validity.capsules import clearances, thicker
-from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
-from sidegan.validity.pieces import bodies_of, piece_distances
+from sidegan.validity.capsules import bodies_of, clearances, piece_distances, thicker
+from sidegan.validity.pairs import SAMPLES, Links, Pairs, always_touching, links_of, pairs_of, sampled
 from sidegan.validity.regions import Plane, Region, tables
 
 if TYPE_CHECKING:
@@ -184,7 +183,11 @@ class Constraints:
         limits = ", ".join(f"{name} of {count}" for name, count in limited.items())
         apart = len(set(self.owners))
         links = f"{apart} of {counted(apart + len(pairs.named), 'pair')} of links"
-        links += _except([str(exemption) for exemption in pairs.named], "may touch")
+        named = [
+            f"{' – '.join(links)} ({why}, touch in {100 * share:.3g} %)"
+            for links, (why, share) in pairs.named.items()
+        ]
+        links += _except(named, "may touch")
         links += f"; {len(pairs.never)} never touch" if pairs.never else ""
         guarded = counted(
             len(self.guarded) + len(self.never_out), "joint origin" if capsules.only_points else "link"
@@ -294,8 +297,7 @@ class Constraints:
         kept = np.concatenate([leaves & ~short, short[planes]])
         short[planes] = False
         if short.any():
-            names = self._guarded_names(both[short.ravel()])
-            raise too_large(self.clearance, names, float(farthest[short].min()))
+            raise _too_large(self.clearance, self._guarded_names(both[short.ravel()]))
         which, capsule = np.nonzero(kept)
         return np.stack([which, moving[capsule]], 1)
 
@@ -305,13 +307,19 @@ class Constraints:
             return pairs_of(self._thick, frozenset(self.tight))
         except InfeasibleError:
             pairs_of(self.arm)  # raises its own error for links that touch without any clearance
-            near = usual_gaps(self._thick)
-            names = [" – ".join(links) for links in near]
-            raise too_large(self.apart, names, min(near.values(), default=-np.inf)) from None
+            near = [" – ".join(links) for links in always_touching(self._thick)]
+            raise _too_large(self.apart, near) from None
 
     def _guarded_names(self, guarded: Array) -> tuple[str, ...]:
         names = self.arm.capsules.owners
         return tuple(f"{names[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
+
+
+def _too_large(clearance: float, near: Sequence[str]) -> InfeasibleError:
+    """The error for a clearance [m] that some links never have."""
+    return InfeasibleError(
+        f"workspace.clearance={clearance:g} is too large, these are always closer: {listed(near, _SHOWN)}"
+    )
 
 
 def _except(names: Sequence[str], why: str) -> str:

@@ -1,7 +1,6 @@
 """Pairs of links that are checked for collision, and exemptions; docs/collision.md has the rule."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -12,32 +11,23 @@ from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
-from sidegan.validity.capsules import capsule_distances, clearances, shapes_alone
-from sidegan.validity.pieces import bodies_of, never_touching, piece_distances
+from sidegan.validity.capsules import (
+    bodies_of,
+    capsule_distances,
+    clearances,
+    never_touching,
+    piece_distances,
+    shapes_alone,
+)
 
 _FAR = 0.2  # arm lengths; shapes of neighbours come closer
 _TRIED = 200  # configurations in which that is tested
 SAMPLES = 4_000  # random configurations in which capsules are tested
 _INSIDE = 1_000  # of these, in which the pieces inside capsules are tested
 _FEW = 3  # up to so many pairs, all may always touch, as in a short arm
-_SHOWN, _NEAR = 6, 4  # pairs of links named in messages
-_STEPS = 1e4  # per metre; suggested clearances are whole steps
-_OFTEN = 2 / 3  # share of configurations above which links mostly touch
-_SPARE = 0.1  # share by which suggested clearances stay below the available distance
+_SHOWN = 6  # pairs of links named in messages
 
 Links = tuple[str, str]
-
-
-@dataclass(frozen=True)
-class Exemption:
-    """An exempt pair of links, the source, and the share of configurations in which they touch."""
-
-    links: Links
-    why: str
-    share: float
-
-    def __str__(self) -> str:
-        return f"{' – '.join(self.links)} ({self.why}, touch in {100 * self.share:.3g} %)"
 
 
 @dataclass(frozen=True)
@@ -46,7 +36,9 @@ class Pairs:
 
     checked: Array  # (P, 2)
     exempt: tuple[Links, ...]  # neighbours, and pairs named by the user or the description
-    named: tuple[Exemption, ...]  # by the user or the description
+    # of these, pairs named by the user or the description: the source, and the share of configurations in
+    # which they touch
+    named: dict[Links, tuple[str, float]]
     never: tuple[Links, ...]  # that provably cannot touch
 
 
@@ -71,7 +63,7 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     return Pairs(
         checked=touching.pairs[kept],
         exempt=(*touching.near, *touching.named),
-        named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
+        named={links: (why, touching.share(links)) for links, why in touching.named.items()},
         never=tuple(links for links in touching.open if links not in left),
     )
 
@@ -103,15 +95,10 @@ def describe_displaced_shapes(arm: Arm) -> str:
     )
 
 
-def usual_gaps(arm: Arm) -> dict[Links, float]:
-    """Median distances [m] of links that touch in every configuration.
-
-    They are negative, and minus infinity where hulls overlap.
-    """
+def always_touching(arm: Arm) -> list[Links]:
+    """Links that touch in every random configuration and are not exempt."""
     touching = _Touching(arm)
-    return {
-        links: float(np.median(touching.nearest(links))) for links in touching.open if touching.always(links)
-    }
+    return [links for links in touching.open if touching.always(links)]
 
 
 @lru_cache(maxsize=16)
@@ -125,29 +112,6 @@ def usual_room(arm: Arm, need: float) -> dict[Links, float]:
         if len(free) and (usual := float(np.median(free))) < need:
             found[links] = usual
     return found
-
-
-@lru_cache(maxsize=16)
-def mostly_touching(arm: Arm) -> dict[Links, float]:
-    """Share of configurations in which links touch, for checked links that mostly do."""
-    touching = _Touching(arm)
-    return {links: share for links in touching.open if (share := touching.share(links)) > _OFTEN}
-
-
-def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
-    """The error for a clearance that some links never have.
-
-    Args:
-        clearance: [m].
-        near: names of what is always closer.
-        left: their largest distance in excess of the clearance [m], negative.
-    """
-    room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
-    most = max(math.floor(room * _STEPS), 0) / _STEPS
-    return InfeasibleError(
-        f"workspace.clearance={clearance:g} is too large, these are always closer: "
-        f"{listed(list(near), _NEAR)}; try 'workspace.clearance={most:g}'"
-    )
 
 
 def links_of(a: str, b: str) -> Links:

@@ -91,7 +91,7 @@ def _cuts(which: Array) -> list[int]:
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace for the kernel, with home at zero."""
     arm = constraints.arm
-    reaches = bounds.Reaches.of(arm, constraints.pairs, constraints.guarded)
+    pairs, pieces, regions = bounds.reaches(arm, constraints.pairs, constraints.guarded)
     drives, parameters = arm.known_drives, arm.inertial_parameters
     limit = arm.torque_limit - drives.coulomb
     arrays = {
@@ -104,10 +104,10 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "viscous": drives.viscous,
         "rotor": drives.rotor_inertia,
         "higher": constraints.higher_rows,
-        "pair_reach": reaches.pairs,
-        "piece_reach": reaches.pieces,
-        "region_reach": reaches.regions,
-        "reach_most": reaches.largest,
+        "pair_reach": pairs,
+        "piece_reach": pieces,
+        "region_reach": regions,
+        "reach_most": np.concatenate([pairs, regions, np.zeros((1, arm.joints))]).max(0, keepdims=True),
         # for bounds of torques: distance to the next frame, mass, norms of first and second moments of mass
         "travel": bounds.travel(arm),
         "mass": np.abs(parameters[:, 0]),

@@ -11,7 +11,7 @@ import pytest
 from sidegan.base.arrays import Array
 from sidegan.robot import Arm
 from sidegan.validity import Constraints
-from sidegan.validity.bounds import capsule_reach
+from sidegan.validity.bounds import reaches
 from tests.chains import random_chain, random_states
 from tests.oracle import chain_model
 
@@ -82,7 +82,8 @@ def test_torque_rates_stay_within_their_bounds(chain: Arm) -> None:
 @pytest.mark.parametrize("chain", CHAINS, indirect=True)
 def test_capsule_points_move_no_faster_than_their_reach(chain: Arm) -> None:
     q = random_states(chain, 200)[0].T
-    reach = capsule_reach(chain)
+    capsules = np.arange(len(chain.capsules.link))
+    _, _, reach = reaches(chain, np.zeros((0, 2), int), np.stack([capsules, capsules], 1))
     for joint in range(chain.joints):
         push = np.zeros_like(q)
         push[joint] = 1.0

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, load_robot
 from sidegan.validity import Constraints, Plane, default_home, usual_effort
+from sidegan.validity.check import require_straight
 from sidegan.validity.home import refuse_degrees
-from sidegan.validity.straight import require_straight
 
 from .critical import holding
 

@@ -11,7 +11,7 @@ from sidegan.errors import ConfigError, InfeasibleError, RobotError, ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Setup, load_robot
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere, check, default_home, usual_effort
-from sidegan.validity.straight import require_straight
+from sidegan.validity.check import require_straight
 
 from .critical import DESK, limited
 from .test_home import bent_arm

@@ -11,8 +11,8 @@ from sidegan.base.arrays import Array
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity import Constraints, Plane, check
+from sidegan.validity.capsules import piece_distances
 from sidegan.validity.constraints import NAMES
-from sidegan.validity.pieces import piece_distances
 from tests.chains import constrained, driven, random_chain
 
 from .critical import BALL, BLOCK, BOX, DESK, HULL, filled, limited, margins_of, moderate, smallest
