@@ -3,7 +3,7 @@
 from sidegan.controllers.approach import approach
 from sidegan.controllers.course import slower
 from sidegan.controllers.export import APPROACH, export_set, require_exportable
-from sidegan.controllers.ros2 import SHELL
+from sidegan.controllers.formats import SHELL
 from sidegan.controllers.settings import ExportSettings
 
 __all__ = [

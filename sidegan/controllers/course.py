@@ -48,28 +48,6 @@ class Course:
         curve = scipy.interpolate.BPoly.from_derivatives(self.time, states)
         return Course(self.joint_names, times, *(curve(times, k) for k in range(3)))
 
-    def then(self, other: "Course", pause: float = 0.0, rate: float = 0.0) -> "Course":
-        """This course followed by another that starts where it ends; their common point occurs once.
-
-        In between, the arm rests for a pause [s], with points at a rate [Hz].
-
-        Raises:
-            ShapeError: when the other course has different joints, or starts elsewhere.
-        """
-        apart = float(np.abs(self.position[-1] - other.position[0]).max())
-        if other.joint_names != self.joint_names or apart > _MET:
-            raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
-        waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
-        rest = np.zeros((len(waiting), len(other.joint_names)))
-        begin = self.time[-1]
-        return Course(
-            self.joint_names,
-            np.concatenate([self.time, begin + waiting, begin + pause + other.time[1:]]),
-            np.concatenate([self.position, rest + other.position[0], other.position[1:]]),
-            np.concatenate([self.velocity, rest, other.velocity[1:]]),
-            np.concatenate([self.acceleration, rest, other.acceleration[1:]]),
-        )
-
 
 def least_rate(trajectory: Trajectory) -> float:
     """Least rate [Hz] of interpolation points for trajectories of this family."""
@@ -82,5 +60,27 @@ def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, 
 
 
 def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course:
-    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz]."""
-    return reduce(lambda course, other: course.then(other, pause, rate), courses)
+    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz].
+
+    Each starts where the last one ends; their common point occurs once.
+
+    Raises:
+        ShapeError: when a course has different joints, or starts elsewhere.
+    """
+    waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
+
+    def joined(one: Course, other: Course) -> Course:
+        apart = float(np.abs(one.position[-1] - other.position[0]).max())
+        if other.joint_names != one.joint_names or apart > _MET:
+            raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
+        rest = np.zeros((len(waiting), len(other.joint_names)))
+        begin = one.time[-1]
+        return Course(
+            one.joint_names,
+            np.concatenate([one.time, begin + waiting, begin + pause + other.time[1:]]),
+            np.concatenate([one.position, rest + other.position[0], other.position[1:]]),
+            np.concatenate([one.velocity, rest, other.velocity[1:]]),
+            np.concatenate([one.acceleration, rest, other.acceleration[1:]]),
+        )
+
+    return reduce(joined, courses)

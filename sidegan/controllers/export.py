@@ -1,18 +1,13 @@
 """Write the controller files of a set of trajectories."""
 
-import csv
-import io
 from pathlib import Path
-
-import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
 from sidegan.controllers.approach import approach
-from sidegan.controllers.course import POINTS, STATES, Course, least_rate, run_of
-from sidegan.controllers.ros2 import goal_text
+from sidegan.controllers.course import POINTS, Course, least_rate, run_of
+from sidegan.controllers.formats import SCRIPTED, csv_text, goal_text, script_text
 from sidegan.controllers.settings import ExportSettings
-from sidegan.controllers.urscript import SCRIPTED, script_text
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -22,9 +17,6 @@ from sidegan.validity.home import refuse_degrees
 ALL, APPROACH, RETURN = "all", "approach", "return"
 _PRINTED = 1e-4  # relative rounding of a rate in a message
 _ENDINGS = (".csv", ".yaml", ".script")
-# A controller with cubic interpolation at 1 kHz divides differences by 1e-9 s³ for the jerk: with nine digits
-# its error would be 120 rad/s³.
-_DIGITS = "%.12g"
 
 
 def export_set(
@@ -46,37 +38,46 @@ def export_set(
         StorageError: when a file cannot be written.
     """
     require_exportable(constraints.arm, trajectory, settings)
-    _require_valid(constraints, trajectory, c)
-    joints = constraints.arm.joint_names
-    notes = constraints.arm.locked
-    rate = settings.rate
-    digits = len(str(len(c)))
+    if not len(c):
+        raise InfeasibleError("the set has no trajectories")
+    found = check(constraints, trajectory, c)
+    if not found.valid.all():
+        first = int(found.valid.argmin())
+        raise InfeasibleError(
+            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
+            f"{found.failures(first)[0]}; no files are written"
+        )
+    arm, rate, digits = constraints.arm, settings.rate, len(str(len(c)))
 
     def courses(times: Array) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
         motions = (trajectory.roll_out(coefficients[None], times) for coefficients in c)
-        return {f"{k:0{digits}}": Course.of(joints, motion) for k, motion in enumerate(motions, 1)}
+        return {f"{k:0{digits}}": Course.of(arm.joint_names, motion) for k, motion in enumerate(motions, 1)}
 
     points = courses(trajectory.times(least_rate(trajectory)))
-    ways = _ways(constraints, trajectory, settings)
+    ways: dict[str, Course] = {}
+    if settings.start is not None:
+        home = tuple(trajectory.home or ())
+        ends = {APPROACH: (settings.start, home), RETURN: (home, settings.start)}
+        ways = {name: approach(constraints, *both, settings) for name, both in ends.items()}
     goals = points | ways
     pause = settings.pause or 0.0
+    texts: dict[str, str] = {}
+    if "csv" in settings.formats:
+        tables = courses(trajectory.times(rate))
+        tables |= {ALL: run_of(tables.values(), pause, rate)}
+        tables |= {name: way.sampled(rate) for name, way in ways.items()}
+        texts |= {f"{name}.csv": csv_text(course) for name, course in tables.items()}
+    if "ros2" in settings.formats:
+        near = settings.tolerance.of(arm)
+        texts |= {f"{name}.yaml": goal_text(course, near, arm.locked) for name, course in goals.items()}
+    if "urscript" in settings.formats:
+        angle = settings.tolerance.angle
+        for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
+            texts[f"{name}.script"] = script_text(course, f"excite_{name}", angle, arm.locked)
     with replacing_folder(folder, _of_a_run) as new:
-        if "csv" in settings.formats:
-            tables = courses(trajectory.times(rate))
-            tables |= {ALL: run_of(tables.values(), pause, rate)}
-            tables |= {name: way.sampled(rate) for name, way in ways.items()}
-            for name, course in tables.items():
-                write_bytes(new / f"{name}.csv", csv_text(course).encode())
-        if "ros2" in settings.formats:
-            tolerance = settings.tolerance.of(constraints.arm)
-            for name, course in goals.items():
-                write_bytes(new / f"{name}.yaml", goal_text(course, tolerance, notes).encode())
-        if "urscript" in settings.formats:
-            near = settings.tolerance.angle
-            for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
-                script = script_text(course, f"excite_{name}", near, notes)
-                write_bytes(new / f"{name}.script", script.encode())
+        for name, text in texts.items():
+            write_bytes(new / name, text.encode())
     return {name: goals[name].duration for name in (APPROACH, *points, RETURN) if name in goals}
 
 
@@ -107,42 +108,7 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
         refuse_degrees(arm, settings.start, "controllers.start")
 
 
-def csv_text(course: Course) -> str:
-    """``time`` [s], then ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>`` of every joint in SI units.
-
-    These are columns that ``identify`` recognises.
-    """
-    columns = ["time", *(f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in course.joint_names)]
-    rows = np.concatenate([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(columns)
-    np.savetxt(text, rows, _DIGITS, ",")
-    return text.getvalue()
-
-
-def _require_valid(constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
-    """Refuse sets without trajectories, and those with an invalid one, by an InfeasibleError."""
-    if not len(c):
-        raise InfeasibleError("the set has no trajectories")
-    found = check(constraints, trajectory, c)
-    if not found.valid.all():
-        first = int(found.valid.argmin())
-        raise InfeasibleError(
-            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
-            f"{found.failures(first)[0]}; no files are written"
-        )
-
-
 def _of_a_run(path: Path) -> bool:
     """Whether a run writes files of this name."""
     named = path.stem.isdigit() or path.stem in (ALL, APPROACH, RETURN)
     return named and path.suffix in _ENDINGS
-
-
-def _ways(constraints: Constraints, trajectory: Trajectory, settings: ExportSettings) -> dict[str, Course]:
-    """The paths from the arm's position to home and back; empty if the position is unknown."""
-    if settings.start is None:
-        return {}
-    home = tuple(trajectory.home or ())
-    ends = {APPROACH: (settings.start, home), RETURN: (home, settings.start)}
-    return {name: approach(constraints, *both, settings) for name, both in ends.items()}

@@ -66,7 +66,12 @@ def compiled(
     extras = np.zeros(0, np.int64) if goal.model is None else goal.model.extras
     kinds, joints = np.divmod(extras, body.joints)
     by_joint = np.argsort(joints, kind="stable")
-    terms = _terms(goal.model, kinds[by_joint], joints[by_joint], body.joints)
+    terms = information.no_terms(body.joints)
+    if goal.model is not None:
+        first = np.searchsorted(joints[by_joint], np.arange(body.joints + 1))
+        named = [information.KINDS.index(goal.model.terms.kinds[k]) for k in kinds[by_joint].tolist()]
+        sign_width = goal.model.terms.sign_width
+        terms = information.JointTerms(np.array(named, np.int64), first, sign_width, np.ones(body.joints))
     if goal.certainty is not None:
         terms = terms._replace(roots=_fitting("certainty", goal.certainty, (body.joints,)))
     order = np.concatenate([np.arange(rigid), rigid + by_joint])
@@ -96,12 +101,3 @@ def _fitting(name: str, given: Array | None, shape: tuple[int, ...]) -> Array:
     if given.shape != shape or not np.isfinite(given).all():
         raise ShapeError(f"{name} of the goal is {given.shape}, expected finite numbers {shape}")
     return np.ascontiguousarray(given, float)
-
-
-def _terms(model: Linear | None, kinds: Array, joints: Array, count: int) -> information.JointTerms:
-    """Terms of a model in addition to rigid bodies, joints in order."""
-    if model is None:
-        return information.no_terms(count)
-    first = np.searchsorted(joints, np.arange(count + 1))
-    named = np.array([information.KINDS.index(model.terms.kinds[k]) for k in kinds.tolist()], np.int64)
-    return information.JointTerms(named, first, model.terms.sign_width, np.ones(count))

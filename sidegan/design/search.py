@@ -12,11 +12,9 @@ from typing import Protocol
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.beside import compile_beside
-from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective, Penalty
-from sidegan.design.problem import Problem, SearchSettings
+from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
 from sidegan.kernels.objective import Plan
@@ -130,7 +128,6 @@ def search(
     """
     began = clock()
     done, pace = 0, 0.0  # evaluations, and time per evaluation [s]
-    compile_beside()
     problem = replace(problem, samples=max(settings.samples, 2 * problem.trajectory.harmonics + 1))
     problem.constraints.refuse_home(problem.trajectory.home or ())
     searching = Descent(problem, goal, settings.reserve)

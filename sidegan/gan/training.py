@@ -10,8 +10,7 @@ from torch.utils.data import DataLoader, RandomSampler, TensorDataset
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
-from sidegan.design.coordinates import Coordinates
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Coordinates, Problem
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.limits import Box

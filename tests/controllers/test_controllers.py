@@ -11,9 +11,7 @@ import yaml
 
 from sidegan.controllers import SHELL, ExportSettings
 from sidegan.controllers.course import Course, least_rate, run_of, slower
-from sidegan.controllers.export import csv_text
-from sidegan.controllers.ros2 import goal_text
-from sidegan.controllers.urscript import script_text
+from sidegan.controllers.formats import csv_text, goal_text, script_text
 from sidegan.errors import ShapeError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.recording.load import load_recording
@@ -176,4 +174,4 @@ def test_the_program_starts_only_at_its_start(planned):
 
 def test_courses_that_do_not_meet_are_refused():
     with pytest.raises(ShapeError, match="must meet"):
-        course().then(course(family=Trajectory(joints=6, period=16.0)))
+        run_of([course(), course(family=Trajectory(joints=6, period=16.0))], 0.0)

@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sidegan.design.coordinates import Coordinates
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Coordinates, Problem
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER
 from sidegan.validity import Constraints

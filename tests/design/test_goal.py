@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective, Penalty
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Coordinates, Problem
 from sidegan.identification.model import RIGID, Terms, TorqueModel, states_within
 from sidegan.kernels import HIGHEST, HOPELESS, LOWEST, SHARPNESS
 from sidegan.motion.trajectory import Trajectory
