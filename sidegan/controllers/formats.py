@@ -46,10 +46,8 @@ def goal_text(course: Course, tolerance: Sequence[float], notes: str = "") -> st
     The first point is at time zero: the controller checks its tolerance before it moves, and refuses if the
     arm stands elsewhere. Without tolerances a controller does not check, and the arm jumps.
 
-    Args:
-        course: from rest to rest.
-        tolerance: of each joint's position [rad or m], (J,), on the path and at its end.
-        notes: a comment for the first line.
+    The tolerance is that of each joint's position [rad or m], (J,), on the path and at its end. Notes are a
+    comment in the first line.
     """
     lines = [f"# {notes}"] if notes else []
     names = yaml.safe_dump([*course.joint_names], default_flow_style=True, width=math.inf, allow_unicode=True)
@@ -73,11 +71,8 @@ def script_text(course: Course, name: str, tolerance: float, notes: str = "") ->
     The program interpolates with quintics between the course's points, a line each, since programs of many
     thousand lines do not load. It refuses to start away from the course's first point.
 
-    Args:
-        course: of six joints.
-        name: of the program; other characters than letters and digits become underscores.
-        tolerance: largest distance from the first point at the start [rad].
-        notes: a comment for the first line.
+    Other characters of its name than letters and digits become underscores. The tolerance is the largest
+    distance from the first point at the start [rad]. Notes are a comment in the first line.
     """
     title = re.sub("[^a-zA-Z0-9]", "_", name)
     states = np.stack([getattr(course, state) for state in STATES], 1)  # (T, 3, J)

@@ -57,10 +57,6 @@ class TorqueNoise:
             limit = np.where(np.isfinite(limit), limit, np.maximum(largest, _FLOOR * largest.max()))
         return cls(1 / (share * limit), 0.0, share * limit)
 
-    def variance(self, torque: Array) -> Array:
-        """Variance of the noise on torques, (…, J)."""
-        return self.level**2 / 3 * np.square(torque) + np.square(self.deviation)
-
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -95,10 +91,11 @@ class Prediction:
 
     def informations(self, c: Array) -> tuple[Array, Array]:
         """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""
-        both = []
+        both, by = [], self.noise
         for y, torque in _equations(self.body, self.trajectory, c, self.times):
-            weighted = self.noise.weights[:, None] * y
-            noisy = (self.noise.weights * np.sqrt(self.noise.variance(torque))).mT[:, None] * weighted
+            weighted = by.weights[:, None] * y
+            variance = by.level**2 / 3 * np.square(torque) + np.square(by.deviation)
+            noisy = (by.weights * np.sqrt(variance)).mT[:, None] * weighted
             both.append([x @ x.mT for x in (flatten(weighted, 2), flatten(noisy, 2))])
         information, noise = (self.each * np.concatenate(x) for x in zip(*both))
         return information, noise

@@ -12,8 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective, Penalty
+from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
@@ -21,7 +20,7 @@ from sidegan.kernels.objective import Plan
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Validity, check
-from sidegan.validity.remedies import binding, remedy
+from sidegan.validity.remedies import remedy
 
 _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: a small weight first lets the search move freely
 _ROUGH_SHARE = 0.7  # share of evaluations with the small weight
@@ -53,10 +52,7 @@ class Found:
 class Descent:
     """L-BFGS from a start, with a small and then a large penalty; not thread-safe.
 
-    Args:
-        problem: constraints and family of the trajectories.
-        goal: to minimise.
-        reserve: share of each limit to keep free; the clearance is half this number [m].
+    ``reserve`` is the share of each limit to keep free; the clearance is half this number [m].
     """
 
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:
@@ -226,9 +222,5 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
             raise failed
     kept = [trajectory for trajectory in found if trajectory.share >= _SCRAP] or found
     if len(kept) < count:
-        small = [trajectory.coefficients for trajectory in found if trajectory.share < _SCRAP]
-        where = binding(problem.constraints, problem.trajectory, np.stack(small)) if small else None
-        why = f", limited by {' of '.join(where)}: {remedy(problem.constraints, where)}" if where else ""
-        left_out = "%d of %d trajectories hardly move the arm and are left out%s"
-        _log.warning(left_out, count - len(kept), count, why)
+        _log.warning("%d of %d trajectories hardly move the arm and are left out", count - len(kept), count)
     return np.stack([trajectory.coefficients for trajectory in kept])

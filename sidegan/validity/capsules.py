@@ -1,4 +1,4 @@
-"""Distances of an arm's capsules and of the convex pieces inside; proofs that pairs never touch."""
+"""Distances of an arm's capsules and of the convex pieces inside, and how fast they change at most."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,6 @@ from sidegan.kernels.chain import Chain, Shapes
 from sidegan.motion.arrays import array, chain_of, shapes_of
 from sidegan.robot import Arm
 from sidegan.robot.fitting import from_segment
-from sidegan.validity.bounds import reaches
 from sidegan.validity.regions import tables
 
 if TYPE_CHECKING:
@@ -71,6 +70,55 @@ def thicker(arm: Arm, clearance: float) -> Arm:
     return replace(arm, capsules=replace(capsules, radius=capsules.radius + half, pieces=pieces))
 
 
+def reaches(arm: Arm, pairs: Array, guarded: Array) -> tuple[Array, Array, Array]:
+    """Largest change of distances per joint motion [m per rad or m].
+
+    Of pairs of capsules (P, 2), and of the pieces inside them, (P, J) each; and of regions and capsules
+    (K, 2), (K, J). For two capsules only the joints between their links count; these move the outer one.
+    """
+    link, pieces = arm.capsules.link, arm.capsules.pieces
+    reach = inner = _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
+    if pieces is not None:
+        inner = _reach(arm, np.split(pieces.corners, pieces.start[1:-1]))
+    first, second = link[pairs].T
+    outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
+    joints = np.arange(arm.joints)
+    far = np.maximum(first, second)[:, None]
+    between = (joints[None] > np.minimum(first, second)[:, None]) & (joints[None] <= far)
+    return reach[outer] * between, inner[outer] * between, reach[guarded[:, 1]]
+
+
+def travel(arm: Arm) -> Array:
+    """Upper bound of the distance [m] between a joint's frame and its parent's, (J,)."""
+    slide = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
+    return np.linalg.norm(arm.translation, axis=1) + np.where(arm.prismatic, slide, 0.0)
+
+
+def _reach(arm: Arm, bodies: list[Array]) -> Array:
+    """Largest speed of the corners (V, 3) of each body per unit joint speed [m per rad or m], (C, J).
+
+    A point's distance from a joint's axis is at most that of the next joint's origin, which rotation about
+    the axis does not change, plus the lengths from there outwards.
+    """
+    travels = travel(arm)
+    reach = np.zeros((len(bodies), arm.joints))
+    for k, (link, corners) in enumerate(zip(arm.capsules.link.tolist(), bodies)):
+        for j in range(link + 1):
+            if arm.prismatic[j]:
+                reach[k, j] = 1.0
+            elif j == link:
+                reach[k, j] = _from_axis(arm, j, corners).max()
+            else:
+                step = travels[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
+                reach[k, j] = step + travels[j + 2 : link + 1].sum() + np.linalg.norm(corners, axis=1).max()
+    return reach
+
+
+def _from_axis(arm: Arm, joint: int, points: Array) -> Array:
+    """Distance [m] of points (…, 3) from a joint's axis, (…)."""
+    return np.linalg.norm(np.linalg.cross(arm.axis[joint], points), axis=-1)
+
+
 def bodies_of(arm: Arm, shapes: Shapes) -> "Bodies":
     """An arm's capsules, pairs and regions with the pieces inside the capsules, for compiled kernels."""
     from sidegan.kernels.bodies import Bodies
@@ -92,11 +140,8 @@ def piece_distances(bodies: "Bodies", q: Array, asked: Array, need: float = math
 
     Like those of capsules, they are larger by what a pair may be closer.
 
-    Args:
-        bodies: the arm with its pieces.
-        q: positions [rad or m], (N, J).
-        asked: row of ``q``, ascending, and pair of each query, (M, 2).
-        need: distance [m] above which bounds need not be accurate.
+    At positions (N, J) [rad or m], for queries (M, 2) of a row of these, ascending, and a pair. Bounds above
+    the distance ``need`` [m] need not be accurate.
     """
     from sidegan.kernels import bodies as kernel
 

@@ -10,7 +10,7 @@ import numpy as np
 from sidegan.base.arrays import Array, split
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.motion.trajectory import Trajectory
-from sidegan.validity.bounds import coarse_cells, reaches
+from sidegan.validity.capsules import reaches
 from sidegan.validity.constraints import DISTANCES, NAMES, Constraints
 
 _CELLS_AT_ONCE = 1_000_000  # in the first pass: 30 MB of indices
@@ -49,16 +49,12 @@ class Validity:
 
     def failures(self, index: int) -> list[Failure]:
         """Worst violation of each constraint by trajectory ``index``; empty if it is valid."""
-        return [
-            Failure(
-                name,
-                self.labels[name][int(self.elements[name][index])],
-                float(self.times[name][index]),
-                float(m),
-            )
-            for name, margin in self.margins.items()
-            if not (m := margin[index]) >= 0
-        ]
+        found = []
+        for name, margin in self.margins.items():
+            if not margin[index] >= 0:
+                where = self.labels[name][int(self.elements[name][index])]
+                found.append(Failure(name, where, float(self.times[name][index]), float(margin[index])))
+        return found
 
 
 def summarise_faults(faults: Mapping[str, int]) -> str:
@@ -70,7 +66,7 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
     """Validity and margins of trajectories with coefficients [rad/s], (B, J, H, 2).
 
     Samples the centres of cells of at most 0.1 s. A cell is decided if every margin at its centre is at
-    least the largest possible change within the cell (``bounds``), or if a margin is negative. Otherwise
+    least the largest possible change within the cell, or if a margin is negative. Otherwise
     it is cut into three, down to 0.14 ms; cells still undecided count as invalid. All is in float64, since
     errors in single precision exceed the margins.
 
@@ -78,7 +74,7 @@ def check(constraints: Constraints, trajectory: Trajectory, c: Array) -> Validit
         ShapeError: when the coefficients have the wrong shape or are not finite, or the trajectory's number
             of joints is not the arm's.
     """
-    from sidegan.validity.search import Search
+    from sidegan.validity.search import Search, coarse_cells  # imports compiled code
 
     joints = constraints.arm.joints
     if trajectory.joints != joints:

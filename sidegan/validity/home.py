@@ -73,9 +73,7 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     """
     if len(positions) != arm.joints:
         return
-    q = np.array(positions, float)
-    lower = arm.position_lower
-    upper = arm.position_upper
+    q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
     turned = np.where(arm.prismatic, q, np.deg2rad(q))
     beyond = ~arm.prismatic & (np.abs(q) > _TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):

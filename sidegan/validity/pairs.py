@@ -44,11 +44,9 @@ class Pairs:
 
 @lru_cache(maxsize=16)
 def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
-    """The pairs of an arm's capsules to check.
+    """The pairs to check of the capsules of an arm that is inflated by the clearance.
 
-    Args:
-        arm: the arm, inflated by the clearance.
-        tight: links that keep a smaller distance and may therefore touch when inflated.
+    Links that keep a smaller distance (``tight``) may therefore touch.
 
     Raises:
         InfeasibleError: when links that are not exempt touch in every random configuration; names the
@@ -120,34 +118,27 @@ def links_of(a: str, b: str) -> Links:
 
 
 class _Touching:
-    """How often links with joints between them touch in random configurations.
-
-    Attributes:
-        pairs: of capsules on such links, (P, 2).
-        rows: indices of these, by pair of links.
-        near: neighbouring links.
-        named: links exempted by the user or the description, with the source.
-        open: links to check.
-        capsules: distances [m] of pairs of capsules in random configurations, (P, 4000).
-    """
+    """How often links with joints between them touch in random configurations."""
 
     def __init__(self, arm: Arm) -> None:
         link, owners = arm.capsules.link, arm.capsules.owners
         pairs = np.argwhere(np.tri(len(link) - arm.capsules.points, k=-1).T)
         apart = np.abs(link[pairs[:, 0]] - link[pairs[:, 1]])
-        self.pairs, apart = pairs[apart > 0], apart[apart > 0]
-        self.rows: dict[Links, list[int]] = {}
+        self.pairs, apart = pairs[apart > 0], apart[apart > 0]  # of capsules on such links, (P, 2)
+        self.rows: dict[Links, list[int]] = {}  # indices of these, by pair of links
         for k, (i, j) in enumerate(self.pairs.tolist()):
             self.rows.setdefault(links_of(owners[i], owners[j]), []).append(k)
         parents = None if arm.parents is None else {links_of(*pair) for pair in arm.parents}
         exempt = {links_of(a, b): why for a, b, why in arm.may_touch}
         beside = [links for links, rows in self.rows.items() if apart[rows[0]] == 1]
-        self.near = [links for links in beside if parents is None or links in parents]
+        self.near = [links for links in beside if parents is None or links in parents]  # neighbours
         rest = [links for links in self.rows if links not in set(self.near)]
+        # exempted by the user or the description, with the source; and those to check
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
         self.q = sampled(arm)
         self.bodies = bodies_of(arm, shapes_alone(arm, self.pairs))
+        # distances [m] of pairs of capsules, (P, 4000)
         self.capsules = clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:
@@ -171,9 +162,8 @@ class _Touching:
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
-        if (self.capsules[self.rows[links]] > 0).all(0).any():
-            return False
-        return self.share(links) == 1.0
+        capsules_part = (self.capsules[self.rows[links]] > 0).all(0).any()
+        return not capsules_part and self.share(links) == 1.0
 
 
 def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:

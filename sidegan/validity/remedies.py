@@ -1,20 +1,16 @@
 """Settings that relax a constraint, and those that correct implausible limits of a description."""
 
 import math
-from collections import Counter
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.motion.dynamics import RigidBody
-from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed, override
-from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import sampled
 
-_LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
 _FASTEST, _FASTEST_SLIDE = 60.0, 10.0  # [rad/s, m/s] largest plausible velocity limits
 _TURN = 2.02 * math.pi  # [rad] largest plausible position limit that several joints share
 _FARTHEST = 100.0  # [rad, m] largest plausible position limit
@@ -23,25 +19,9 @@ _SPARE = 20.0  # largest plausible ratio of the weakest joint's limit to the lar
 _WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] always plausible for the weakest joint; and without masses
 _TRIED = 500  # configurations in which holding torques are computed
 
-Where = tuple[str, str]  # a constraint, and its joint, pair or region
 
-
-def binding(constraints: Constraints, trajectory: Trajectory, c: Array) -> Where | None:
-    """The constraint that most trajectories, coefficients [rad/s], (B, J, H, 2), violate first when enlarged.
-
-    None if they do not violate any.
-    """
-    for times in _LARGER:
-        found = check(constraints, trajectory, times * c)
-        invalid = np.flatnonzero(~found.valid).tolist()
-        faults = Counter((x.constraint, x.where) for k in invalid for x in found.failures(k))
-        if faults:
-            return faults.most_common(1)[0][0]
-    return None
-
-
-def remedy(constraints: Constraints, where: Where) -> str:
-    """Settings that relax a constraint, in words for people."""
+def remedy(constraints: Constraints, where: tuple[str, str]) -> str:
+    """Settings that relax a constraint of a joint, pair or region, in words for people."""
     constraint, which = where
     arm = constraints.arm
     home = "another home ('trajectory.home=[…]')"

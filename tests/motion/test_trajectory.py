@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_trapezoid
 
 from sidegan.motion.trajectory import Trajectory, concatenate
-from sidegan.validity.bounds import jerk_bound
+from sidegan.validity.search import jerk_bound
 from tests.motion.conftest import close, normal
 
 FAMILIES = [(1.0, 1), (1.0, 210), (4.0, 3), (16.0, 6), (37.3, 11), (560.0, 6), (560.0, 210)]

@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
-from sidegan.design.goal import Goal
+from sidegan.design.objective import Goal
 from sidegan.design.prediction import Prediction, TorqueNoise, wanted_torques
 from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.design.search import search
