@@ -75,8 +75,7 @@ class Problem:
         """
         arm = self.constraints.arm
         times = self.trajectory.grid(4 * self.samples)
-        lower = arm.position_lower
-        upper = arm.position_upper
+        lower, upper = arm.position_lower, arm.position_upper
         home = np.array(self.trajectory.home)
         least = _LEAST_ROOM * (upper - lower)
         above, below = np.maximum(upper - home, least), np.maximum(home - lower, least)

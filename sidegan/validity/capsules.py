@@ -138,10 +138,8 @@ def bodies_of(arm: Arm, shapes: Shapes) -> "Bodies":
 def piece_distances(bodies: "Bodies", q: Array, asked: Array, need: float = math.inf) -> Array:
     """Lower bounds of distances [m], (M,), accurate to 1e-8 m; minus infinity where pieces touch.
 
-    Like those of capsules, they are larger by what a pair may be closer.
-
-    At positions (N, J) [rad or m], for queries (M, 2) of a row of these, ascending, and a pair. Bounds above
-    the distance ``need`` [m] need not be accurate.
+    Like those of capsules, they are larger by what a pair may be closer; above ``need`` [m] they need not be
+    accurate. ``asked``, (M, 2), has the row of q, (N, J) [rad or m], ascending, and the pair of each.
     """
     from sidegan.kernels import bodies as kernel
 
