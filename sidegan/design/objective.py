@@ -121,16 +121,6 @@ class Penalty:
     torque: float = 0.05  # share of torque limits kept in reserve
     distance: float = 0.1  # share of 0.25 m kept in reserve
 
-    @property
-    def reach(self) -> float:
-        """Smallest distance without cost [m]."""
-        return self.distance * _DISTANCE
-
-    @property
-    def close(self) -> float:
-        """Weight of the squared shortfall of a distance [1/m²]."""
-        return self.weight / _DISTANCE**2
-
 
 class Objective:
     """Goal and penalty of single trajectories; not thread-safe.
@@ -202,7 +192,8 @@ class Objective:
             torque_weight=torque_weight / self.samples,
             torque_reserve=penalty.torque,
         )
-        return plan._replace(limits=limits, close=penalty.close / self.finer, reach=penalty.reach)
+        close = penalty.weight / _DISTANCE**2  # weight of the squared shortfall of a distance [1/m²]
+        return plan._replace(limits=limits, close=close / self.finer, reach=penalty.distance * _DISTANCE)
 
     def __call__(self, x: Array, gradient: Array) -> tuple[float, float]:
         """Goal and penalty of a point (J, K); writes the gradient of their sum, (J, K)."""

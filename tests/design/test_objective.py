@@ -116,7 +116,8 @@ def cost_of(problem, coordinates, x):
         parts.append(p.weight * np.square(np.maximum(torque / arm.torque_limit + p.torque - 1, 0)))
     margins = constraints.at_rest(q)
     distances = [margins[name] for name in ("collision", "keep_out") if name in margins]
-    parts.append(p.close * np.square(np.maximum(p.reach - np.concatenate(distances, 1), 0)))
+    short = np.maximum(p.distance - np.concatenate(distances, 1) / 0.25, 0)  # of shares of 0.25 m
+    parts.append(p.weight * np.square(short))
     return sum(float(part.sum(1).mean()) for part in parts)
 
 
