@@ -11,6 +11,8 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 from sidegan.validity import Box, Constraints, Plane
 from tests.chains import random_states
+from tests.robot.test_cases import arm_of, inertial
+from tests.robot.urdf import collision
 
 from .critical import BALL, BENT, BOX, DESK, HULL, limited, moderate, only
 from .test_search import assert_bounded, assert_sound, shaped
@@ -39,6 +41,14 @@ def test_margins_are_distances_from_the_limits(planar: Arm) -> None:
     np.testing.assert_allclose(margins["velocity"], np.array([3.0, 4.0]) - np.abs(dq), atol=1e-9)
     torque = np.abs(RigidBody(planar).torque(q, dq, ddq))
     np.testing.assert_allclose(margins["torque"], np.array([200.0, 100.0]) - torque, atol=1e-9)
+
+
+def test_margins_of_the_upright_planar_arm(planar: Arm) -> None:
+    """The forearm's axis begins 0.9 m up, 0.4 m above the base sphere's centre."""
+    upright = np.zeros((1, 2))
+    margins = Constraints(planar, [DESK]).at_rest(upright)
+    assert margins["collision"].item() == pytest.approx(0.4 - 0.1 - 0.04)
+    assert margins["keep_out"][0].tolist() == pytest.approx([0.5 - 0.05 - 0.1, 0.9 - 0.04 - 0.1])
 
 
 def test_torque_is_constrained_only_where_limited_and_requested(planar: Arm) -> None:
@@ -131,6 +141,18 @@ def test_tight_pairs_keep_a_smaller_clearance(arm: Arm, shape) -> None:
     assert_sound(clear, trajectory, c, exact=shape != "hulls")
     near = Constraints(shaped_arm, clearance=FAR, tight=dict.fromkeys(plain.owners, 0.01))
     assert "collision" in assert_bounded(near, trajectory, c, half=0.05)
+
+
+def test_hulls_of_tight_pairs_keep_a_smaller_clearance(load) -> None:
+    plate = inertial() + collision('<box size="0.25 0.02 0.22"/>', 'xyz="0 0 0.15"')
+    arm = load(arm_of({k: plate for k in range(4)}))
+    owners = Constraints(arm).owners
+    near = Constraints(arm, clearance=0.2, tight=dict.fromkeys(owners, 0.01))
+    assert near.bodies.hulls.finer.all()
+    trajectory = Trajectory(4, 4, 8.0)
+    c = moderate(arm, trajectory, 200, seed=2)
+    valid = assert_sound(near, trajectory, c, exact=False)
+    assert 0.1 < valid.astype(float).mean() < 0.9
 
 
 def test_the_clearance_of_boxes_is_a_little_larger_at_edges(arm: Arm) -> None:

@@ -143,11 +143,14 @@ def touching(**setup):
 REFUSED = {
     ConfigError: [
         (lambda _: Plane((0.0, 0.0, 0.0), 0.1), A_PLANE),
+        (lambda _: Plane((0.0, math.nan, 1.0), 0.1), A_PLANE),
         (lambda _: Plane((0.0, 0.0, 1.0), math.inf), A_PLANE),
         (lambda _: Plane((1.0, 1.0, 0.0), -0.3), r"1\.414 long.*unit normal, \[0\.707107, 0\.707107, 0\]"),
         (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0, 0.0)), A_BOX),
+        (lambda _: Box((0.0, 0.0, 0.0), (1.0, 1.0)), A_BOX),
         (lambda _: Box((0.0, 0.0, -math.inf), (1.0, 1.0, 1.0)), A_BOX),
         (lambda _: Sphere((0, 0, 0), 0.0), OBSTACLE),
+        (lambda _: Sphere((0, 0), 1.0), OBSTACLE),
         (lambda _: Convex.between((0, 0, 0), (0, 0, 0), 1.0), OBSTACLE),
         (lambda _: Convex.between((0, 0, 0), (0, 0, 1), -1.0), OBSTACLE),
         (lambda _: Convex.around(POINTS), OBSTACLE),
@@ -156,6 +159,7 @@ REFUSED = {
     InfeasibleError: [
         (home(2.7, 0.0), r"\[2.7, 0.0\].*of shoulder: margin -0\.1;.*keep_out of forearm in region 0"),
         (home(0.0, -3.0), r"position of elbow: margin -0\.1; collision of base – forearm: margin -0\.08"),
+        (home(2.5, 0.0), r"keep_out of forearm in region 0: margin -0\.28"),
         (home(1.0, 0.0, arm=weak(PLANAR, 5, 100)), "torque of shoulder"),
         (
             lambda _: default_home(Constraints(bent_arm(), BETWEEN)),
@@ -179,6 +183,7 @@ REFUSED = {
         (lambda _: usual_effort(PLANAR, [0.1]), r"home position \[0.1\] must be 2 finite joint positions"),
         (straight([math.nan, 0.0]), "2 finite joint positions"),
         (margins(*[(3, 6)] * 3), r"expected 3 times \(N, 7\)"),
+        (margins((3, 7), (2, 7), (3, 7)), r"expected 3 times \(N, 7\)"),
         (margins((1, 7), (1, 7), (1, 7), (1, 6)), r"expected 3 times \(N, 7\)"),
         (margins(*[(1, 7)] * 3, arm=limited(ARM, ["jerk"])), r"expected 4 times \(N, 7\)"),
         (checked(Trajectory(2), (1, 2, 6, 2)), "trajectories have 2 joints, the arm has 7"),
