@@ -15,14 +15,11 @@ from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import ConditionGoal, design_set, search
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
-from sidegan.kernels.descent import descend
-from sidegan.kernels.proof import visit
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER as ORDERS
 from sidegan.validity import Constraints, Plane, check
 from tests.oracle import capsule_geometry, chain_model
-from tests.validity.critical import BALL, BOX, HULL, drawn
 
 from .conftest import CASES
 
@@ -89,15 +86,6 @@ def test_every_answer_is_valid_by_pinocchio_and_coal(problem_of, case):
             assert (torque <= arm.torque_limit).all()
         pin.computeDistances(model, data, geometry, shapes, q[k])
         assert min(x.min_distance for x in shapes.distanceResults) >= -1e-6
-
-
-def test_kernels_are_compiled_once_for_all_arms(arm, planar):
-    scenes = [Constraints(planar), Constraints(arm), Constraints(arm, [BOX, BALL, HULL])]
-    for constraints in scenes:
-        problem = Problem(constraints, Trajectory(constraints.arm.joints))
-        check(constraints, problem.trajectory, 0.03 * drawn(problem.trajectory, 8))
-        searched(problem, evaluations=10)
-    assert len(visit._compiled.signatures) == len(descend._compiled.signatures) == 1
 
 
 @pytest.mark.parametrize("evaluations", [1, 7])
