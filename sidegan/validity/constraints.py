@@ -14,7 +14,7 @@ from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
 from sidegan.validity.capsules import bodies_of, clearances, piece_distances, thicker
-from sidegan.validity.pairs import SAMPLES, Links, Pairs, always_touching, links_of, pairs_of, sampled
+from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
 from sidegan.validity.regions import Plane, Region, tables
 
 if TYPE_CHECKING:
@@ -273,7 +273,8 @@ class Constraints:
         kept = np.concatenate([leaves & ~short, short[planes]])
         short[planes] = False
         if short.any():
-            raise _too_large(self.clearance, self._guarded_names(both[short.ravel()]))
+            names = self._guarded_names(both[short.ravel()])
+            raise too_large(self.clearance, names, float(farthest[short].min()))
         which, capsule = np.nonzero(kept)
         return np.stack([which, moving[capsule]], 1)
 
@@ -283,19 +284,13 @@ class Constraints:
             return pairs_of(self._thick, frozenset(self.tight))
         except InfeasibleError:
             pairs_of(self.arm)  # raises its own error for links that touch without any clearance
-            near = [" – ".join(links) for links in always_touching(self._thick)]
-            raise _too_large(self.apart, near) from None
+            near = usual_gaps(self._thick)
+            names = [" – ".join(links) for links in near]
+            raise too_large(self.apart, names, min(near.values(), default=-np.inf)) from None
 
     def _guarded_names(self, guarded: Array) -> tuple[str, ...]:
         owners = self.arm.capsules.owners
         return tuple(f"{owners[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
-
-
-def _too_large(clearance: float, near: Sequence[str]) -> InfeasibleError:
-    """The error for a clearance [m] that some links never have."""
-    return InfeasibleError(
-        f"workspace.clearance={clearance:g} is too large, these are always closer: {listed(near, _SHOWN)}"
-    )
 
 
 def _except(names: Sequence[str], why: str) -> str:

@@ -1,6 +1,7 @@
 """Pairs of links that are checked for collision, and exemptions; docs/collision.md has the rule."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -25,7 +26,10 @@ _TRIED = 200  # configurations in which that is tested
 SAMPLES = 4_000  # random configurations in which capsules are tested
 _INSIDE = 1_000  # of these, in which the pieces inside capsules are tested
 _FEW = 3  # up to so many pairs, all may always touch, as in a short arm
-_SHOWN = 6  # pairs of links named in messages
+_SHOWN, _NEAR = 6, 4  # pairs of links named in messages
+_STEPS = 1e4  # per metre; suggested clearances are whole steps
+_OFTEN = 2 / 3  # share of configurations above which links mostly touch
+_SPARE = 0.1  # share by which suggested clearances stay below the available distance
 
 Links = tuple[str, str]
 
@@ -93,10 +97,15 @@ def describe_displaced_shapes(arm: Arm) -> str:
     )
 
 
-def always_touching(arm: Arm) -> list[Links]:
-    """Links that touch in every random configuration and are not exempt."""
+def usual_gaps(arm: Arm) -> dict[Links, float]:
+    """Median distances [m] of links that touch in every configuration.
+
+    They are negative, and minus infinity where hulls overlap.
+    """
     touching = _Touching(arm)
-    return [links for links in touching.open if touching.always(links)]
+    return {
+        links: float(np.median(touching.nearest(links))) for links in touching.open if touching.always(links)
+    }
 
 
 @lru_cache(maxsize=16)
@@ -110,6 +119,26 @@ def usual_room(arm: Arm, need: float) -> dict[Links, float]:
         if len(free) and (usual := float(np.median(free))) < need:
             found[links] = usual
     return found
+
+
+@lru_cache(maxsize=16)
+def mostly_touching(arm: Arm) -> dict[Links, float]:
+    """Share of configurations in which links touch, for checked links that mostly do."""
+    touching = _Touching(arm)
+    return {links: share for links in touching.open if (share := touching.share(links)) > _OFTEN}
+
+
+def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
+    """The error for a clearance [m] that some links, by name, never have.
+
+    ``left`` is their largest distance in excess of the clearance [m], negative.
+    """
+    room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
+    most = max(math.floor(room * _STEPS), 0) / _STEPS
+    return InfeasibleError(
+        f"workspace.clearance={clearance:g} is too large, these are always closer: "
+        f"{listed(near, _NEAR)}; try 'workspace.clearance={most:g}'"
+    )
 
 
 def links_of(a: str, b: str) -> Links:

@@ -1,5 +1,6 @@
 """Constraints of single states: which apply, their margins, what links keep clear of, and what is refused."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -163,13 +164,22 @@ def test_the_clearance_of_boxes_is_a_little_larger_at_edges(arm: Arm) -> None:
     assert (lost >= -1e-9).all() and (lost <= (3**0.5 - 1) * FAR / 2 + 1e-9).all()
 
 
+def offered(refused: InfeasibleError) -> float:
+    """The clearance above zero that a refusal prints."""
+    found = float(re.search(r"'workspace\.clearance=([^']+)'", str(refused)).group(1))
+    assert found > 0
+    return found
+
+
 def test_an_impossible_clearance_is_refused_with_the_pair(arm: Arm, planar: Arm) -> None:
     with pytest.raises(InfeasibleError, match="is too large, these are always closer") as refused:
         Constraints(planar, clearance=0.6)
     assert "base – forearm" in str(refused.value) and "may_touch" not in str(refused.value)
+    Constraints(planar, clearance=offered(refused.value))
     low = [Box((-1, -1, 0), (1, 1, 0.35))]
-    with pytest.raises(InfeasibleError, match="always closer: upper_arm in region 0"):
+    with pytest.raises(InfeasibleError, match="always closer: upper_arm in region 0") as refused:
         Constraints(planar, low, clearance=0.2)
+    Constraints(planar, low, clearance=offered(refused.value))
     assert "0.04 m kept clear" in Constraints(arm, clearance=FAR).described()
     assert "kept clear" not in Constraints(arm).described()
 
