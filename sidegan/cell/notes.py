@@ -6,9 +6,14 @@ from typing import TYPE_CHECKING
 from sidegan.base.names import counted, listed
 from sidegan.robot import Arm, describe_doubtful_links, describe_placeholder_links, doubtful_links
 from sidegan.robot.collision import length_of
-from sidegan.validity.pairs import describe_displaced_shapes
+from sidegan.robot.setup import allowed
+from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
 from sidegan.validity.regions import distance
-from sidegan.validity.remedies import describe_placeholder_limits
+from sidegan.validity.remedies import (
+    describe_excessive_friction,
+    describe_placeholder_limits,
+    describe_weak_limits,
+)
 
 if TYPE_CHECKING:
     from sidegan.cell.cell import Cell
@@ -20,7 +25,11 @@ def doubts(cell: "Cell") -> Iterator[str]:
     """Sentences on what is suspicious in the description; some are empty."""
     arm, constraints = cell.arm, cell.constraints
     yield describe_placeholder_limits(cell.whole_arm)
+    if cell.workspace.torque:
+        yield describe_weak_limits(cell.whole_arm)
+        yield describe_excessive_friction(cell.whole_arm)
     yield _far_regions(cell)
+    yield _touching(cell)
     yield describe_displaced_shapes(arm)
     yield _masses(arm)
     if placeholders := describe_placeholder_links(arm):
@@ -53,6 +62,18 @@ def _far_regions(cell: "Cell") -> str:
     apart = {k: distance(region, base) for k, region in enumerate(regions[len(regions) - own :])}
     far = [f"workspace.regions[{k}] is {x:.3g} m away" for k, x in apart.items() if x > _FAR * reach]
     return f"{listed(far)}, and {cell.arm.name} reaches {reach:.2g} m: are these millimetres?" if far else ""
+
+
+def _touching(cell: "Cell") -> str:
+    """A sentence on links that touch in most configurations; empty if there are none."""
+    touching = mostly_touching(cell.constraints.arm)
+    pairs = listed([f"{' – '.join(links)} in {share:.0%}" for links, share in touching.items()])
+    if not pairs:
+        return ""
+    return (
+        f"links that touch in most configurations: {pairs}; correct their shapes or, if contact "
+        f"is expected, leave them unchecked by {allowed(touching, cell.arm.setup.may_touch)}"
+    )
 
 
 def decisions(cell: "Cell") -> Iterator[str]:

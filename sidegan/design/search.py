@@ -21,7 +21,7 @@ from sidegan.kernels.objective import Plan
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Validity, check
-from sidegan.validity.remedies import remedy
+from sidegan.validity.remedies import binding, remedy
 
 _ROUGH, _STRICT = 30.0, 300.0  # weights of the penalty: a small weight first lets the search move freely
 _ROUGH_SHARE = 0.7  # share of evaluations with the small weight
@@ -224,5 +224,9 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
             raise failed
     kept = [trajectory for trajectory in found if trajectory.share >= _SCRAP] or found
     if len(kept) < count:
-        _log.warning("%d of %d trajectories hardly move the arm and are left out", count - len(kept), count)
+        small = [trajectory.coefficients for trajectory in found if trajectory.share < _SCRAP]
+        where = binding(problem.constraints, problem.trajectory, np.stack(small)) if small else None
+        why = f", limited by {' of '.join(where)}: {remedy(problem.constraints, where)}" if where else ""
+        left_out = "%d of %d trajectories hardly move the arm and are left out%s"
+        _log.warning(left_out, count - len(kept), count, why)
     return np.stack([trajectory.coefficients for trajectory in kept])

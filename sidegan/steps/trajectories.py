@@ -29,6 +29,7 @@ from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.recording.commanded import FOLDER
 from sidegan.robot import placeholder_links
 from sidegan.validity import check
+from sidegan.validity.remedies import binding, remedy
 
 # Thresholds of a good set.
 _LITTLE = 0.3  # least median over joints of the share of the limits on motion that they use
@@ -133,7 +134,7 @@ class TrajectorySet:
 
     @property
     def warnings(self) -> list[str]:
-        """Why the set hardly excites the arm; empty for a good set."""
+        """Why the set hardly excites the arm, and what helps; empty for a good set."""
         found = describe_weak_set(self, self.condition)
         return [found] if found else []
 
@@ -279,7 +280,7 @@ class TrajectorySet:
 
 
 def describe_weak_set(given: TrajectorySet, condition: float) -> str:
-    """Why a set with this condition number is weak; empty for a good set."""
+    """Why a set with this condition number is weak, and what helps; empty for a good set."""
     cell, aim, c = given.cell, given.aim, given.coefficients
     use = np.median(replace(cell.problem, trajectory=given.family).limit_use(c).max(0))
     reasons = []
@@ -291,7 +292,14 @@ def describe_weak_set(given: TrajectorySet, condition: float) -> str:
         error = np.sqrt(np.square(aim.deviations).mean())
         if not error <= _UNCERTAIN:
             reasons.append(f"it leaves torques uncertain by {error:.0%} of their usual size")
-    return f"the set hardly excites the arm: {', '.join(reasons)}" if reasons else ""
+    if not reasons:
+        return ""
+    text = f"the set hardly excites the arm: {', '.join(reasons)}"
+    where = binding(cell.constraints, given.family, c)
+    if where is None:
+        return text
+    constraint, which = where
+    return f"{text}; it is limited by {constraint} of {which}: try {remedy(cell.constraints, where)}"
 
 
 def peaks(x: Array, limit: Array, units: list[str]) -> list[str]:

@@ -24,6 +24,10 @@ from tests.robot.urdf import ball
 POST = rod('xyz="0 0 0.02"') + ball(0.05, "0.2 0 0.4")  # of the base, beside the second joint
 HUB = inertial() + rod() + ball(0.14)  # that turns in that joint, 1 cm from the post wherever it is
 GAP = arm_of({1: HUB}, base=POST)
+PIN, RING = inertial() + ball(0.06, "0.1 0 0.3"), inertial() + rod() + ball(0.05, "0.02 0 -0.3")
+TOUCHING = arm_of({1: PIN, 3: RING})
+WEAK = arm_of(limit=LIMIT.replace('effort="50"', 'effort="8"'))
+STICKY = arm_of(limit=LIMIT + '<dynamics damping="20" friction="15"/>')
 FRICTION = arm_of(limit=LIMIT + '<dynamics damping="6" friction="5"/>')
 ALIKE = arm_of(dict.fromkeys(range(4), inertial(place="0 0 0") + rod()))
 STATE = '<group_state name="{}" group="arm">{}</group_state>'
@@ -92,13 +96,27 @@ def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
     context = excited(GAP, "robot.limits.velocity={joint0: 0.2, joint1: 0.2, joint2: 0.2, joint3: 0.2}")
     c = found_for(context).coefficients[None]
     said = describe_weak_set(TrajectorySet.of(context.cell, 0.05 * c), 1e7)
-    assert "it uses 5% of the limits on motion, its condition is 1e7" in said
+    assert "it uses 5% of the limits on motion, its condition is 1e7; it is limited by " in said
+    assert re.search(r"velocity of joint\d: .*'robot.limits.velocity={joint0: (0.2|…), ", said)
     assert describe_weak_set(TrajectorySet.of(context.cell, c), 100.0) == ""
 
 
-def test_description_problems_are_reported_before_the_design(excited, caplog):
-    excited(ALIKE).log_decisions()
-    assert re.search(r"masses of link0, link1, link2, link3 are placeholders .* nothing until", caplog.text)
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            TOUCHING,
+            r"in most configurations: link1 – link3 in \d\d%; .*'robot.may_touch=\[\[link1, link3\]\]'",
+        ),
+        (WEAK, r"joint1 \(effort 8\) in \d\d%, .*'robot.limits.effort={joint1: …"),
+        (STICKY, r"friction of joint0, joint1, .* exceeds its torque limit.*robot.friction=false"),
+        (ALIKE, r"masses of link0, link1, link2, link3 are placeholders .* mean nothing until"),
+    ],
+    ids=["touching", "weak", "sticky", "alike"],
+)
+def test_description_problems_are_reported_before_the_design(excited, caplog, text, said):
+    excited(text).log_decisions()
+    assert re.search(said, caplog.text)
     caplog.clear()
     excited(arm_of()).log_decisions()
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
@@ -131,7 +149,7 @@ def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeyp
         len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
         == 1
     )
-    assert "1 of 2 trajectories hardly move the arm and are left out" in caplog.text
+    assert "1 of 2 trajectories hardly move the arm and are left out, limited by position of " in caplog.text
 
 
 def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path):
