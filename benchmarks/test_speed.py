@@ -14,8 +14,7 @@ from benchmarks import device
 from benchmarks.conftest import OURS, Rate
 from benchmarks.opponents import Figaroh, Mujoco, Pinocchio, frax_torque
 from sidegan.base.arrays import Array, flatten
-from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective, Penalty
+from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import Generator

@@ -8,12 +8,12 @@ from sidegan.robot import describe_doubtful_links, describe_placeholder_links, d
 from sidegan.robot.collision import length_of
 from sidegan.robot.setup import allowed
 from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
-from sidegan.validity.placeholders import (
+from sidegan.validity.regions import distance
+from sidegan.validity.remedies import (
     describe_excessive_friction,
     describe_placeholder_limits,
     describe_weak_limits,
 )
-from sidegan.validity.regions import distance
 
 if TYPE_CHECKING:
     from sidegan.cell.cell import Cell

@@ -1,10 +1,8 @@
 """Trajectories as files for robot controllers: CSV, ROS 2, URScript."""
 
-from sidegan.controllers.approach import approach
-from sidegan.controllers.course import slower
-from sidegan.controllers.export import APPROACH, export_set, require_exportable
-from sidegan.controllers.ros2 import SHELL
-from sidegan.controllers.settings import ExportSettings
+from sidegan.controllers.course import approach, slower
+from sidegan.controllers.export import APPROACH, ExportSettings, export_set, require_exportable
+from sidegan.controllers.formats import SHELL
 
 __all__ = [
     "APPROACH",

@@ -1,15 +1,24 @@
-"""Motions for a controller to follow: joint positions with their derivatives over time."""
+"""Motions for a controller to follow, and the straight path from the arm's position to home and back."""
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
-from sidegan.errors import ShapeError
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, Trajectory
+from sidegan.robot import Arm
+from sidegan.validity import Constraints
+from sidegan.validity.check import require_straight
+
+if TYPE_CHECKING:
+    from sidegan.controllers.export import ExportSettings
 
 # Points per period of the highest harmonic. Quintic interpolation of position, velocity and acceleration then
 # deviates by 3e-8 of the harmonic's amplitude, (2π/20)⁶ / 46080, and linear interpolation by 1.3 %,
@@ -18,6 +27,17 @@ POINTS = 20
 
 STATES = ("position", "velocity", "acceleration")
 _MET = 1e-4  # largest distance between the end of a course and the start of the next [rad or m]
+# Largest velocity, acceleration and jerk of the quintic from 0 to 1 in unit time that rests at both ends.
+_PEAKS = (15 / 8, 10 / 3**0.5, 60.0)
+_POINTS = 40  # of a course
+# Torques are computed at this many times at least, and once per step [rad or m] of the joints' summed
+# travel; then in two rounds of finer steps near the largest.
+_TIMES, _STEP = 400, 0.01
+_ROUNDS, _NEAR, _FINER = 2, 0.99, 20
+_HOLDABLE = 0.999  # largest share of a torque limit for holding the arm that leaves torque to move it
+_ROUNDING = 1e-9
+_SHORTEST = 0.5  # least duration [s]
+_CLOSER = "move the arm closer to home by hand or with its own planner"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,28 +68,6 @@ class Course:
         curve = scipy.interpolate.BPoly.from_derivatives(self.time, states)
         return Course(self.joint_names, times, *(curve(times, k) for k in range(3)))
 
-    def then(self, other: "Course", pause: float = 0.0, rate: float = 0.0) -> "Course":
-        """This course followed by another that starts where it ends; their common point occurs once.
-
-        In between, the arm rests for a pause [s], with points at a rate [Hz].
-
-        Raises:
-            ShapeError: when the other course has different joints, or starts elsewhere.
-        """
-        apart = float(np.abs(self.position[-1] - other.position[0]).max())
-        if other.joint_names != self.joint_names or apart > _MET:
-            raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
-        waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
-        rest = np.zeros((len(waiting), len(other.joint_names)))
-        begin = self.time[-1]
-        return Course(
-            self.joint_names,
-            np.concatenate([self.time, begin + waiting, begin + pause + other.time[1:]]),
-            np.concatenate([self.position, rest + other.position[0], other.position[1:]]),
-            np.concatenate([self.velocity, rest, other.velocity[1:]]),
-            np.concatenate([self.acceleration, rest, other.acceleration[1:]]),
-        )
-
 
 def least_rate(trajectory: Trajectory) -> float:
     """Least rate [Hz] of interpolation points for trajectories of this family."""
@@ -82,5 +80,131 @@ def slower(trajectory: Trajectory, c: Array, speed: float) -> tuple[Trajectory, 
 
 
 def run_of(courses: Iterable[Course], pause: float, rate: float = 0.0) -> Course:
-    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz]."""
-    return reduce(lambda course, other: course.then(other, pause, rate), courses)
+    """All courses in sequence, at rest for a pause [s] in between, with points at a rate [Hz].
+
+    Each starts where the last one ends; their common point occurs once.
+
+    Raises:
+        ShapeError: when a course has different joints, or starts elsewhere.
+    """
+    waiting = np.linspace(0, pause, max(1, round(pause * rate)) + 1)[1:] if pause else np.empty(0)
+
+    def joined(one: Course, other: Course) -> Course:
+        apart = float(np.abs(one.position[-1] - other.position[0]).max())
+        if other.joint_names != one.joint_names or apart > _MET:
+            raise ShapeError(f"consecutive courses must meet: their ends are {apart:.3g} rad or m apart")
+        begin, still = one.time[-1], np.zeros((len(waiting), len(other.joint_names)))
+        time = np.concatenate([one.time, begin + waiting, begin + pause + other.time[1:]])
+        between = zip(STATES, (still + other.position[0], still, still))
+        parts = ([getattr(one, name), x, getattr(other, name)[1:]] for name, x in between)
+        return Course(one.joint_names, time, *map(np.concatenate, parts))
+
+    return reduce(joined, courses)
+
+
+def approach(
+    constraints: Constraints, start: Sequence[float], home: Sequence[float], settings: "ExportSettings"
+) -> Course:
+    """A course along the straight line in joint space between two configurations [rad or m].
+
+    The joints move synchronously, on a quintic in time. At the planned speed the duration is the shortest,
+    but at least half a second, in which no joint uses more than a share ``careful`` of its limits; for
+    torque, this is the share for moving, on top of holding the arm. It is rounded up to whole samples. If the
+    ends are the same, the arm rests there for half a second.
+
+    Raises:
+        ShapeError: when an end does not have one finite number per joint.
+        InfeasibleError: when the straight line is not free, a joint cannot hold the arm on it, or it takes
+            longer than ``longest``; says what to do.
+    """
+    arm, use = constraints.arm, settings.careful
+    try:
+        require_straight(constraints, start, home)
+    except InfeasibleError as error:
+        raise InfeasibleError(f"{error}; {_CLOSER}, then update controllers.start") from error
+    ends = np.array([start, home], float)
+    needed = np.zeros(arm.joints)  # durations [s], (J,)
+    limits = (arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit)
+    for order, (peak, limit) in enumerate(zip(_PEAKS, limits), start=1):
+        if limit is not None:
+            fastest = (peak * np.abs(ends[1] - ends[0]) / (use * limit)) ** (1 / order)
+            needed = np.maximum(needed, fastest)
+    if constraints.torque:
+        needed = np.maximum(needed, _for_torque(constraints.body, ends, use))
+    planned = max(_SHORTEST, float(needed.max()) * (1 + _ROUNDING)) / settings.speed
+    samples = max(POINTS, math.ceil(planned * settings.rate * (1 - _ROUNDING)))
+    duration = samples / settings.rate
+    if duration > settings.longest:
+        raise InfeasibleError(
+            f"the path from controllers.start to home takes {duration:.0f} s with {use:.0%} of the limits of "
+            f"{arm.joint_names[int(needed.argmax())]}, at {settings.speed:.0%} of the speed; "
+            f"controllers.longest={math.ceil(duration)} allows that, controllers.careful=… sets the share; "
+            f"or {_CLOSER}"
+        )
+    return _quintic(arm, ends, duration, np.linspace(0, 1, _POINTS + 1))
+
+
+def _for_torque(body: RigidBody, ends: Array, use: float) -> Array:
+    """Duration [s], (J,), in which moving takes at most a share of each torque limit, within the limits.
+
+    The torque for moving in 1 s is divided by the square of the duration; that for holding stays the same.
+
+    Raises:
+        InfeasibleError: when holding the arm leaves no torque to move it, for any duration.
+    """
+    arm = body.arm
+    drives = body.arm.known_drives
+    friction = drives.coulomb + use * drives.viscous * arm.velocity_limit  # at the highest allowed speed
+    limit = np.maximum(arm.torque_limit - friction, np.finfo(float).tiny)
+
+    def share(times: Array) -> Array:
+        unit = _quintic(arm, ends, 1.0, times)
+        still = np.zeros_like(unit.position)
+        held = body.torque(unit.position, still, still)
+        with np.errstate(over="ignore"):  # if friction uses a whole limit
+            used = np.abs(held) / limit
+        row, joint = divmod(int(used.argmax()), arm.joints)
+        if used[row, joint] > _HOLDABLE:
+            raise InfeasibleError(
+                f"the straight path needs too much torque at any speed and controllers.careful: "
+                f"{arm.joint_names[joint]} needs {float(used[row, joint]):.1%} of its limit just to hold the "
+                f"arm; allow more by robot.effort=…, or {_CLOSER}"
+            )
+        moving = body.torque(unit.position, unit.velocity, unit.acceleration) - held
+        moving = moving + drives.rotor_inertia * unit.acceleration
+        return np.abs(moving) / np.minimum(use * limit, limit - held * np.sign(moving))
+
+    count = max(_TIMES, math.ceil(float(np.abs(ends[1] - ends[0]).sum()) / _STEP))
+    return np.sqrt(_largest(share, count))
+
+
+def _largest(share: Callable[[Array], Array], count: int) -> Array:
+    """Largest values, (J,), of a smooth function of time from 0 to 1, from ``count`` steps and refinement."""
+    times = np.linspace(0, 1, count + 1)
+    step = 1 / count
+    found = share(times)
+    largest = found.max(0)
+    for _ in range(_ROUNDS):
+        near = times[((found >= _NEAR * largest) & (largest > 0)).any(1)]
+        if not len(near):  # zero throughout: the arm does not move
+            break
+        offsets = np.linspace(-step, step, 2 * _FINER + 1)
+        times = np.unique(np.clip(near[:, None] + offsets, 0, 1))
+        step /= _FINER
+        found = share(times)
+        largest = np.maximum(largest, found.max(0))
+    return largest
+
+
+def _quintic(arm: Arm, ends: Array, duration: float, share: Array) -> Course:
+    """The course between ends (2, J) at shares of its duration [s], (T,)."""
+    s = share[:, None]
+    change = ends[1] - ends[0]
+    done = s**3 * (10 + s * (6 * s - 15))
+    return Course(
+        arm.joint_names,
+        duration * share,
+        (1 - done) * ends[0] + done * ends[1],
+        30 * (s * (1 - s)) ** 2 * change / duration,
+        60 * s * (1 - s) * (1 - 2 * s) * change / duration**2,
+    )

@@ -1,18 +1,14 @@
-"""Write the controller files of a set of trajectories."""
+"""Write the controller files of a set of trajectories; their settings: config group ``controllers``."""
 
-import csv
-import io
+from dataclasses import dataclass, field
 from pathlib import Path
-
-import numpy as np
+from typing import Literal
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing_folder, write_bytes
-from sidegan.controllers.approach import approach
-from sidegan.controllers.course import POINTS, STATES, Course, least_rate, run_of
-from sidegan.controllers.ros2 import goal_text
-from sidegan.controllers.settings import ExportSettings
-from sidegan.controllers.urscript import SCRIPTED, script_text
+from sidegan.base.typed import Hertz, Number, Part, Positive, Seconds
+from sidegan.controllers.course import POINTS, Course, approach, least_rate, run_of
+from sidegan.controllers.formats import SCRIPTED, csv_text, goal_text, script_text
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -22,9 +18,48 @@ from sidegan.validity.home import refuse_degrees
 ALL, APPROACH, RETURN = "all", "approach", "return"
 _PRINTED = 1e-4  # relative rounding of a rate in a message
 _ENDINGS = (".csv", ".yaml", ".script")
-# A controller with cubic interpolation at 1 kHz divides differences by 1e-9 s³ for the jerk: with nine digits
-# its error would be 120 rad/s³.
-_DIGITS = "%.12g"
+_MOST = 500_000  # samples of a motion: ten such trajectories of seven joints take 9 GB of memory
+_LEAST = 25.0  # [Hz] rate at which motions are checked, however low that of the tables
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerance:
+    """Largest deviation of a joint from its command; beyond it the controller refuses or stops."""
+
+    angle: Positive = 0.05  # of revolute joints [rad]
+    length: Positive = 0.01  # of prismatic joints [m]
+
+    def of(self, arm: Arm) -> list[float]:
+        """Tolerance of each joint [rad or m], (J,)."""
+        return [self.length if slides else self.angle for slides in arm.prismatic.tolist()]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportSettings:
+    """Files for the controllers, and how the trajectories are run."""
+
+    formats: list[Literal["csv", "ros2", "urscript"]] = field(default_factory=lambda: ["csv", "ros2"])
+    rate: Hertz = 100.0  # of the tables [Hz]
+    speed: Part = 1.0  # share of the planned speed: the same paths, slower
+    pause: Seconds | None = 1.0  # rest between trajectories [s]; null: none
+    start: list[Number] | None = None  # present position [rad or m]; adds a path from there to home and back
+    careful: Part = 0.2  # share of the limits that this path uses; of torques, in addition to holding the arm
+    longest: Positive = 600.0  # most time for this path [s]
+    tolerance: Tolerance = Tolerance()  # at the start of a goal or program, and on the path
+    rehearse: bool = False  # execute the set in MuJoCo first
+
+    def __post_init__(self) -> None:
+        if not self.formats or len(set(self.formats)) < len(self.formats):
+            raise ConfigError("formats must name one or more, each once")
+
+    def refuse_long(self, motion: str, duration: float) -> None:
+        """Refuse a motion of this duration [s] that has too many samples for the memory, by a ConfigError."""
+        samples = duration * max(self.rate, _LEAST)
+        if samples > _MOST:
+            raise ConfigError(
+                f"{motion} takes {duration:.4g} s, {samples:.4g} samples with "
+                f"controllers.rate={self.rate:g}, expected at most {_MOST:,}"
+            )
 
 
 def export_set(
@@ -46,37 +81,46 @@ def export_set(
         StorageError: when a file cannot be written.
     """
     require_exportable(constraints.arm, trajectory, settings)
-    _require_valid(constraints, trajectory, c)
-    joints = constraints.arm.joint_names
-    notes = constraints.arm.locked
-    rate = settings.rate
-    digits = len(str(len(c)))
+    if not len(c):
+        raise InfeasibleError("the set has no trajectories")
+    found = check(constraints, trajectory, c)
+    if not found.valid.all():
+        first = int(found.valid.argmin())
+        raise InfeasibleError(
+            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
+            f"{found.failures(first)[0]}; no files are written"
+        )
+    arm, rate, digits = constraints.arm, settings.rate, len(str(len(c)))
 
     def courses(times: Array) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
         motions = (trajectory.roll_out(coefficients[None], times) for coefficients in c)
-        return {f"{k:0{digits}}": Course.of(joints, motion) for k, motion in enumerate(motions, 1)}
+        return {f"{k:0{digits}}": Course.of(arm.joint_names, motion) for k, motion in enumerate(motions, 1)}
 
     points = courses(trajectory.times(least_rate(trajectory)))
-    ways = _ways(constraints, trajectory, settings)
+    ways: dict[str, Course] = {}
+    if settings.start is not None:
+        home = tuple(trajectory.home or ())
+        ends = {APPROACH: (settings.start, home), RETURN: (home, settings.start)}
+        ways = {name: approach(constraints, *both, settings) for name, both in ends.items()}
     goals = points | ways
     pause = settings.pause or 0.0
+    texts: dict[str, str] = {}
+    if "csv" in settings.formats:
+        tables = courses(trajectory.times(rate))
+        tables |= {ALL: run_of(tables.values(), pause, rate)}
+        tables |= {name: way.sampled(rate) for name, way in ways.items()}
+        texts |= {f"{name}.csv": csv_text(course) for name, course in tables.items()}
+    if "ros2" in settings.formats:
+        near = settings.tolerance.of(arm)
+        texts |= {f"{name}.yaml": goal_text(course, near, arm.locked) for name, course in goals.items()}
+    if "urscript" in settings.formats:
+        angle = settings.tolerance.angle
+        for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
+            texts[f"{name}.script"] = script_text(course, f"excite_{name}", angle, arm.locked)
     with replacing_folder(folder, _of_a_run) as new:
-        if "csv" in settings.formats:
-            tables = courses(trajectory.times(rate))
-            tables |= {ALL: run_of(tables.values(), pause, rate)}
-            tables |= {name: way.sampled(rate) for name, way in ways.items()}
-            for name, course in tables.items():
-                write_bytes(new / f"{name}.csv", csv_text(course).encode())
-        if "ros2" in settings.formats:
-            tolerance = settings.tolerance.of(constraints.arm)
-            for name, course in goals.items():
-                write_bytes(new / f"{name}.yaml", goal_text(course, tolerance, notes).encode())
-        if "urscript" in settings.formats:
-            near = settings.tolerance.angle
-            for name, course in (goals | {ALL: run_of(points.values(), pause)}).items():
-                script = script_text(course, f"excite_{name}", near, notes)
-                write_bytes(new / f"{name}.script", script.encode())
+        for name, text in texts.items():
+            write_bytes(new / name, text.encode())
     return {name: goals[name].duration for name in (APPROACH, *points, RETURN) if name in goals}
 
 
@@ -107,42 +151,7 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
         refuse_degrees(arm, settings.start, "controllers.start")
 
 
-def csv_text(course: Course) -> str:
-    """``time`` [s], then ``q_<joint>``, ``dq_<joint>`` and ``ddq_<joint>`` of every joint in SI units.
-
-    These are columns that ``identify`` recognises.
-    """
-    columns = ["time", *(f"{letter}_{name}" for letter in ("q", "dq", "ddq") for name in course.joint_names)]
-    rows = np.concatenate([course.time[:, None], *(getattr(course, name) for name in STATES)], 1)
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerow(columns)
-    np.savetxt(text, rows, _DIGITS, ",")
-    return text.getvalue()
-
-
-def _require_valid(constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
-    """Refuse sets without trajectories, and those with an invalid one, by an InfeasibleError."""
-    if not len(c):
-        raise InfeasibleError("the set has no trajectories")
-    found = check(constraints, trajectory, c)
-    if not found.valid.all():
-        first = int(found.valid.argmin())
-        raise InfeasibleError(
-            f"{int((~found.valid).sum())} of {len(c)} trajectories are invalid: {first + 1} violates "
-            f"{found.failures(first)[0]}; no files are written"
-        )
-
-
 def _of_a_run(path: Path) -> bool:
     """Whether a run writes files of this name."""
     named = path.stem.isdigit() or path.stem in (ALL, APPROACH, RETURN)
     return named and path.suffix in _ENDINGS
-
-
-def _ways(constraints: Constraints, trajectory: Trajectory, settings: ExportSettings) -> dict[str, Course]:
-    """The paths from the arm's position to home and back; empty if the position is unknown."""
-    if settings.start is None:
-        return {}
-    home = tuple(trajectory.home or ())
-    ends = {APPROACH: (settings.start, home), RETURN: (home, settings.start)}
-    return {name: approach(constraints, *both, settings) for name, both in ends.items()}

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective
+from sidegan.design.objective import Goal, Objective
 from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import search
 from sidegan.kernels import goals

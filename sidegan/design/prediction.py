@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sidegan.base.arrays import Array, flatten, split
-from sidegan.design.coordinates import Coordinates
-from sidegan.design.problem import Problem
+from sidegan.design.problem import Coordinates, Problem
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.operations import eigh
@@ -46,28 +45,17 @@ class TorqueNoise:
     def constant(cls, body: RigidBody, share: float) -> "TorqueNoise":
         """Constant noise, a share of each joint's torque limit, with inverse weights.
 
-        Without a limit, it is a share of the largest torque over random states.
+        Without a limit, it is a share of the largest torque over random states, bounded below by ``_FLOOR``.
         """
-        limit = body.arm.torque_limit
+        arm, limit = body.arm, body.arm.torque_limit
         if not np.isfinite(limit).all():
-            limit = np.where(np.isfinite(limit), limit, _largest_torque(body))
+            random = np.random.default_rng(0)
+            speed = _PACE * arm.velocity_limit
+            size = (_STATES, arm.joints)
+            q = random.uniform(arm.position_lower, arm.position_upper, size)
+            largest = np.abs(body.torque(q, *random.uniform(-speed, speed, (2, *size)))).max(0)
+            limit = np.where(np.isfinite(limit), limit, np.maximum(largest, _FLOOR * largest.max()))
         return cls(1 / (share * limit), 0.0, share * limit)
-
-    def variance(self, torque: Array) -> Array:
-        """Variance of the noise on torques, (…, J)."""
-        return self.level**2 / 3 * np.square(torque) + np.square(self.deviation)
-
-
-def _largest_torque(body: RigidBody) -> Array:
-    """Largest torque of each joint over random states [N·m or N], bounded below by ``_FLOOR``, (J,)."""
-    arm = body.arm
-    random = np.random.default_rng(0)
-    speed = _PACE * arm.velocity_limit
-    size = (_STATES, arm.joints)
-    q = random.uniform(arm.position_lower, arm.position_upper, size)
-    dq, ddq = random.uniform(-speed, speed, (2, *size))
-    largest = np.abs(body.torque(q, dq, ddq)).max(0)
-    return np.maximum(largest, _FLOOR * largest.max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +91,11 @@ class Prediction:
 
     def informations(self, c: Array) -> tuple[Array, Array]:
         """Information M and noise S, (N, p, p) each, of trajectories [rad/s], (N, J, H, 2)."""
-        both = []
+        both, by = [], self.noise
         for y, torque in _equations(self.body, self.trajectory, c, self.times):
-            weighted = self.noise.weights[:, None] * y
-            noisy = (self.noise.weights * np.sqrt(self.noise.variance(torque))).mT[:, None] * weighted
+            weighted = by.weights[:, None] * y
+            variance = by.level**2 / 3 * np.square(torque) + np.square(by.deviation)
+            noisy = (by.weights * np.sqrt(variance)).mT[:, None] * weighted
             both.append([x @ x.mT for x in (flatten(weighted, 2), flatten(noisy, 2))])
         information, noise = (self.each * np.concatenate(x) for x in zip(*both))
         return information, noise

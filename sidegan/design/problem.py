@@ -1,10 +1,10 @@
-"""The optimisation problem of a trajectory: make YᵀY well conditioned within all constraints."""
+"""The optimisation problem of a trajectory, and coordinates in which all directions cost the same."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sidegan.base.arrays import Array
+from sidegan.base.arrays import Array, flatten
 from sidegan.base.typed import Count, Share, Size
 from sidegan.design.excitation import excitation_of
 from sidegan.errors import ShapeError
@@ -14,6 +14,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import DERIVATIVE_ORDER
 from sidegan.validity import Constraints
 
+_POINTS = 20  # per harmonic, for the means over time
 _LEAST_ROOM = 0.1  # share of a joint's range that a start may use even if home is at its edge
 
 
@@ -74,8 +75,7 @@ class Problem:
         """
         arm = self.constraints.arm
         times = self.trajectory.grid(4 * self.samples)
-        lower = arm.position_lower
-        upper = arm.position_upper
+        lower, upper = arm.position_lower, arm.position_upper
         home = np.array(self.trajectory.home)
         least = _LEAST_ROOM * (upper - lower)
         above, below = np.maximum(upper - home, least), np.maximum(home - lower, least)
@@ -97,3 +97,51 @@ class Problem:
         excitation = excitation_of(self.body, self.gram(c))
         strongest = replace(excitation, spectrum=excitation.spectrum[:, self.weakest :])
         return np.fmin(strongest.eigenvalue_fitness, HOPELESS)
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """A linear map per joint from x, (B, J, 2 H), to coefficients [rad/s], (B, J, H, 2).
+
+    The quintic that brings a joint to rest couples its coefficients: most changes of a single coefficient
+    move the arm far, a few combinations hardly at all. At 560 s and 210 harmonics, random coefficients give
+    almost only the quintic. In natural coordinates |x|² is the mean square of position and velocity, and of
+    acceleration and jerk if limited, relative to their limits, plus that of the coefficients over the
+    velocity limit, which bounds the combinations that hardly move the arm.
+    """
+
+    matrix: Array  # symmetric, (J, 2 H, 2 H); c = matrix @ x
+
+    @classmethod
+    def of(cls, problem: Problem) -> "Coordinates":
+        """Natural coordinates of a problem's trajectories."""
+        arm = problem.constraints.arm
+        trajectory = problem.trajectory
+        times = trajectory.grid(_POINTS * trajectory.harmonics)
+        position, velocity = (flatten(trajectory.basis(times, order), 1) for order in (0, 1))
+        room = ((arm.position_upper - arm.position_lower) / 2)[:, None, None]
+        speed = arm.velocity_limit[:, None, None]
+        unit = np.eye(2 * trajectory.harmonics)
+        metric = position.T @ position / len(times) / room**2
+        metric = metric + (velocity.T @ velocity / len(times) + unit) / speed**2
+        for name, limit in problem.constraints.higher.items():
+            x = flatten(trajectory.basis(times, DERIVATIVE_ORDER[name]), 1)
+            metric = metric + x.T @ x / len(times) / limit[:, None, None] ** 2
+        values, vectors = np.linalg.eigh(metric)
+        return cls(vectors @ (vectors / np.sqrt(values)[:, None]).mT)
+
+    def coefficients(self, x: Array) -> Array:
+        """Coefficients [rad/s], (B, J, H, 2), from points (B, J, 2 H)."""
+        c = (x.swapaxes(0, 1) @ self.matrix.mT).swapaxes(0, 1)
+        return c.reshape(*c.shape[:2], c.shape[2] // 2, 2)
+
+    def points(self, c: Array) -> Array:
+        """Points (B, J, 2 H) from coefficients [rad/s], (B, J, H, 2)."""
+        return np.linalg.solve(self.matrix, flatten(c, 2).transpose(1, 2, 0)).transpose(2, 0, 1)
+
+    def start(self, problem: Problem, count: int, generator: np.random.Generator, reach: float) -> Array:
+        """Random points, (count, J, 2 H), each joint using ``reach`` of its tightest limit."""
+        joints, size, _ = self.matrix.shape
+        x = generator.standard_normal((count, joints, size))
+        use = problem.limit_use(self.coefficients(x))
+        return x * (reach / use)[:, :, None]

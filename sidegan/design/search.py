@@ -13,10 +13,8 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.design.beside import compile_beside
-from sidegan.design.coordinates import Coordinates
-from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective, Penalty
-from sidegan.design.problem import Problem, SearchSettings
+from sidegan.design.objective import Goal, Objective, Penalty
+from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.errors import InfeasibleError
 from sidegan.kernels import descent
 from sidegan.kernels.objective import Plan
@@ -55,10 +53,7 @@ class Found:
 class Descent:
     """L-BFGS from a start, with a small and then a large penalty; not thread-safe.
 
-    Args:
-        problem: constraints and family of the trajectories.
-        goal: to minimise.
-        reserve: share of each limit to keep free; the clearance is half this number [m].
+    ``reserve`` is the share of each limit to keep free; the clearance is half this number [m].
     """
 
     def __init__(self, problem: Problem, goal: Goal, reserve: float) -> None:

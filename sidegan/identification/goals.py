@@ -12,7 +12,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.base.names import listed, plain
-from sidegan.design.goal import Goal
+from sidegan.design.objective import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.prior import POWERS

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.design.goal import Goal
+from sidegan.design.objective import Goal
 from sidegan.identification.goals import purpose_of, usual_torque
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.prior import belief

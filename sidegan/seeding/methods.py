@@ -38,7 +38,7 @@ class Gradient(Optimiser):
 
     def propose(self, problem: Problem, count: int, reach: float, source: np.random.SeedSequence) -> Array:
         """Candidates [rad/s], (count, J, H, 2), each from its own descent."""
-        from sidegan.design.goal import Goal
+        from sidegan.design.objective import Goal
         from sidegan.design.search import Descent  # imports compiled code
 
         descent = Descent(problem, Goal(), self.reserve)

@@ -3,8 +3,7 @@
 from sidegan.validity.check import Validity, check, summarise_faults
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.home import default_home, usual_effort
-from sidegan.validity.obstacles import Convex, Sphere
-from sidegan.validity.regions import Box, Plane, Region
+from sidegan.validity.regions import Box, Convex, Plane, Region, Sphere
 
 __all__ = [
     "Box",

@@ -1,7 +1,9 @@
-"""Placement and distances of an arm's capsules in many configurations, and inflated capsules."""
+"""Distances of an arm's capsules and of the convex pieces inside, and how fast they change at most."""
 
+import math
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,7 +11,15 @@ from sidegan.base.arrays import Array
 from sidegan.kernels.chain import Chain, Shapes
 from sidegan.motion.arrays import array, chain_of, shapes_of
 from sidegan.robot import Arm
+from sidegan.robot.fitting import from_segment
 from sidegan.validity.regions import tables
+
+if TYPE_CHECKING:
+    from sidegan.kernels.bodies import Bodies
+
+_BUDGET = (100_000, 20_000, 2_000)  # boxes for a pair with one, two, and more joints between them
+_DEPTH = 512  # most boxes in the queue
+_GAP = 1e-6  # [m] least distance to prove, far above rounding errors
 
 
 def place_points(arm: Arm, q: Array, points: Array, links: Array) -> Array:
@@ -58,3 +68,107 @@ def thicker(arm: Arm, clearance: float) -> Arm:
     if pieces is not None:
         pieces = replace(pieces, radius=pieces.radius + half, core=pieces.core + half)
     return replace(arm, capsules=replace(capsules, radius=capsules.radius + half, pieces=pieces))
+
+
+def reaches(arm: Arm, pairs: Array, guarded: Array) -> tuple[Array, Array, Array]:
+    """Largest change of distances per joint motion [m per rad or m].
+
+    Of pairs of capsules (P, 2), and of the pieces inside them, (P, J) each; and of regions and capsules
+    (K, 2), (K, J). For two capsules only the joints between their links count; these move the outer one.
+    """
+    link, pieces = arm.capsules.link, arm.capsules.pieces
+    reach = inner = _reach(arm, [*np.stack([arm.capsules.a, arm.capsules.b], 1)])
+    if pieces is not None:
+        inner = _reach(arm, np.split(pieces.corners, pieces.start[1:-1]))
+    first, second = link[pairs].T
+    outer = np.where(first > second, pairs[:, 0], pairs[:, 1])
+    joints = np.arange(arm.joints)
+    far = np.maximum(first, second)[:, None]
+    between = (joints[None] > np.minimum(first, second)[:, None]) & (joints[None] <= far)
+    return reach[outer] * between, inner[outer] * between, reach[guarded[:, 1]]
+
+
+def travel(arm: Arm) -> Array:
+    """Upper bound of the distance [m] between a joint's frame and its parent's, (J,)."""
+    slide = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
+    return np.linalg.norm(arm.translation, axis=1) + np.where(arm.prismatic, slide, 0.0)
+
+
+def _reach(arm: Arm, bodies: list[Array]) -> Array:
+    """Largest speed of the corners (V, 3) of each body per unit joint speed [m per rad or m], (C, J).
+
+    A point's distance from a joint's axis is at most that of the next joint's origin, which rotation about
+    the axis does not change, plus the lengths from there outwards.
+    """
+    travels = travel(arm)
+    reach = np.zeros((len(bodies), arm.joints))
+    for k, (link, corners) in enumerate(zip(arm.capsules.link.tolist(), bodies)):
+        for j in range(link + 1):
+            if arm.prismatic[j]:
+                reach[k, j] = 1.0
+            elif j == link:
+                reach[k, j] = _from_axis(arm, j, corners).max()
+            else:
+                step = travels[j + 1] if arm.prismatic[j + 1] else _from_axis(arm, j, arm.translation[j + 1])
+                reach[k, j] = step + travels[j + 2 : link + 1].sum() + np.linalg.norm(corners, axis=1).max()
+    return reach
+
+
+def _from_axis(arm: Arm, joint: int, points: Array) -> Array:
+    """Distance [m] of points (…, 3) from a joint's axis, (…)."""
+    return np.linalg.norm(np.linalg.cross(arm.axis[joint], points), axis=-1)
+
+
+def bodies_of(arm: Arm, shapes: Shapes) -> "Bodies":
+    """An arm's capsules, pairs and regions with the pieces inside the capsules, for compiled kernels."""
+    from sidegan.kernels.bodies import Bodies
+    from sidegan.kernels.gjk import Hulls
+
+    capsules, pieces = arm.capsules, arm.capsules.pieces
+    if pieces is None:
+        hulls = Hulls.none(len(capsules.radius), len(shapes.pairs))
+    else:
+        each = zip(capsules.a, capsules.b, np.split(pieces.corners, pieces.start[1:-1]))
+        around = np.array([from_segment(np.stack([a, b]), corners).max() for a, b, corners in each])
+        finer = ~np.all(pieces.exact[shapes.pairs], 1)
+        hulls = Hulls(*map(array, (pieces.corners, pieces.start, pieces.radius, around, finer)))
+    return Bodies(chain_of(arm), shapes, hulls)
+
+
+def piece_distances(bodies: "Bodies", q: Array, asked: Array, need: float = math.inf) -> Array:
+    """Lower bounds of distances [m], (M,), accurate to 1e-8 m; minus infinity where pieces touch.
+
+    Like those of capsules, they are larger by what a pair may be closer; above ``need`` [m] they need not be
+    accurate. ``asked``, (M, 2), has the row of q, (N, J) [rad or m], ascending, and the pair of each.
+    """
+    from sidegan.kernels import bodies as kernel
+
+    found = np.empty(len(asked))
+    if len(asked):
+        room = kernel.place_for(bodies.shapes, q.shape[1])
+        kernel.distances(bodies, array(q), array(asked), need, found, room)
+    return found
+
+
+def never_touching(arm: Arm, pairs: Array) -> Array:
+    """Whether pairs of capsules, (P, 2), provably never touch within the joint limits, (P,) bool.
+
+    Branch and bound over boxes of joint positions, with the same motion bounds as the check of
+    trajectories. Only for arms with pieces; pairs for which the proof takes too long may touch.
+    """
+    from sidegan.kernels import bodies as kernel
+
+    found = np.zeros(len(pairs), bool)
+    if not len(pairs) or arm.capsules.pieces is None:
+        return found
+    bodies = bodies_of(arm, shapes_alone(arm, pairs))
+    reach = array(reaches(arm, pairs, pairs[:0])[1])
+    link = arm.capsules.link[pairs]
+    work = np.empty((2, _DEPTH, arm.joints))
+    room = kernel.place_for(bodies.shapes, arm.joints)
+    for p, joints in enumerate(np.abs(link[:, 0] - link[:, 1]).tolist()):
+        work[0, 0] = (arm.position_upper + arm.position_lower) / 2
+        work[1, 0] = (arm.position_upper - arm.position_lower) / 2
+        budget = _BUDGET[min(joints, len(_BUDGET)) - 1]
+        found[p] = kernel.never_touch(bodies, reach, p, _GAP, work, budget, room)
+    return found

@@ -13,9 +13,8 @@ from sidegan.kernels.chain import Shapes
 from sidegan.motion.arrays import shapes_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import DERIVATIVE_ORDER, Arm
-from sidegan.validity.capsules import clearances, thicker
+from sidegan.validity.capsules import bodies_of, clearances, piece_distances, thicker
 from sidegan.validity.pairs import SAMPLES, Links, Pairs, links_of, pairs_of, sampled, too_large, usual_gaps
-from sidegan.validity.pieces import bodies_of, piece_distances
 from sidegan.validity.regions import Plane, Region, tables
 
 if TYPE_CHECKING:
@@ -45,16 +44,6 @@ class Constraints:
         apart: distance that links keep from each other [m]; the clearance if None.
         tight: smaller distances [m] for pairs of links that have less room.
 
-    Attributes:
-        higher: limits on acceleration and jerk, (J,), if there are any.
-        pairs: checked pairs of capsules, (P, 2).
-        owners: the links of these pairs.
-        gaps: distances that these pairs keep [m], (P,).
-        of_links: pairs of links that are checked or exempt.
-        guarded: region and capsule index of each keep-out check, (K, 2).
-        labels: names of the elements of each constraint's margins.
-        never_out: capsules that never leave a region, with the region.
-
     Raises:
         InfeasibleError: when links that are not exempt always touch, no link ever leaves a region, or links
             are always closer than the clearance.
@@ -83,20 +72,18 @@ class Constraints:
         self.kept_out = [region.grown(rest) if rest else region for region in kept_out]
         heavy = bool(arm.inertial_parameters.any())  # otherwise torques are unknown
         self.torque = torque and heavy and bool(np.isfinite(arm.torque_limit).any())
-        self.higher = arm.higher_limits
-        self.of_links = self._pairs()
-        self.pairs = self.of_links.checked
+        self.higher = arm.higher_limits  # on acceleration and jerk, (J,), if there are any
+        self.of_links = self._pairs()  # checked or exempt
+        self.pairs = self.of_links.checked  # of capsules, (P, 2)
         owners = arm.capsules.owners
-        self.owners = [links_of(owners[i], owners[j]) for i, j in self.pairs.tolist()]
+        self.owners = [links_of(owners[i], owners[j]) for i, j in self.pairs.tolist()]  # links of these pairs
         gaps = [self.tight.get(links, self.apart) for links in self.owners]
-        self.gaps = np.array(gaps, float)
-        self.never_out: tuple[str, ...] = ()
-        self.guarded = self._find_guarded()
-        self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(
-            ("position", "velocity", *self.higher), arm.joint_names
-        )
-        if self.torque:
-            self.labels["torque"] = arm.joint_names
+        self.gaps = np.array(gaps, float)  # distances that these pairs keep [m], (P,)
+        self.never_out: tuple[str, ...] = ()  # capsules that never leave a region, with the region
+        self.guarded = self._find_guarded()  # region and capsule index of each keep-out check, (K, 2)
+        limited = ["position", "velocity", *self.higher, *(["torque"] if self.torque else [])]
+        # names of the elements of each constraint's margins
+        self.labels: dict[str, tuple[str, ...]] = dict.fromkeys(limited, arm.joint_names)
         if len(self.pairs):
             self.labels["collision"] = tuple(" – ".join(links) for links in self.owners)
         if len(self.guarded):
@@ -130,9 +117,8 @@ class Constraints:
         margins = {
             "position": np.minimum(q - arm.position_lower, arm.position_upper - q),
             "velocity": arm.velocity_limit - np.abs(dq),
+            **{name: x - np.abs(states[DERIVATIVE_ORDER[name]]) for name, x in self.higher.items()},
         }
-        for name, limit in self.higher.items():
-            margins[name] = limit - np.abs(states[DERIVATIVE_ORDER[name]])
         if self.torque:
             drives = arm.known_drives  # Coulomb friction may have either sign at low speed
             torque = self.body.torque(q, dq, ddq) + drives.smooth(dq, ddq)
@@ -176,21 +162,22 @@ class Constraints:
 
     def described(self) -> str:
         """What is checked and what is not, in one line for people."""
-        arm = self.arm
-        capsules = self.arm.capsules
-        pairs = self.of_links
+        arm, capsules, pairs = self.arm, self.arm.capsules, self.of_links
         limited = {name: int(np.isfinite(limit).sum()) for name, limit in self.higher.items()}
         limited["torque"] = int(np.isfinite(arm.torque_limit).sum()) if self.torque else 0
         limits = ", ".join(f"{name} of {count}" for name, count in limited.items())
         apart = len(set(self.owners))
         links = f"{apart} of {counted(apart + len(pairs.named), 'pair')} of links"
-        links += _except([str(exemption) for exemption in pairs.named], "may touch")
+        named = [
+            f"{' – '.join(links)} ({why}, touch in {100 * share:.3g} %)"
+            for links, (why, share) in pairs.named.items()
+        ]
+        links += _except(named, "may touch")
         links += f"; {len(pairs.never)} never touch" if pairs.never else ""
-        guarded = counted(
-            len(self.guarded) + len(self.never_out), "joint origin" if capsules.only_points else "link"
-        )
-        origins = 0 if capsules.only_points else int(self._points.sum())
-        guarded += f" ({counted(origins, 'joint origin')})" if origins else ""
+        noun = "joint origin" if capsules.only_points else "link"
+        guarded = counted(len(self.guarded) + len(self.never_out), noun)
+        if origins := 0 if capsules.only_points else int((~capsules.shaped[self.guarded[:, 1]]).sum()):
+            guarded += f" ({counted(origins, 'joint origin')})"
         regions = f"{len(self.guarded)} of {guarded} against {counted(len(self.regions), 'region')}"
         regions += _except(self.never_out, "always inside")
         found = [f"position and velocity of {counted(arm.joints, 'joint')}, {limits}", links, regions]
@@ -205,13 +192,9 @@ class Constraints:
     def kept_clear(self) -> str:
         """Distances that are kept, in words for people."""
         links = f" from regions and {self.apart:g} m between links" if self.apart != self.clearance else ""
-        near = self.guarded[~self._whole]
+        near = _except(self._guarded_names(self.guarded[~self._whole]), "always closer")
         less = [f"{' – '.join(pair)} {gap:g} m" for pair, gap in self.tight.items() if pair in self.owners]
-        return (
-            f"{self.clearance:g} m{links}"
-            + _except(self._guarded_names(near), "always closer")
-            + _except(less, "less room")
-        )
+        return f"{self.clearance:g} m{links}{near}{_except(less, 'less room')}"
 
     def nearest(self, q: Array) -> tuple[Array, Array]:
         """Smallest distance [m] of links from each other and from regions, and its index, (N,), at (N, J).
@@ -221,7 +204,8 @@ class Constraints:
         so are joint origins, which stand for links without shapes.
         """
         far = np.full((len(q), 1), np.inf)
-        kept = self.kept | {"keep_out": np.where(self._whole & ~self._points, self.kept["keep_out"], np.inf)}
+        shown = self._whole & self.arm.capsules.shaped[self.guarded[:, 1]]
+        kept = self.kept | {"keep_out": np.where(shown, self.clearance, np.inf)}
         near = [margin + kept[name] for name, margin in self._distances(q).items()]
         distances = np.concatenate([*near, far], 1)
         return distances.min(1), distances.argmin(1)
@@ -230,11 +214,6 @@ class Constraints:
     def _whole(self) -> Array:
         """Whether each guarded capsule keeps the whole clearance, (K,)."""
         return self.guarded[:, 0] < len(self.regions)
-
-    @property
-    def _points(self) -> Array:
-        """Whether each guarded capsule is a point that stands for a link, (K,)."""
-        return ~self.arm.capsules.shaped[self.guarded[:, 1]]
 
     @property
     def kept(self) -> dict[str, Array]:
@@ -310,8 +289,8 @@ class Constraints:
             raise too_large(self.apart, names, min(near.values(), default=-np.inf)) from None
 
     def _guarded_names(self, guarded: Array) -> tuple[str, ...]:
-        names = self.arm.capsules.owners
-        return tuple(f"{names[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
+        owners = self.arm.capsules.owners
+        return tuple(f"{owners[k]} in region {self._region_of[r]}" for r, k in guarded.tolist())
 
 
 def _except(names: Sequence[str], why: str) -> str:

@@ -16,7 +16,7 @@ from sidegan.validity.pairs import sampled
 from sidegan.validity.regions import Plane, tables
 
 _STANDS = 0.02  # least share of random configurations above the floor of an arm that stands on it
-_STEPS = 1_000  # per metre: heights are whole millimetres
+_STEPS = 1_000  # per metre: heights are rounded down to whole millimetres
 _ROUNDING = 1e-3  # of a step, for rounding errors
 
 
@@ -26,13 +26,14 @@ def floor_under(arm: Arm) -> Plane | None:
 
     None if the arm does not stand upright, or reaches below its base in nearly every configuration.
     """
-    floor = Plane((0.0, 0.0, 1.0), _lowest(arm)[0])
+    height = math.floor(foot(arm)[0] * _STEPS + _ROUNDING) / _STEPS
+    floor = Plane((0.0, 0.0, 1.0), height)
     return floor if stands(arm) and _leaves(arm, floor) else None
 
 
 def floor_is_known(arm: Arm) -> bool:
     """Whether an arm's floor follows from shapes, rather than being a guess."""
-    return _lowest(arm)[1]
+    return foot(arm)[1]
 
 
 @lru_cache(maxsize=16)
@@ -81,13 +82,6 @@ def _added(shapes: Capsules, link: Array, places: Array, owners: list[str]) -> C
         pieces=pieces,
         points=len(link),
     )
-
-
-@lru_cache(maxsize=16)
-def _lowest(arm: Arm) -> tuple[float, bool]:
-    """Lowest point of the fixed links [m], rounded down to a millimetre, and whether it is known."""
-    height, known = foot(arm)
-    return math.floor(height * _STEPS + _ROUNDING) / _STEPS, known
 
 
 def _leaves(arm: Arm, plane: Plane) -> bool:

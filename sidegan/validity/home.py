@@ -47,28 +47,23 @@ def default_home(constraints: Constraints, beside: float = 0.0) -> tuple[float, 
         if bool((good := _roomy(constraints, tried[-1], beside)).any()):
             return tuple(q[(_least(tried[-1]) * good).argmax()].tolist())
     rooms = {name: np.concatenate([room[name] for room in tried]) for name in tried[0]}
-    raise InfeasibleError(_nowhere(constraints, rooms))
-
-
-def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
-    """Whether an arm can rest at a position (J,) [rad or m] with room to move."""
-    rooms = _rooms(constraints, np.array([home], float))
-    return bool(_least(rooms)[0] > 0)
-
-
-def _nowhere(constraints: Constraints, rooms: dict[str, Array]) -> str:
-    """Message that none of the positions with these relative margins is a home, and what may help."""
     violated = {
         (name, where): share
         for name, room in rooms.items()
         for where, share in zip(constraints.labels[name], (room <= 0).mean(0).tolist())
     }
     (name, where), share = max(violated.items(), key=lambda item: item[1])
-    return (
-        f"no feasible home of {constraints.arm.name} found at zero or among {len(rooms[name]):,} other "
+    raise InfeasibleError(
+        f"no feasible home of {arm.name} found at zero or among {len(rooms[name]):,} other "
         f"positions: {share:.0%} of them violate {name} of {where}; state a home that is free by "
         f"'trajectory.home=[…]'; what else may help: {remedy(constraints, (name, where))}"
     )
+
+
+def rests_at(constraints: Constraints, home: Sequence[float]) -> bool:
+    """Whether an arm can rest at a position (J,) [rad or m] with room to move."""
+    rooms = _rooms(constraints, np.array([home], float))
+    return bool(_least(rooms)[0] > 0)
 
 
 def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
@@ -78,9 +73,7 @@ def refuse_degrees(arm: Arm, positions: Sequence[float], setting: str) -> None:
     """
     if len(positions) != arm.joints:
         return
-    q = np.array(positions, float)
-    lower = arm.position_lower
-    upper = arm.position_upper
+    q, lower, upper = np.array(positions, float), arm.position_lower, arm.position_upper
     turned = np.where(arm.prismatic, q, np.deg2rad(q))
     beyond = ~arm.prismatic & (np.abs(q) > _TURN) & ((q < lower) | (q > upper))
     if bool(beyond.any()) and bool(((turned >= lower) & (turned <= upper)).all()):

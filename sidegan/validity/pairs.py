@@ -12,8 +12,14 @@ from sidegan.base.names import listed
 from sidegan.errors import InfeasibleError
 from sidegan.robot import Arm
 from sidegan.robot.setup import allowed
-from sidegan.validity.capsules import capsule_distances, clearances, shapes_alone
-from sidegan.validity.pieces import bodies_of, never_touching, piece_distances
+from sidegan.validity.capsules import (
+    bodies_of,
+    capsule_distances,
+    clearances,
+    never_touching,
+    piece_distances,
+    shapes_alone,
+)
 
 _FAR = 0.2  # arm lengths; shapes of neighbours come closer
 _TRIED = 200  # configurations in which that is tested
@@ -29,34 +35,22 @@ Links = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Exemption:
-    """An exempt pair of links, the source, and the share of configurations in which they touch."""
-
-    links: Links
-    why: str
-    share: float
-
-    def __str__(self) -> str:
-        return f"{' – '.join(self.links)} ({self.why}, touch in {100 * self.share:.3g} %)"
-
-
-@dataclass(frozen=True)
 class Pairs:
     """Pairs of capsules to check, and links that are exempt."""
 
     checked: Array  # (P, 2)
     exempt: tuple[Links, ...]  # neighbours, and pairs named by the user or the description
-    named: tuple[Exemption, ...]  # by the user or the description
+    # of these, pairs named by the user or the description: the source, and the share of configurations in
+    # which they touch
+    named: dict[Links, tuple[str, float]]
     never: tuple[Links, ...]  # that provably cannot touch
 
 
 @lru_cache(maxsize=16)
 def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
-    """The pairs of an arm's capsules to check.
+    """The pairs to check of the capsules of an arm that is inflated by the clearance.
 
-    Args:
-        arm: the arm, inflated by the clearance.
-        tight: links that keep a smaller distance and may therefore touch when inflated.
+    Links that keep a smaller distance (``tight``) may therefore touch.
 
     Raises:
         InfeasibleError: when links that are not exempt touch in every random configuration; names the
@@ -71,7 +65,7 @@ def pairs_of(arm: Arm, tight: frozenset[Links] = frozenset()) -> Pairs:
     return Pairs(
         checked=touching.pairs[kept],
         exempt=(*touching.near, *touching.named),
-        named=tuple(Exemption(links, why, touching.share(links)) for links, why in touching.named.items()),
+        named={links: (why, touching.share(links)) for links, why in touching.named.items()},
         never=tuple(links for links in touching.open if links not in left),
     )
 
@@ -135,18 +129,15 @@ def mostly_touching(arm: Arm) -> dict[Links, float]:
 
 
 def too_large(clearance: float, near: Sequence[str], left: float) -> InfeasibleError:
-    """The error for a clearance that some links never have.
+    """The error for a clearance [m] that some links, by name, never have.
 
-    Args:
-        clearance: [m].
-        near: names of what is always closer.
-        left: their largest distance in excess of the clearance [m], negative.
+    ``left`` is their largest distance in excess of the clearance [m], negative.
     """
     room = (clearance + left) * (1 - _SPARE) if math.isfinite(left) else 0.0
     most = max(math.floor(room * _STEPS), 0) / _STEPS
     return InfeasibleError(
         f"workspace.clearance={clearance:g} is too large, these are always closer: "
-        f"{listed(list(near), _NEAR)}; try 'workspace.clearance={most:g}'"
+        f"{listed(near, _NEAR)}; try 'workspace.clearance={most:g}'"
     )
 
 
@@ -156,34 +147,27 @@ def links_of(a: str, b: str) -> Links:
 
 
 class _Touching:
-    """How often links with joints between them touch in random configurations.
-
-    Attributes:
-        pairs: of capsules on such links, (P, 2).
-        rows: indices of these, by pair of links.
-        near: neighbouring links.
-        named: links exempted by the user or the description, with the source.
-        open: links to check.
-        capsules: distances [m] of pairs of capsules in random configurations, (P, 4000).
-    """
+    """How often links with joints between them touch in random configurations."""
 
     def __init__(self, arm: Arm) -> None:
         link, owners = arm.capsules.link, arm.capsules.owners
         pairs = np.argwhere(np.tri(len(link) - arm.capsules.points, k=-1).T)
         apart = np.abs(link[pairs[:, 0]] - link[pairs[:, 1]])
-        self.pairs, apart = pairs[apart > 0], apart[apart > 0]
-        self.rows: dict[Links, list[int]] = {}
+        self.pairs, apart = pairs[apart > 0], apart[apart > 0]  # of capsules on such links, (P, 2)
+        self.rows: dict[Links, list[int]] = {}  # indices of these, by pair of links
         for k, (i, j) in enumerate(self.pairs.tolist()):
             self.rows.setdefault(links_of(owners[i], owners[j]), []).append(k)
         parents = None if arm.parents is None else {links_of(*pair) for pair in arm.parents}
         exempt = {links_of(a, b): why for a, b, why in arm.may_touch}
         beside = [links for links, rows in self.rows.items() if apart[rows[0]] == 1]
-        self.near = [links for links in beside if parents is None or links in parents]
+        self.near = [links for links in beside if parents is None or links in parents]  # neighbours
         rest = [links for links in self.rows if links not in set(self.near)]
+        # exempted by the user or the description, with the source; and those to check
         self.named = {links: exempt[links] for links in rest if links in exempt}
         self.open = [links for links in rest if links not in exempt]
         self.q = sampled(arm)
         self.bodies = bodies_of(arm, shapes_alone(arm, self.pairs))
+        # distances [m] of pairs of capsules, (P, 4000)
         self.capsules = clearances(self.bodies.chain, self.bodies.shapes, self.q)[0].T
 
     def nearest(self, links: Links, need: float = math.inf) -> Array:
@@ -207,9 +191,8 @@ class _Touching:
 
     def always(self, links: Links) -> bool:
         """Whether two links touch in every configuration."""
-        if (self.capsules[self.rows[links]] > 0).all(0).any():
-            return False
-        return self.share(links) == 1.0
+        capsules_part = (self.capsules[self.rows[links]] > 0).all(0).any()
+        return not capsules_part and self.share(links) == 1.0
 
 
 def _refuse(arm: Arm, touching: _Touching, tight: frozenset[Links]) -> None:

@@ -1,4 +1,9 @@
-"""Search for the smallest margins: coarse cells first, finer ones where a margin is small."""
+"""Search for the smallest margins: coarse cells first, finer ones where a margin is small.
+
+A sample's derivatives and a bound on the next one bound the joints' motion in the cell around it. By triangle
+inequalities alone (``sidegan.kernels.formulas``), that bounds the capsules' motion and the torques: upper
+bounds on the change of margins between the sample and the edge of its cell.
+"""
 
 from functools import lru_cache
 
@@ -12,10 +17,31 @@ from sidegan.motion.arrays import array
 from sidegan.motion.operations import each
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot.consistency import inertia_matrices
-from sidegan.validity import bounds
+from sidegan.validity.capsules import reaches, travel
 from sidegan.validity.constraints import NAMES, Constraints
 
+COARSE = 0.1  # [s] longest cell of the first pass
+SPLIT = 3  # parts of an undecided cell
+ORDERS = 5  # derivatives of the motion, including order 0, that kernels take
+LEVELS = 7  # passes; cells of the last are 0.1 s / 3⁶ = 0.14 ms long
 _WORTH_A_THREAD = 2_000  # cells, two milliseconds of work
+
+
+def coarse_cells(trajectory: Trajectory) -> int:
+    """Number of cells of the first pass over one trajectory."""
+    return int(-(-trajectory.period // COARSE))
+
+
+def jerk_bound(trajectory: Trajectory, c: Array, cells: int) -> Array:
+    """Upper bound of the absolute jerk [rad/s³] over the whole period, (B, J)."""
+    times = trajectory.grid(cells)
+    sampled = np.abs(trajectory.derivative(c, times, 3)).max(1)
+    return sampled + derivative_bound(trajectory, c, 4) * (trajectory.period / cells / 2)
+
+
+def derivative_bound(trajectory: Trajectory, c: Array, order: int) -> Array:
+    """Upper bound of the absolute derivative ``order``, 4 or more, over the whole period, (B, J)."""
+    return np.einsum("bjhx,hx->bj", np.abs(c), trajectory.derivative_bound(order))
 
 
 class Search:
@@ -24,9 +50,9 @@ class Search:
     def __init__(self, constraints: Constraints, trajectory: Trajectory, c: Array) -> None:
         self.trajectory, self.c = trajectory, c
         self.model = model_of(constraints)._replace(home=np.array(trajectory.home))
-        self.jerk = bounds.jerk_bound(trajectory, c, max(2, int(trajectory.period / bounds.COARSE)))
+        self.jerk = jerk_bound(trajectory, c, max(2, int(trajectory.period / COARSE)))
         # Bounds of the fourth and fifth derivative, by which jerk and its derivative change within a cell.
-        self.drifts = np.stack([bounds.derivative_bound(trajectory, c, order) for order in (4, 5)])
+        self.drifts = np.stack([derivative_bound(trajectory, c, order) for order in (4, 5)])
         shape = len(c), len(NAMES)
         self.smallest = kernel.Smallest(np.full(shape, np.inf), np.zeros(shape, np.int64), np.zeros(shape))
 
@@ -35,20 +61,20 @@ class Search:
 
         Parts of a cell are checked only for constraints that the cell left undecided.
         """
-        count = bounds.coarse_cells(self.trajectory)
+        count = coarse_cells(self.trajectory)
         cells = np.argwhere(np.ones((len(self.c), count), bool))
         asked = kernel.everything(self.model, len(cells))
-        for level in range(bounds.LEVELS):
-            undecided = self.visit(cells, asked, count, level == bounds.LEVELS - 1)
+        for level in range(LEVELS):
+            undecided = self.visit(cells, asked, count, level == LEVELS - 1)
             valid = np.all(self.smallest.margin >= 0, 1)  # so far
             open_ = undecided.any(1) & valid[cells[:, 0]]
             cells, asked = cells[open_], undecided[open_]
             if not len(cells):
                 break
-            finer = cells[:, 1:] * bounds.SPLIT + np.arange(bounds.SPLIT)
+            finer = cells[:, 1:] * SPLIT + np.arange(SPLIT)
             cells = np.stack([np.broadcast_to(cells[:, :1], finer.shape), finer], -1).reshape(-1, 2)
-            asked = asked.repeat(bounds.SPLIT, 0)
-            count *= bounds.SPLIT
+            asked = asked.repeat(SPLIT, 0)
+            count *= SPLIT
 
     def visit(self, cells: Array, asked: Array, count: int, last: bool) -> Array:
         """Update the margins from cells (N, 2) of (trajectory, index), with ``count`` cells per period.
@@ -64,7 +90,7 @@ class Search:
             used, rows = np.unique(index, return_inverse=True)
         half = self.trajectory.period / count / 2
         centres = (used + 0.5) * (2 * half)
-        functions = [flatten(self.trajectory.basis(centres, order), 1) for order in range(bounds.ORDERS)]
+        functions = [flatten(self.trajectory.basis(centres, order), 1) for order in range(ORDERS)]
         arrays = flatten(self.c, 2), self.jerk, self.drifts, np.stack(functions, 1), centres
         c, jerk, drifts, basis, times = map(array, arrays)
         motions = kernel_cells.Motions(c, jerk, drifts, basis, times, half)
@@ -91,7 +117,7 @@ def _cuts(which: Array) -> list[int]:
 def model_of(constraints: Constraints) -> kernel_cells.Model:
     """The arm in its workspace for the kernel, with home at zero."""
     arm = constraints.arm
-    reaches = bounds.Reaches.of(arm, constraints.pairs, constraints.guarded)
+    pairs, pieces, regions = reaches(arm, constraints.pairs, constraints.guarded)
     drives, parameters = arm.known_drives, arm.inertial_parameters
     limit = arm.torque_limit - drives.coulomb
     arrays = {
@@ -104,12 +130,12 @@ def model_of(constraints: Constraints) -> kernel_cells.Model:
         "viscous": drives.viscous,
         "rotor": drives.rotor_inertia,
         "higher": constraints.higher_rows,
-        "pair_reach": reaches.pairs,
-        "piece_reach": reaches.pieces,
-        "region_reach": reaches.regions,
-        "reach_most": reaches.largest,
+        "pair_reach": pairs,
+        "piece_reach": pieces,
+        "region_reach": regions,
+        "reach_most": np.concatenate([pairs, regions, np.zeros((1, arm.joints))]).max(0, keepdims=True),
         # for bounds of torques: distance to the next frame, mass, norms of first and second moments of mass
-        "travel": bounds.travel(arm),
+        "travel": travel(arm),
         "mass": np.abs(parameters[:, 0]),
         "first": np.linalg.norm(parameters[:, 1:4], axis=1),
         "spin": np.linalg.matrix_norm(inertia_matrices(parameters), ord=2),

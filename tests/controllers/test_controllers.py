@@ -1,26 +1,35 @@
-"""What controllers are given is the motion that was checked, between points and slowed down too."""
+"""What controllers are given is the motion that was checked; the way to home is within every limit."""
 
-import io
+import math
 import re
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
+from hypothesis import given, reject, settings
+from hypothesis import strategies as st
 
-from sidegan.controllers import SHELL, ExportSettings
+from sidegan.controllers import SHELL, ExportSettings, approach
 from sidegan.controllers.course import Course, least_rate, run_of, slower
-from sidegan.controllers.export import csv_text
-from sidegan.controllers.ros2 import goal_text
-from sidegan.controllers.urscript import script_text
-from sidegan.errors import ShapeError
+from sidegan.controllers.formats import goal_text, script_text
+from sidegan.errors import InfeasibleError, ShapeError
+from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.recording.load import load_recording
-from tests.recording.conftest import of_file
+from sidegan.validity import Constraints, Plane
+from tests.chains import random_chain
+from tests.validity.critical import holding
 
 FAMILY = Trajectory(joints=6, harmonics=6, period=16.0, home=(0.1, -0.2, 0.3, 0.0, 0.5, -1.0))
 NAMES = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist, 3")
+NEAR = 0.05  # [rad]
+EXACTLY = 1e8  # Hz, at which a duration is hardly rounded
+DENSE = 20_000  # points
+HOME = [0.1, -0.4, 0.5, 0.7, -0.3, 0.4, 1.0]
+START = [0.6, *HOME[1:]]
+BULGE = [-1.2, 0.0], [1.9, 0.0]  # ends of a way through the horizontal, where gravity pulls most
+AROUND = [math.pi / 2 - 1, 0.0], [math.pi / 2 + 1, 0.0]
+FOLDED = [0.0, 2.0, *[0.0] * 5], [0.0] * 7
 
 
 def course(seed=0, family=FAMILY, rate=None):
@@ -52,18 +61,6 @@ def test_joined_courses_rest_in_between(pause):
     between = np.abs(both.time - FAMILY.period - pause / 2) <= pause / 2 + 1e-9
     assert between.sum() == int(100 * pause) + 1
     np.testing.assert_allclose(both.position[between] - home, 0, atol=1e-9)
-
-
-def test_identify_reads_the_table_without_settings(tmp_path):
-    written = course(rate=100)
-    table = pd.read_csv(io.StringIO(csv_text(written)))
-    table.assign(**{f"tau_{name}": 0.5 for name in NAMES}).to_csv(tmp_path / "a.csv", index=False)
-    read = load_recording(tmp_path / "a.csv", of_file(), NAMES)
-    for name in ("time", "position", "velocity", "acceleration"):
-        np.testing.assert_allclose(getattr(read, name), getattr(written, name), rtol=1e-11, atol=1e-11)
-
-
-NEAR = 0.05
 
 
 @pytest.fixture(scope="module")
@@ -176,4 +173,107 @@ def test_the_program_starts_only_at_its_start(planned):
 
 def test_courses_that_do_not_meet_are_refused():
     with pytest.raises(ShapeError, match="must meet"):
-        course().then(course(family=Trajectory(joints=6, period=16.0)))
+        run_of([course(), course(family=Trajectory(joints=6, period=16.0))], 0.0)
+
+
+def way(constraints, start, home, **changes):
+    """The way, with the usual settings but for these."""
+    return approach(constraints, start, home, ExportSettings(**changes))
+
+
+@pytest.fixture(scope="module")
+def desk(arm):
+    return Constraints(arm, [Plane(normal=(0, 0, 1), offset=0.1)])
+
+
+def shares(constraints, course, use):
+    """Largest shares of what velocity, acceleration, jerk, and torque beside what holds the arm, may be."""
+    arm, body = constraints.arm, constraints.body
+    drawn = course.sampled(DENSE / course.duration)
+    still = np.zeros_like(drawn.position)
+    held = body.torque(drawn.position, still, still)
+    moving = body.torque(drawn.position, drawn.velocity, drawn.acceleration) - held
+    jerk = np.diff(drawn.acceleration, axis=0) * DENSE / course.duration
+    limits = arm.velocity_limit, arm.acceleration_limit, arm.jerk_limit
+    states = drawn.velocity, drawn.acceleration, jerk
+    found = [(np.abs(x) / (use * most)).max() for x, most in zip(states, limits) if most is not None]
+    room = np.minimum(use * arm.torque_limit, arm.torque_limit - held * np.sign(moving))
+    return np.stack([*found, (np.abs(moving) / room).max()])
+
+
+@settings(max_examples=50)
+@given(seed=st.integers(0, 10**6), use=st.sampled_from([0.1, 1.0]), tight=st.integers(0, 3))
+def test_the_approach_reaches_one_limit_and_exceeds_none(seed, use, tight):
+    arm, _ = random_chain(1 + seed % 4, seed)
+    start, home = np.random.default_rng(seed).uniform(arm.position_lower, arm.position_upper, (2, arm.joints))
+    path = np.linspace(start, home, 2000)
+    held = np.abs(RigidBody(arm).torque(path, 0 * path, 0 * path)).max(0)
+    tightened = [1e-3 if k == tight else 1.0 for k in range(4)]  # most often the one that decides
+    arm = replace(
+        arm,
+        velocity_limit=tightened[0] * arm.velocity_limit,
+        acceleration_limit=tightened[1] * np.full_like(held, 50.0),
+        jerk_limit=tightened[2] * np.full_like(held, 1e4),
+        torque_limit=held + tightened[3] * np.maximum(300 - held, 50) + 0.002 * held,
+    )
+    try:
+        constraints = Constraints(arm)
+        course = way(constraints, start.tolist(), home.tolist(), careful=use, rate=EXACTLY, longest=1e9)
+    except InfeasibleError:
+        reject()
+    assert course.position[0].tolist() == start.tolist() and course.position[-1].tolist() == home.tolist()
+    assert not course.velocity[[0, -1]].any() and not course.acceleration[[0, -1]].any()
+    found = shares(constraints, course, use)
+    assert found.max() < 1 + 1e-6
+    if course.duration < 0.5 + 1e-6:  # the shortest, within all limits
+        return
+    precision = 1e-3 if found.argmax() == 2 else 1e-6  # a jerk is a difference
+    assert found.max() > 1 - precision
+
+
+def test_the_approach_has_a_row_per_tick_and_obeys_the_speed(desk):
+    once = way(desk, START, [0.0] * 7)
+    assert (once.duration * 100) % 1 == pytest.approx(0) and once.duration > 0.5
+    rows = once.sampled(100.0).time
+    np.testing.assert_allclose(rows, np.arange(len(rows)) / 100, rtol=0, atol=1e-12)
+    slow = way(desk, START, [0.0] * 7, speed=0.05)
+    assert slow.duration == pytest.approx(20 * once.duration, abs=0.2 + 0.01)
+    assert np.abs(slow.velocity).max() == pytest.approx(0.05 * np.abs(once.velocity).max(), rel=0.01)
+    coarse = way(desk, START, [0.0] * 7, rate=8.0)
+    assert coarse.duration >= 20 / 8  # of which there are enough to follow it
+
+
+def test_an_arm_that_is_at_home_rests_there_for_the_shortest_time(desk):
+    course = way(desk, HOME, HOME)
+    assert course.duration == 0.5 and not course.velocity.any() and not course.acceleration.any()
+    np.testing.assert_allclose(course.position - HOME, 0, atol=1e-15)
+
+
+@pytest.mark.parametrize("share", [0.34, 0.9])
+@pytest.mark.parametrize("use", [0.05, 0.2, 1.0])
+def test_high_holding_torque_along_the_way_is_accepted(planar, share, use):
+    constraints = Constraints(holding(planar, share))
+    course = way(constraints, *BULGE, careful=use)
+    assert shares(constraints, course, use)[-1] <= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "make", "ends"),
+    [
+        ("move the arm closer to home", None, FOLDED),
+        (
+            "torque of shoulder",
+            lambda arm: replace(arm, torque_limit=0.01 * arm.torque_limit),
+            ([0.0, 0.0], [0.9, 0.9]),
+        ),
+        (r"shoulder needs 99\.9% of its limit.*robot\.effort", lambda arm: holding(arm, 0.9992), AROUND),
+        (
+            r"takes 84\d\d s with 20% of the limits of elbow, .*longest=84\d\d",
+            lambda arm: replace(arm, velocity_limit=np.array([3.0, 0.001])),
+            ([0, 0], [0, 0.9]),
+        ),
+    ],
+)
+def test_an_impossible_approach_is_refused(planar, desk, words, make, ends):
+    with pytest.raises(InfeasibleError, match=words):
+        way(Constraints(make(planar)) if make else desk, *ends)

@@ -6,8 +6,7 @@ import pytest
 from numba import typeof
 
 from sidegan.design import beside
-from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective
+from sidegan.design.objective import Goal, Objective
 from sidegan.design.precompile import compile_kernels
 from sidegan.design.problem import Problem, SearchSettings
 from sidegan.design.search import search

@@ -20,8 +20,7 @@ import torch
 from sidegan.base.arrays import Array, flatten
 from sidegan.base.typed import build
 from sidegan.design.excitation import excitation_of, information_of
-from sidegan.design.goal import Goal
-from sidegan.design.objective import Objective, Penalty
+from sidegan.design.objective import Goal, Objective, Penalty
 from sidegan.design.problem import Problem
 from sidegan.design.selection import a_optimal, d_optimal, greedy
 from sidegan.gan.reward import energies

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import cumulative_trapezoid
 
 from sidegan.motion.trajectory import Trajectory, concatenate
-from sidegan.validity.bounds import jerk_bound
+from sidegan.validity.search import jerk_bound
 from tests.motion.conftest import close, normal
 
 HOMES = st.tuples(st.floats(-3, 3), st.floats(-3, 3))

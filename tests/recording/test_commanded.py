@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sidegan.controllers.course import Course
-from sidegan.controllers.export import csv_text
+from sidegan.controllers.formats import csv_text
 from sidegan.errors import RecordingError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant

@@ -23,7 +23,7 @@ from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.visuals import visual_parts
 from sidegan.steps.trajectories import peaks
 from sidegan.validity.pairs import describe_displaced_shapes, sampled
-from sidegan.validity.placeholders import describe_placeholder_limits
+from sidegan.validity.remedies import describe_placeholder_limits
 from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
 from tests.pipeline.test_workspace import workspace

@@ -8,10 +8,9 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
 from sidegan.design.beside import compile_beside
-from sidegan.design.coordinates import Coordinates
-from sidegan.design.goal import Goal
+from sidegan.design.objective import Goal
 from sidegan.design.prediction import Prediction, TorqueNoise, wanted_torques
-from sidegan.design.problem import Problem, SearchSettings
+from sidegan.design.problem import Coordinates, Problem, SearchSettings
 from sidegan.design.search import search
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
