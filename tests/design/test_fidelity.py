@@ -13,6 +13,7 @@ from sidegan.design.fidelity import (
     distance_to,
     diversity,
     effective_rank,
+    mean_cosine,
     mean_distance,
     nearest_distance,
     proportions,
@@ -92,6 +93,19 @@ SEEN = {
             "told apart": 1.0,
         },
     ),
+    "seeds at half their size": (  # which are within many neighbourhoods, cover all, and have the same ranks
+        HALF / 2,
+        {
+            "distance": pytest.approx(math.sqrt(2) * SPREAD / 2, rel=0.02),
+            "nearest": pytest.approx(APART / 2, rel=0.05),
+            "norm": pytest.approx(SPREAD / 2, rel=0.03),
+            "beyond": 0.0,
+            "nearest seed": pytest.approx(0.76 * SPREAD, rel=0.05),
+            "density": pytest.approx(15, rel=0.1),
+            "coverage": 1.0,
+            "told apart": pytest.approx(0.95, abs=0.03),
+        },
+    ),
 }
 
 
@@ -109,6 +123,24 @@ def test_density_and_coverage_by_hand():
     assert density_and_coverage(np.array([[11.0]]), other) == (0.0, 0.0)
 
 
+def test_mean_cosine_of_parallel_and_zero_rows():
+    assert mean_cosine(np.array([[1.0, 0.0], [-2.0, 0.0], [0.0, 3.0]])) == pytest.approx(-1 / 3)
+    assert mean_cosine(np.zeros((3, 2))) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("x", "mean", "nearest"),
+    [
+        (np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0], [3.0, 4.0]]), (2 * 3 + 2 * 4 + 2 * 5) / 6, 3.0),
+        (np.eye(12).reshape(12, 2, 3, 2), math.sqrt(2), math.sqrt(2)),
+        (np.array([[0.0], [10.0]] * 5), 10 * 25 / 45, 0.0),  # modes far apart
+    ],
+)
+def test_distances_by_hand(x, mean, nearest):
+    assert mean_distance(x) == pytest.approx(mean)
+    assert nearest_distance(x) == pytest.approx(nearest)
+
+
 @pytest.mark.parametrize(
     ("squares", "rank"),
     [([], 0.0), ([1], 1.0), ([1] * 7, 7.0), ([3, 1], 4 / 3**0.75)],  # exp of the entropy of ¾ and ¼
@@ -116,6 +148,13 @@ def test_density_and_coverage_by_hand():
 def test_effective_rank_by_hand(squares, rank):
     steps = np.diag(np.sqrt(squares + [0.0] * (9 - len(squares))))
     assert effective_rank(np.concatenate([steps, -steps]) + 100.0) == pytest.approx(rank)
+
+
+def test_effective_rank_does_not_depend_on_scale_or_basis():
+    generator = np.random.default_rng(0)
+    x = generator.standard_normal((200, 6)) * np.arange(1, 7)
+    turn = np.linalg.qr(generator.standard_normal((6, 6)))[0]
+    assert effective_rank(1e-7 * x @ turn - 5.0) == pytest.approx(effective_rank(x), rel=1e-6)
 
 
 def test_a_single_trajectory_has_no_diversity():

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sidegan.design.prediction import (
+    SAMPLES,
     Prediction,
     TorqueNoise,
     error_slope,
@@ -57,6 +58,15 @@ def test_errors_with_constant_noise_scale_with_noise_and_measurements(problem):
     np.testing.assert_allclose(errors[1], 4 * errors[0], rtol=1e-4, atol=0)
     twice = predicting(problem, tests, fine).of_draws(np.tile(c, (2, 1, 1, 1)), 24, 1)
     np.testing.assert_allclose(twice, errors[0] / 2, rtol=1e-4, atol=0)
+
+
+def test_few_samples_predict_the_error_of_many(lwr_problem):
+    c, tests = random_motions(lwr_problem, 35, seed=1), random_motions(lwr_problem, 3, 0.8, seed=2)
+    for noise in (equal(lwr_problem), TorqueNoise.constant(lwr_problem.body, 0.01)):
+        fine = predicting(lwr_problem, tests, noise, 100.0)
+        times = lwr_problem.trajectory.grid(SAMPLES)
+        coarse = Prediction(fine.body, fine.trajectory, fine.wanted, noise, times, each=1601 / SAMPLES)
+        np.testing.assert_allclose(coarse.of_draws(c, 35, 1), fine.of_draws(c, 35, 1), rtol=0.02, atol=0)
 
 
 def test_without_excitation_the_error_is_that_of_the_prior(planar_problem):

@@ -30,10 +30,18 @@ def in_words(diagonals, count):
     return chosen
 
 
-def test_greedy_tells_near_neighbours_apart():
-    """‖a‖² − 2 a·b + ‖b‖² would lose the difference of 1e-9 and 2e-9 in rounding."""
-    rows = np.array([[1.0, 1.0], [1.0 - 1e-9, 1.0 + 1e-9], [1.0 - 2e-9, 1.0 + 2e-9]])
-    assert greedy(rows, 3).tolist() == [0, 2, 1]
+@pytest.mark.parametrize(
+    ("rows", "expected"),
+    [
+        # The maxima are over those left. From (100, 100): g = 68 and 116.6, f = 105 and 40, so d = 0.58 + 1
+        # and 1 + 0.38. With the f = 200 of the one chosen it would be 0.58 + 0.53 and 1 + 0.2.
+        ([[100, 100], [60, 45], [0, 40]], [0, 1]),
+        # ‖a‖² − 2 a·b + ‖b‖² would lose the difference of 1e-9 and 2e-9 in rounding.
+        ([[1.0, 1.0], [1.0 - 1e-9, 1.0 + 1e-9], [1.0 - 2e-9, 1.0 + 2e-9]], [0, 2, 1]),
+    ],
+)
+def test_greedy_picks_worked_out_by_hand(rows, expected):
+    assert greedy(np.array(rows, dtype=float), len(expected)).tolist() == expected
 
 
 whole = st.integers(1, 4).flatmap(  # numbers whose sums and squares are exact, so that even ties must agree
@@ -87,6 +95,18 @@ def test_every_choice_is_the_best_remaining(seed, kind, rank, number, data):
     order = PICKS[kind](matrices, count).tolist()
     assert_greedy(kind, matrices, order)
     assert PICKS[kind](matrices, 1).tolist() == order[:1]  # a shorter pick is the beginning of a longer one
+
+
+@settings(deadline=None, max_examples=15)
+@given(seeds, st.sampled_from([2.0**-30, 0.3, 2.0**40]))
+def test_noise_scale_and_basis_do_not_change_optimal_designs(seed, scale):
+    matrices = candidates(seed, 40)
+    turn = np.random.default_rng(seed).standard_normal((4, 4))
+    turn = turn + 3 * np.eye(4)  # not orthogonal: units and mixtures of parameters
+    turned = turn.T @ matrices @ turn
+    assert_greedy("determinant", matrices, d_optimal((turned + turned.mT) / 2, 10).tolist())
+    for kind, pick in PICKS.items():
+        assert_greedy(kind, matrices, pick(scale * matrices, 8).tolist())
 
 
 @pytest.mark.parametrize("pick", PICKS.values())
