@@ -15,7 +15,7 @@ from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import PlantSettings
 from sidegan.robot import Arm
-from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.write_mjcf import mujoco_logged
 
 if TYPE_CHECKING:
     import mujoco

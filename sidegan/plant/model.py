@@ -9,8 +9,7 @@ from sidegan.errors import RobotError
 from sidegan.plant.settings import IDEAL, PlantSettings
 from sidegan.robot import Arm, require_consistent
 from sidegan.robot.drives import Drives
-from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.write_mjcf import chain
+from sidegan.robot.write_mjcf import chain, mujoco_logged
 from sidegan.robot.xml import words
 
 if TYPE_CHECKING:

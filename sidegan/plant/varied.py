@@ -23,7 +23,7 @@ from sidegan.plant.hysteresis import lagging
 from sidegan.plant.model import mujoco_model
 from sidegan.plant.settings import IDEAL
 from sidegan.robot import Arm
-from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.write_mjcf import mujoco_logged
 
 if TYPE_CHECKING:
     import mujoco

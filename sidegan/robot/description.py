@@ -79,7 +79,7 @@ def read_description(
         for link in pair:
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
-    missing = dict(source.missing if planning else {})
+    missing = {}
     for link, element in links.items():
         if absent := prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent

@@ -2,7 +2,8 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.fitting import corners, hull_of, inflated
-from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import child, words
 
+_log = logging.getLogger(__name__)
 _STEP = 1e-3  # [s] time step of a written model
 _STIFFEST = 2.0  # steps; shortest time constant with which MuJoCo can solve friction
 
@@ -163,3 +164,19 @@ def _check(arm: Arm, text: str) -> None:
 
 def _quaternion(rotation: Array) -> str:
     return words(pin.Quaternion(rotation).coeffs()[[3, 0, 1, 2]])  # scalar first
+
+
+@contextmanager
+def mujoco_logged(what: object, level: int = logging.DEBUG) -> Iterator[None]:
+    """Log MuJoCo's warnings within the block, not in MUJOCO_LOG.TXT, prefixed by what they are about.
+
+    Diverging simulations are detected from the motion itself, so their warnings are only for debugging.
+    """
+    import mujoco
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: _log.log(level, "%s: %s", what, text))
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

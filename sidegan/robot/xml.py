@@ -3,7 +3,7 @@
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import SupportsFloat
 
@@ -23,7 +23,6 @@ class Source:
     text: bytes  # of the URDF
     root: ET.Element
     notes: tuple[str, ...] = ()  # what could not be carried over
-    missing: Mapping[str, list[str]] = field(default_factory=dict)  # missing mesh files by link
     # planes and gravity are in the first link's frame
     planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
     gravity: tuple[float, ...] | None = None  # [m/s²], (3,), if stated

@@ -19,8 +19,8 @@ from sidegan.robot import (
     load_robot,
     possible_links,
 )
-from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.visuals import visual_parts
+from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.steps.trajectories import peaks
 from sidegan.validity.pairs import describe_displaced_shapes, sampled
 from sidegan.validity.placeholders import describe_placeholder_limits

@@ -258,30 +258,6 @@ def test_missing_torque_limits_give_one_warning(load, caplog):
     assert load(arm_of()).joints == 4 and not caplog.records
 
 
-ASSET = (
-    '<asset><texture name="sky" type="2d" file="sky.png"/><material name="m" texture="sky"/>'
-    '<mesh name="look" file="look.obj"/><mesh file="hull.stl"/></asset>'
-)
-LOOK = '<geom type="mesh" mesh="look" material="m" contype="0" conaffinity="0"/>'
-HULL = '<geom type="mesh" mesh="hull"/>'
-
-
-@pytest.mark.parametrize("pointer", [False, True])
-def test_an_mjcf_loads_without_its_mesh_files(load, tmp_path, caplog, pointer):
-    (tmp_path / "meshes").mkdir()
-    if pointer:
-        (tmp_path / "meshes" / "hull.stl").write_text(POINTER)
-    arm, whole = (
-        load(mjcf(asset=ASSET, geom=LOOK + HULL), SPEED, name="a.xml"),
-        load(mjcf(), SPEED, name="b.xml"),
-    )
-    assert "not shown, since the mesh files are missing: one" in arm.notes
-    assert "collisions of these links may go unnoticed: one (not found: hull.stl" in caplog.text
-    assert arm.digest == whole.digest
-    with pytest.raises(RobotError, match=r"MuJoCo refuses it: .*\.obj"):  # its mass is the link's
-        load(mjcf(asset=ASSET, geom=HULL, inertial=""), SPEED, name="c.xml")
-
-
 def test_links_with_empty_or_missing_meshes_are_reported(load, tmp_path, caplog):
     (tmp_path / "empty.dae").write_text(box("").partition("<library_geo")[0] + "</COLLADA>")
     (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")

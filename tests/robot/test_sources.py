@@ -15,7 +15,7 @@ from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Drives, Limits, Setup, load_robot, possible_links, write_mjcf, write_urdf
 from sidegan.robot.meshes import find_mesh
-from sidegan.robot.mjcf_shapes import write_shape
+from sidegan.robot.mjcf import write_shape
 from sidegan.validity.capsules import place_points
 
 from .urdf import one_joint, outside
@@ -158,7 +158,6 @@ class TestMjcf:
         notes = "; ".join(arm.notes)
         assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
         assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
-        assert "rotor inertias (armature) are not part" in notes
         assert "gravcomp" not in notes
         mjcf.write_text(MJCF.replace('<body name="b"', '<body name="b" gravcomp="1"'))
         (said,) = (note for note in load_robot(mjcf, Setup(limits=SPEEDS)).notes if "gravcomp" in note)

@@ -5,7 +5,7 @@ import pinocchio as pin
 import pytest
 import trimesh
 
-from sidegan.robot import load_robot, solids
+from sidegan.robot import load_robot
 from sidegan.robot.visuals import visual_parts
 
 from .urdf import INERTIA, ball, joint, link, robot, visual
@@ -51,17 +51,3 @@ def test_a_deleted_description_leaves_only_collision_shapes(file, caplog):
     arm = load_robot(file)
     file.unlink()
     assert visual_parts(arm) == [] and "is shown with its collision shapes only" in caplog.text
-
-
-@pytest.mark.parametrize(
-    ("surface", "volume"),
-    [
-        (solids.box([-1, 0, 0], [1, 3, 4]), 24),
-        (solids.cylinder(2, 3), np.pi * 12),
-        (solids.capsule(2, 3), np.pi * (12 + 32 / 3)),
-        (solids.capsule(2, 0), np.pi * 32 / 3),
-    ],
-)
-def test_a_solid_is_closed_and_faces_outwards(surface, volume):
-    mesh = trimesh.Trimesh(*surface)
-    assert mesh.is_watertight and mesh.volume == pytest.approx(volume, rel=0.02)
