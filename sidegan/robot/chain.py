@@ -2,13 +2,15 @@
 
 import re
 
+from sidegan.base.names import counted
 from sidegan.errors import RobotError
 from sidegan.robot.fixed_joints import check_locked, fixed_positions
 from sidegan.robot.setup import Setup, override, setting
 from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
-_MOST_TIPS = 6  # suggested in a message
+_MOST_TIPS = 7  # suggested in a message
+_ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 _ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
@@ -44,32 +46,14 @@ def _path(tree: Tree, setup: Setup) -> list[Joint]:
         for joint in tree.joints.values()
         if _moves(joint) and joint.name not in given
     }
-    return _only(tree, _without_grippers(tree, paths)) if paths else []
+    carrying = {joint.name for name in paths if not _GRIPPER.search(name) for joint in paths[name]}
+    paths = {name: path for name, path in paths.items() if name in carrying} or paths
+    return _only(tree, paths) if paths else []
 
 
 def _moves(joint: Joint) -> bool:
     """Whether a joint has one degree of freedom of its own."""
     return joint.kind in MOVABLE and joint.mimic is None
-
-
-def _without_grippers(tree: Tree, paths: dict[str, list[Joint]]) -> dict[str, list[Joint]]:
-    """Paths to joints of the arm, without grippers unless nothing else would be left."""
-    grips = {name for name in paths if _GRIPPER.search(name)} | _mimicked_beside(tree)
-    arm = {name for name in paths if name not in grips}
-    carrying = {joint.name for name in arm for joint in paths[name]}
-    kept = {name: path for name, path in paths.items() if name in carrying}
-    return kept or paths
-
-
-def _mimicked_beside(tree: Tree) -> set[str]:
-    """Joints mimicked by a joint that is not one of their descendants, as of fingers that open together."""
-    found = set()
-    for joint in tree.joints.values():
-        if joint.mimic is not None:
-            master = joint.mimic.get("joint", "")
-            if master not in {ancestor.name for ancestor in tree.path(joint.parent)}:
-                found.add(master)
-    return found
 
 
 def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
@@ -82,12 +66,14 @@ def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
     shared = [column[0] for column in zip(*chains) if len({joint.name for joint in column}) == 1]
     branches = dict.fromkeys(repr(chain[len(shared)].name) for chain in chains)
     tips = sorted((_before_hand(chain, chains) for chain in chains), key=len, reverse=True)
-    offered = list(dict.fromkeys(map(_offered, tips)))[:_MOST_TIPS] + ([_offered(shared)] if shared else [])
+    offered = dict.fromkeys(
+        f"{setting('tip', tip[-1].child)} ({counted(len(tip), 'joint')}: {tip[0].name} to {tip[-1].name})"
+        for tip in ([*tips, shared] if shared else tips)
+    )
     carrier = f"joint {shared[-1].name!r}" if shared else "the base"
-    together = "both" if len(branches) == 2 else "all"
     raise RobotError(
-        f"{tree.where}: joints {' and '.join(branches)} {together} branch off {carrier}, expected one chain; "
-        f"choose its tip: {'; or '.join(dict.fromkeys(offered))}"
+        f"{tree.where}: joints {' and '.join(branches)} branch off {carrier}, expected one chain; "
+        f"choose its tip: {'; or '.join([*offered][:_MOST_TIPS])}"
     )
 
 
@@ -98,11 +84,3 @@ def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
         if len({finger[0].name for finger in fingers}) > 1 and max(map(len, fingers)) <= _HAND:
             return chain[:k]
     return chain
-
-
-def _offered(chain: list[Joint]) -> str:
-    """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
-    first = chain[0].name
-    last = chain[-1].name
-    joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
-    return f"{setting('tip', chain[-1].child)} ({joints})"

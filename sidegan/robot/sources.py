@@ -1,15 +1,12 @@
 """Reading of descriptions in all formats as URDF."""
 
-import re
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
 from sidegan.errors import RobotError
-from sidegan.robot import xml
 from sidegan.robot.xml import Source
 
-_UNSET = re.compile(r"Undefined substitution argument (\w+)")
-_LOST = re.compile(r"Package not found: (\S+)")
 _SHALLOW = 4  # parts of a path below which a folder is too large to search for packages
 
 
@@ -19,12 +16,20 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
     except OSError as error:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
-    root = xml.parse(text, path)
+    try:
+        root = ET.fromstring(text)
+    except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
+        raise RobotError(f"{path} is not well-formed XML: {error}") from error
     if root.tag == "mujoco":
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
-    return Source(xml.bound(text), root)
+    if root.tag != "robot":
+        raise RobotError(
+            f"{path} is not a robot description: its root element is <{root.tag}>, "
+            "expected <robot> or <mujoco>"
+        )
+    return Source(text, root)
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
@@ -45,9 +50,7 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
         return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")
     except Exception as error:  # xacro evaluates expressions, which may raise anything
         words = " ".join(str(error).split()) or type(error).__name__
-        if unset := _UNSET.search(words):
-            given = "".join(f"{name}: {value}, " for name, value in args.items())
-            words += f"; set it by 'robot.args={{{given}{unset[1]}: …}}'"
-        elif lost := _LOST.search(words):
-            words = f"package {lost[1]} was not found; add the folder that contains it to ROS_PACKAGE_PATH"
-        raise RobotError(f"{path}: xacro refuses it: {words}") from error
+        raise RobotError(
+            f"{path}: xacro refuses it: {words}; arguments are set by 'robot.args={{name: value}}', and "
+            "packages are searched on ROS_PACKAGE_PATH"
+        ) from error
