@@ -8,21 +8,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sidegan.base.names import listed
+from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
-from sidegan.robot.chain import choose
+from sidegan.robot.chain import choose, describe_fixed
 from sidegan.robot.drives import Drives, described_drives
-from sidegan.robot.fixed_joints import describe_fixed
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.links import prepare_shapes, read_mass
-from sidegan.robot.locking import lock, unit_axis
-from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
+from sidegan.robot.meshes import find_mesh, metres_per_unit
+from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, turned, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import Tree, read_tree
 
 Posture = Mapping[str, float]  # positions of joints by name [rad or m]
 _HOMES = "home", "ready"  # names of home postures, in order of preference
+_SIZES = {  # attributes of each shape's sizes, and how many numbers each has
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "box": {"size": 3},
+    "mesh": {},
+}
 _FOLDERS = ".", "../srdf", "../config"  # of SRDF files, relative to the URDF's folder
 
 
@@ -63,7 +69,7 @@ def read_description(
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
-    read = {link: read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
+    read = {link: _read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
     masses = {link: mass for link, (mass, _) in read.items()}
     notes = describe_fixed(tree, moving, locked, masses)
     for name, value in locked.items():
@@ -81,7 +87,7 @@ def read_description(
         may_touch += ((*pair, "robot.may_touch"),)
     missing = {}
     for link, element in links.items():
-        if absent := prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
+        if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
@@ -106,6 +112,70 @@ def read_description(
         drives=described_drives(moving, where) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
+
+
+def _read_mass(link: ET.Element, where: str) -> tuple[float, str]:
+    """Mass of a link [kg], 0 without inertia, and why an invalid inertia was removed from the XML, if so."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return 0.0, ""
+    try:
+        mass = xml.number(xml.child(inertial, "mass", where), "value", where)
+        if mass < 0:
+            raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
+        inertia = xml.child(inertial, "inertia", where)
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+            xml.number(inertia, key, where)
+        for key in ("xyz", "rpy"):
+            xml.vector(inertial.find("origin"), key, where, "0 0 0")
+    except RobotError as error:
+        link.remove(inertial)
+        return 0.0, str(error)
+    return mass, ""
+
+
+def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
+    """Missing mesh files of a link's collision shapes, which are removed from the XML.
+
+    Scales of the others are converted to metres per unit of the file. Without ``meshes``, all meshes are
+    removed, and none counts as missing.
+    """
+    for visual in link.findall("visual"):
+        link.remove(visual)
+    absent = []
+    for index, collision in enumerate(link.findall("collision")):
+        if not meshes and collision.find("geometry/mesh") is not None:
+            link.remove(collision)
+            continue
+        shape = _checked_shape(collision, where)
+        if shape.tag == "capsule":  # Pinocchio wants a cylinder that is marked as a capsule
+            shape.tag = "cylinder"
+            name = f"capsule_{index}"
+            collision.set("name", name)
+            ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
+        elif shape.tag == "mesh":
+            scale = xml.vector(shape, "scale", where, "1 1 1")
+            file = find_mesh(name := xml.attribute(shape, "filename", where), path)
+            if file is None:
+                link.remove(collision)
+                absent.append(name)
+            else:
+                shape.set("filename", str(file))
+                shape.set("scale", xml.words(metres_per_unit(file) * x for x in scale))
+    return absent
+
+
+def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
+    """The shape of a collision element, of a known kind and with positive sizes."""
+    for key in ("xyz", "rpy"):
+        xml.vector(collision.find("origin"), key, where, "0 0 0")
+    geometry = xml.child(collision, "geometry", where)
+    if len(geometry) != 1 or geometry[0].tag not in _SIZES:
+        given = ", ".join(str(shape.tag) for shape in geometry) or "none"
+        raise RobotError(f"{where} has a collision geometry of {given}, expected one of {', '.join(_SIZES)}")
+    for key, size in _SIZES[geometry[0].tag].items():
+        xml.positive(geometry[0], key, where, size)
+    return geometry[0]
 
 
 def _massless(

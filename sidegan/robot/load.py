@@ -116,13 +116,13 @@ def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array
 
 
 def _warn_of_missing(description: Description) -> None:
-    """Warn about links that lack a shape, with the missing or empty files."""
+    """Warn about links that lack a shape, with the missing files."""
     if not description.missing:
         return
     bare = ", ".join(description.missing)
     files = listed([file for files in description.missing.values() for file in files], 4)
     _log.warning(
-        "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s (not found: %s; "
+        "%s: mesh files are missing; collisions of these links may go unnoticed: %s (not found: %s; "
         "packages are searched for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
         description.path,
         bare,

@@ -19,8 +19,6 @@ VARIABLE = "SIDEGAN_CACHE"  # environment variable with the cache's folder
 _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # levels below an entry of ROS_PACKAGE_PATH that are searched for packages
 _POINTER = b"version https://git-lfs"  # start of a Git LFS pointer, whose file was not downloaded
-_SMALL = 100_000  # bytes; larger files surely have triangles
-_TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # of Collada
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
@@ -57,11 +55,11 @@ def metres_per_unit(file: Path) -> float:
     stated = "1"
     try:
         with file.open("rb") as opened:
-            for _, element in ET.iterparse(opened, ("start",)):
+            for _, element in ET.iterparse(opened):
                 kind = element.tag.rpartition("}")[2]
                 if kind == "unit":
                     stated = element.get("meter", "1")
-                if kind == "unit" or kind.startswith("library_"):  # where geometry begins
+                if kind in ("unit", "asset"):  # geometry follows
                     break
         if not 0 < (size := float(stated)) < float("inf"):
             raise ValueError
@@ -70,20 +68,6 @@ def metres_per_unit(file: Path) -> float:
     except ValueError:
         raise RobotError(f"mesh file {file} has the unit {stated!r}, expected a number of metres") from None
     return size
-
-
-def has_surface(file: Path) -> bool:
-    """Whether a mesh file has triangles, or is invalid."""
-    import trimesh
-
-    if not 0 < file.stat().st_size < _SMALL:
-        return True
-    if file.suffix.lower() == ".dae":
-        return any(name in file.read_bytes() for name in _TRIANGLES)
-    try:
-        return len(trimesh.load_scene(file).to_mesh().faces) > 0
-    except Exception:  # reading its shape will report the error
-        return True
 
 
 def read_mesh(file: Path) -> NDArray[np.float64]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.arm import FilePlane
-from sidegan.robot.locking import write_placement
 from sidegan.robot.meshes import kept_mesh
+from sidegan.robot.placement import write_placement
 from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.robot.xml import Source, words
 

@@ -16,9 +16,9 @@ from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.collision import length_of, of_another_order
 from sidegan.robot.description import read_description
-from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import find_mesh, metres_per_unit
 from sidegan.robot.model import build
+from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 
 if TYPE_CHECKING:  # slow to import

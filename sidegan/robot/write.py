@@ -15,8 +15,8 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
-from sidegan.robot.locking import from_rpy
 from sidegan.robot.model import build, kinematics_and_inertias
+from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words

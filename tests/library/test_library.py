@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from sidegan.errors import ArtifactError, ShapeError
-from sidegan.library import Library, parquet
+from sidegan.library import Library, collection
 
 FOUR = pa.list_(pa.float64(), 4)
 MARGINS = ("position", "velocity", "collision")
@@ -91,7 +91,7 @@ def test_merge_and_take_are_inverse(tmp_path, monkeypatch):
     assert_same(both.take(range(4)), first)
     assert_same(both.take(np.arange(4, 9)), other)
     assert_same(first.merge(first.take([])), first)
-    monkeypatch.setitem(parquet.OPTIONS, "row_group_size", 2)
+    monkeypatch.setitem(collection.OPTIONS, "row_group_size", 2)
     for name, part in (("one", first), ("other", other), ("none", first.take([]))):
         part.save(tmp_path / name)
     assert_same(Library.load(tmp_path / "one", None, tmp_path / "other", tmp_path / "none"), both)
