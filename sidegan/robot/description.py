@@ -2,25 +2,26 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from sidegan.base.names import listed
+import numpy as np
+
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
 from sidegan.robot.chain import choose, describe_fixed
-from sidegan.robot.drives import Drives, described_drives
+from sidegan.robot.drives import Drives
 from sidegan.robot.limits import JointLimits, limits_of
 from sidegan.robot.meshes import find_mesh, metres_per_unit
 from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, turned, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import Tree, read_tree
+from sidegan.robot.tree import Joint, read_tree
 
-Posture = Mapping[str, float]  # positions of joints by name [rad or m]
 _HOMES = "home", "ready"  # names of home postures, in order of preference
 _SIZES = {  # attributes of each shape's sizes, and how many numbers each has
     "sphere": {"radius": 1},
@@ -29,6 +30,7 @@ _SIZES = {  # attributes of each shape's sizes, and how many numbers each has
     "box": {"size": 3},
     "mesh": {},
 }
+_DYNAMICS = "damping", "friction", "armature"  # attributes of <dynamics>; the last only from an MJCF
 _FOLDERS = ".", "../srdf", "../config"  # of SRDF files, relative to the URDF's folder
 
 
@@ -75,7 +77,6 @@ def read_description(
     for name, value in locked.items():
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
-    wrong = [why for _, why in read.values() if why] or _massless(tree, links, moved, masses)
     postures = _group_states(path, robot) if source.postures is None else source.postures
     own_home = _home_among(postures, [*moved])
     around = own_home if home is None else home
@@ -103,13 +104,13 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        notes=[*source.notes, *notes, *assumed, *(NO_INERTIA + why for why in wrong)],
+        notes=[*source.notes, *notes, *assumed, *(NO_INERTIA + why for _, why in read.values() if why)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
         planes=turned(source.planes, mount),
         home=own_home,
-        drives=described_drives(moving, where) if setup.friction else None,
+        drives=_described_drives(moving, where) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
 
@@ -178,19 +179,6 @@ def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
     return geometry[0]
 
 
-def _massless(
-    tree: Tree, links: Mapping[str, ET.Element], moved: Mapping[str, str], masses: Mapping[str, float]
-) -> list[str]:
-    """Why no link that these joints move has a mass [kg]; empty if one has."""
-    heavy = [link for link, mass in masses.items() if mass > 0]
-    if any(joint.name in moved for link in heavy for joint in tree.path(link)):
-        return []
-    if heavy:
-        return [f"only links that do not move have a mass: {listed(heavy)}"]
-    stated = any(link.find("inertial") is not None for link in links.values())
-    return ["every <inertial> has a mass of 0 kg" if stated else "the description has no <inertial>"]
-
-
 def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
     """Pairs of links in `<disable_collisions>` elements, as in an SRDF, and the reasons."""
     found = []
@@ -200,7 +188,9 @@ def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
     return tuple(found)
 
 
-def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple[float, ...] | None:
+def _home_among(
+    postures: Mapping[str, Mapping[str, float]], joints: Sequence[str]
+) -> tuple[float, ...] | None:
     """Joint positions [rad or m], (J,), of the home posture, or of the only one; otherwise None."""
     whole = {name.lower(): x for name, x in postures.items() if set(joints) <= set(x)}
     named = [whole[name] for name in _HOMES if name in whole]
@@ -208,21 +198,26 @@ def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple
     return tuple(found[0][joint] for joint in joints) if found else None
 
 
-def _group_states(urdf: Path, robot: str) -> dict[str, Posture]:
+def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
     """Postures of a robot by name, from all groups in its SRDF files near the URDF."""
-    found: dict[str, dict[str, float]] = {}
-    for state in _states(urdf, robot):
-        posture = found.setdefault(state.get("name", ""), {})
-        for joint in state.findall("joint"):
-            with suppress(ValueError):  # of joints with several degrees of freedom
-                posture[joint.get("name", "")] = float(joint.get("value", ""))
-    return dict(found)
+    found = defaultdict[str, dict[str, float]](dict)
+    for file in [file for folder in _FOLDERS for file in sorted((urdf.parent / folder).glob("*.srdf"))]:
+        try:
+            root = ET.parse(file).getroot()
+        except (ET.ParseError, OSError):
+            continue
+        for state in root.findall("group_state") if root.get("name") == robot else ():
+            for joint in state.findall("joint"):
+                with suppress(ValueError):  # of joints with several degrees of freedom
+                    found[state.get("name", "")][joint.get("name", "")] = float(joint.get("value", ""))
+    return found
 
 
-def _states(urdf: Path, robot: str) -> Iterator[ET.Element]:
-    for folder in _FOLDERS:
-        for file in sorted((urdf.parent / folder).glob("*.srdf")):
-            with suppress(ET.ParseError, OSError):
-                root = ET.parse(file).getroot()
-                if root.get("name") == robot:
-                    yield from root.findall("group_state")
+def _described_drives(moving: Sequence[Joint], where: str) -> Drives | None:
+    """Friction and rotor inertia of moving joints in a description; None if it states none."""
+    rows = []
+    for joint in moving:
+        at = f"{where}: joint {joint.name!r}"
+        rows.append([max(xml.number(joint.part("dynamics"), key, at, "0"), 0.0) for key in _DYNAMICS])
+    columns = np.array(rows, dtype=float).T
+    return Drives(*columns) if columns.any() else None
