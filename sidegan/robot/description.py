@@ -12,7 +12,7 @@ import numpy as np
 
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.arm import NO_INERTIA, FilePlane
+from sidegan.robot.arm import FilePlane
 from sidegan.robot.chain import choose, describe_fixed
 from sidegan.robot.drives import Drives
 from sidegan.robot.limits import JointLimits, limits_of
@@ -71,8 +71,7 @@ def read_description(
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
-    read = {link: _read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
-    masses = {link: mass for link, (mass, _) in read.items()}
+    masses = {link: _mass(element, f"{where}: link {link!r}") for link, element in links.items()}
     notes = describe_fixed(tree, moving, locked, masses)
     for name, value in locked.items():
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
@@ -104,7 +103,7 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        notes=[*source.notes, *notes, *assumed, *(NO_INERTIA + why for _, why in read.values() if why)],
+        notes=[*source.notes, *notes, *assumed],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
@@ -115,24 +114,20 @@ def read_description(
     )
 
 
-def _read_mass(link: ET.Element, where: str) -> tuple[float, str]:
-    """Mass of a link [kg], 0 without inertia, and why an invalid inertia was removed from the XML, if so."""
+def _mass(link: ET.Element, where: str) -> float:
+    """Mass of a link [kg], 0 without inertia; an invalid inertia is refused."""
     inertial = link.find("inertial")
     if inertial is None:
-        return 0.0, ""
-    try:
-        mass = xml.number(xml.child(inertial, "mass", where), "value", where)
-        if mass < 0:
-            raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
-        inertia = xml.child(inertial, "inertia", where)
-        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-            xml.number(inertia, key, where)
-        for key in ("xyz", "rpy"):
-            xml.vector(inertial.find("origin"), key, where, "0 0 0")
-    except RobotError as error:
-        link.remove(inertial)
-        return 0.0, str(error)
-    return mass, ""
+        return 0.0
+    mass = xml.number(xml.child(inertial, "mass", where), "value", where)
+    if mass < 0:
+        raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
+    inertia = xml.child(inertial, "inertia", where)
+    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+        xml.number(inertia, key, where)
+    for key in ("xyz", "rpy"):
+        xml.vector(inertial.find("origin"), key, where, "0 0 0")
+    return mass
 
 
 def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:

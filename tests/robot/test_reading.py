@@ -172,7 +172,7 @@ SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range i
     ),
     'soft_lower_limit="-9" soft_upper_limit="1.5"': (-2.8, 1.5, "joint0 -2.8 to 1.5 rad;"),
     'soft_lower_limit="0" soft_upper_limit="0"': (-2.8, 2.8, ""),
-    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, "leave no range are ignored: joint0"),
+    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, ""),
 }
 
 
