@@ -88,7 +88,7 @@ class Arm:
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
     acceleration_limit: Array | None = None  # [rad/s² or m/s²], (J,); None if there is none
     jerk_limit: Array | None = None  # [rad/s³ or m/s³], (J,)
-    notes: tuple[str, ...] = ()  # for people, on what was locked, lumped and assumed
+    notes: tuple[str, ...] = ()  # for people, on what was locked and assumed
     # links, each with its nearest ancestor that has a shape; None: all links with one joint between them
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[

@@ -12,8 +12,7 @@ from sidegan.robot.setup import Setup, override, setting
 from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree, meant
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
-_MOST_TIPS = 7  # suggested in a message
-_ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
+_MOST_TIPS = 6  # suggested in a message
 _ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
@@ -68,25 +67,16 @@ def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
     chains = [[joint for joint in paths[name] if joint.name in paths] for name in ends]
     shared = [column[0] for column in zip(*chains) if len({joint.name for joint in column}) == 1]
     branches = dict.fromkeys(repr(chain[len(shared)].name) for chain in chains)
-    tips = sorted((_before_hand(chain, chains) for chain in chains), key=len, reverse=True)
-    offered = dict.fromkeys(
+    tips = sorted(chains, key=len, reverse=True)[:_MOST_TIPS] + ([shared] if shared else [])
+    offered = [
         f"{setting('tip', tip[-1].child)} ({counted(len(tip), 'joint')}: {tip[0].name} to {tip[-1].name})"
-        for tip in ([*tips, shared] if shared else tips)
-    )
+        for tip in tips
+    ]
     carrier = f"joint {shared[-1].name!r}" if shared else "the base"
     raise RobotError(
         f"{tree.where}: joints {' and '.join(branches)} branch off {carrier}, expected one chain; "
-        f"choose its tip: {'; or '.join([*offered][:_MOST_TIPS])}"
+        f"choose its tip: {'; or '.join(offered)}"
     )
-
-
-def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
-    """The joints of a chain before its hand, several short branches behind an arm; all if there is none."""
-    for k in range(_ARM, len(chain)):
-        fingers = [other[k:] for other in chains if other[:k] == chain[:k]]
-        if len({finger[0].name for finger in fingers}) > 1 and max(map(len, fingers)) <= _HAND:
-            return chain[:k]
-    return chain
 
 
 def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
@@ -151,12 +141,8 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
         )
 
 
-def describe_fixed(
-    tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
-) -> list[str]:
-    """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
-    if not locked:
-        return []
+def describe_fixed(tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float]) -> list[str]:
+    """Notes on locked joints with their positions [rad or m]."""
     stand, notes = [], []
     free = {joint.name for joint in moving}
     for name, value in locked.items():
@@ -167,17 +153,4 @@ def describe_fixed(
             notes.append(
                 f"{name} is locked, but mimics {leader}, which moves: does it stand on your machine?"
             )
-    lumped: dict[str, list[str]] = {}
-    for link in tree.links:
-        path = tree.path(link)
-        first = 1 + max((i for i, joint in enumerate(path) if joint in moving), default=-1)
-        if any(joint.name in locked for joint in path[first:]):
-            lumped.setdefault(path[first - 1].child if first else "", []).append(link)
-    for carrier, links in lumped.items():
-        mass = sum(masses.get(link, 0.0) for link in links)
-        notes.append(
-            f"{mass:.4g} kg of {listed(links)} lumped into {carrier}"
-            if carrier
-            else f"fixed to the base: {listed(links)}"
-        )
-    return [LOCKED + listed(stand, 12), *notes]
+    return [LOCKED + listed(stand, 12), *notes] if locked else []

@@ -71,8 +71,7 @@ def read_description(
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
-    masses = {link: _mass(element, f"{where}: link {link!r}") for link, element in links.items()}
-    notes = describe_fixed(tree, moving, locked, masses)
+    notes = describe_fixed(tree, moving, locked)
     for name, value in locked.items():
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
@@ -87,6 +86,7 @@ def read_description(
         may_touch += ((*pair, "robot.may_touch"),)
     missing = {}
     for link, element in links.items():
+        _check_inertia(element, f"{where}: link {link!r}")
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
@@ -114,11 +114,11 @@ def read_description(
     )
 
 
-def _mass(link: ET.Element, where: str) -> float:
-    """Mass of a link [kg], 0 without inertia; an invalid inertia is refused."""
+def _check_inertia(link: ET.Element, where: str) -> None:
+    """Raise unless a link has a valid inertia or none."""
     inertial = link.find("inertial")
     if inertial is None:
-        return 0.0
+        return
     mass = xml.number(xml.child(inertial, "mass", where), "value", where)
     if mass < 0:
         raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
@@ -127,7 +127,6 @@ def _mass(link: ET.Element, where: str) -> float:
         xml.number(inertia, key, where)
     for key in ("xyz", "rpy"):
         xml.vector(inertial.find("origin"), key, where, "0 0 0")
-    return mass
 
 
 def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:

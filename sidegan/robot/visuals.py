@@ -64,20 +64,18 @@ def foot(arm: Arm) -> tuple[float, bool]:
     approximate a link, so z = 0 is assumed if they extend below it. Plugs and cables that hang beside a foot
     around the origin are ignored.
     """
-    lowest = [_foot_of(arm, link, frame) for link, frame in _links(arm) if not frame.parentJoint]
-    return min((found for found in lowest if found is not None), default=(0.0, False))
-
-
-def _foot_of(arm: Arm, link: ET.Element, frame: pin.Frame) -> tuple[float, bool] | None:
-    """Lowest point of a fixed link [m], and whether it is known; None if it has no shape."""
-    solid = link.findall("collision")
-    meshes = [shape for shape in solid if shape.find("geometry/mesh") is not None]
-    spans = [span for shapes in (link.findall("visual"), meshes) if (span := _span(arm, shapes, frame))]
-    if spans:
-        return max(low for low, _ in spans), True
-    if span := _span(arm, [shape for shape in solid if shape not in meshes], frame):
-        return (0.0 if span[0] < 0 < span[1] else span[0]), False
-    return (0.0, False) if solid or link.findall("visual") else None
+    found = []
+    for link, frame in _links(arm):
+        solid, shown = link.findall("collision"), link.findall("visual")
+        if frame.parentJoint or not (solid or shown):
+            continue
+        meshes = [shape for shape in solid if shape.find("geometry/mesh") is not None]
+        if spans := [span for shapes in (shown, meshes) if (span := _span(arm, shapes, frame))]:
+            found.append((max(low for low, _ in spans), True))
+            continue
+        low, high = _span(arm, [shape for shape in solid if shape not in meshes], frame) or (0.0, 0.0)
+        found.append((0.0 if low < 0 < high else low, False))
+    return min(found, default=(0.0, False))
 
 
 def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, float] | None:
