@@ -265,18 +265,6 @@ def test_links_with_missing_meshes_are_reported(load, tmp_path, caplog):
     assert "unnoticed: link2, link3 (not found: pointer.stl, package://gone/box.stl;" in caplog.text
 
 
-def test_xacro_includes_are_relative_to_the_including_file(tmp_path, monkeypatch):
-    pytest.importorskip("xacrodoc")
-    head, folder = '<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">', tmp_path / "parts"
-    folder.mkdir()
-    inner = f'{head}<xacro:include filename="deeper.xacro"/></robot>'
-    (folder / "macro.xacro").write_text(inner)
-    (folder / "deeper.xacro").write_text(arm_of().replace('<robot name="rods">', head))
-    (tmp_path / "arm.urdf.xacro").write_text(f'{head}<xacro:include filename="./parts/macro.xacro"/></robot>')
-    monkeypatch.chdir(folder)
-    assert load_robot(tmp_path / "arm.urdf.xacro").joints == 4
-
-
 def test_a_urdf_exported_from_an_mjcf_is_complete(load, tmp_path):
     arm = load(mjcf(), SPEED, name="a.xml")
     write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
