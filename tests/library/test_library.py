@@ -82,7 +82,7 @@ def test_pandas_reads_a_library_and_its_metadata(path):
     assert frame["valid"].dtype == bool and list(frame["source"]) == saved.source
     stored = json.loads(pq.read_schema(path).metadata[b"sidegan"])
     expected = {"format": 1, "robot": "planar2", "digest": "d1", "period": 16.0, "home": [0.0, 0.1]}
-    assert (expected | {"joints": 2, "harmonics": 3, "parameters": 4}).items() <= stored.items()
+    assert expected.items() <= stored.items()
 
 
 def test_merge_and_take_are_inverse(tmp_path, monkeypatch):
@@ -98,10 +98,7 @@ def test_merge_and_take_are_inverse(tmp_path, monkeypatch):
     with pytest.raises(ShapeError, match="period"):
         library(period=8.0).save(tmp_path / "slow")
         Library.load(tmp_path / "one", None, tmp_path / "slow")
-    twice = first.take([3, 0, 3])
-    assert twice.source == [first.source[i] for i in (3, 0, 3)]
-    for name, x in twice.columns().items():
-        assert np.array_equal(x, first.columns()[name][[3, 0, 3]])
+    assert_same(first.take([3, 0, 3]), first.take([3]).merge(first.take([0]), first.take([3])))
     turned = library(4, seed=1, margins={name: first.margins[name] for name in reversed(MARGINS)})
     assert_same(first, turned)
     assert len(first.merge(turned)) == 8
