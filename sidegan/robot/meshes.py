@@ -30,17 +30,17 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     descriptions that were copied without their package.
     """
     scheme, _, rest = name.rpartition("://")
-    candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)
-    for file in candidates:
+    beside = (folder / rest for folder in urdf.parents)
+    for file in beside if scheme in ("", "file") else _in_package(rest, urdf):
         try:
-            if is_there(file):
+            if _is_there(file):
                 return file.resolve()
         except (OSError, ValueError):  # an invalid name, a forbidden folder
             continue
     return None
 
 
-def is_there(file: Path) -> bool:
+def _is_there(file: Path) -> bool:
     """Whether a file exists and is not a Git LFS pointer."""
     if not file.is_file():
         return False
@@ -110,10 +110,6 @@ def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Pat
     return file.resolve()
 
 
-def _relative(path: str, urdf: Path) -> Iterator[Path]:
-    return (folder / path for folder in urdf.parents)
-
-
 def _in_package(path: str, urdf: Path) -> Iterator[Path]:
     package, _, inside = path.partition("/")
     roots = _folders("ROS_PACKAGE_PATH")
@@ -125,7 +121,7 @@ def _in_package(path: str, urdf: Path) -> Iterator[Path]:
     for root in roots if package else ():
         for depth in range(1, _DEEPEST + 1):
             yield from (found / inside for found in root.glob("*/" * depth + escape(package)))
-    yield from _relative(inside, urdf)
+    yield from (folder / inside for folder in urdf.parents)
 
 
 def _folders(variable: str) -> list[Path]:
