@@ -1,5 +1,6 @@
 """Reading of descriptions in all formats as URDF."""
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -7,6 +8,12 @@ from pathlib import Path
 from sidegan.errors import RobotError
 from sidegan.robot.xml import Source
 
+_TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
+_PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
+_DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_UNSET = re.compile(r"Undefined substitution argument (\w+)")
+_LOST = re.compile(r"Package not found: (\S+)")
 _SHALLOW = 4  # parts of a path below which a folder is too large to search for packages
 
 
@@ -16,6 +23,7 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
     except OSError as error:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
+    text = _bound(text)
     try:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
@@ -30,6 +38,18 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
             "expected <robot> or <mujoco>"
         )
     return Source(text, root)
+
+
+def _bound(text: bytes) -> bytes:
+    """A description with all its prefixes declared as namespaces: XML requires that, URDF readers do not."""
+    declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
+    loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
+    names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
+    comments = [match.span() for match in _COMMENT.finditer(text)]
+    for match in _ROOT.finditer(text):
+        if not any(begin < match.start() < end for begin, end in comments):
+            return text[: match.end()] + names + text[match.end() :]
+    return text
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
@@ -50,7 +70,9 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
         return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")
     except Exception as error:  # xacro evaluates expressions, which may raise anything
         words = " ".join(str(error).split()) or type(error).__name__
-        raise RobotError(
-            f"{path}: xacro refuses it: {words}; arguments are set by 'robot.args={{name: value}}', and "
-            "packages are searched on ROS_PACKAGE_PATH"
-        ) from error
+        if unset := _UNSET.search(words):
+            given = "".join(f"{name}: {value}, " for name, value in args.items())
+            words += f"; set it by 'robot.args={{{given}{unset[1]}: …}}'"
+        elif lost := _LOST.search(words):
+            words = f"package {lost[1]} was not found; add the folder that contains it to ROS_PACKAGE_PATH"
+        raise RobotError(f"{path}: xacro refuses it: {words}") from error

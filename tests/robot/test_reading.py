@@ -180,13 +180,13 @@ def test_tighter_soft_limits_apply(load, given):
 
 def test_acceleration_and_jerk_limits_are_read_from_a_urdf(load, tmp_path):
     ours = LIMIT.replace("/>", ' drake:acceleration="1.5" jerk="70" deceleration="1.25"/>')
-    head = '<robot xmlns:drake="http://drake.mit.edu"'
-    arm = load(arm_of(limit=ours).replace("<robot", head, 1))
-    assert arm.acceleration_limit.tolist() == [1.25] * 4 and arm.jerk_limit.tolist() == [70] * 4
-    assert "joint0, joint1, joint2, joint3 come from the description" in "; ".join(arm.notes)
-    write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
-    assert 'drake:acceleration="1.5"' in (tmp_path / "out.urdf").read_text()
-    assert np.array_equal(load_robot(tmp_path / "out.urdf").acceleration_limit, arm.acceleration_limit)
+    for head in ("<robot", '<robot xmlns:drake="http://drake.mit.edu"'):
+        arm = load(arm_of(limit=ours).replace("<robot", head, 1))
+        assert arm.acceleration_limit.tolist() == [1.25] * 4 and arm.jerk_limit.tolist() == [70] * 4
+        assert "joint0, joint1, joint2, joint3 come from the description" in "; ".join(arm.notes)
+        write_urdf(arm, arm.inertial_parameters, tmp_path / "out.urdf")
+        assert 'drake:acceleration="1.5"' in (tmp_path / "out.urdf").read_text()
+        assert np.array_equal(load_robot(tmp_path / "out.urdf").acceleration_limit, arm.acceleration_limit)
     stated = load_robot(arm.urdf, Setup(limits=Limits(acceleration={"joint1": 9.0})))
     assert stated.acceleration_limit.tolist() == [1.25, 9, 1.25, 1.25]
 
