@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.base.names import plain
+from sidegan.base.names import listed, plain
 from sidegan.design.goal import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import TorqueModel
@@ -130,8 +130,9 @@ def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, iden
 def usual_torque(body: RigidBody) -> Array:
     """Root mean square torque of each joint within the limits [N·m or N], (J,)."""
     if not body.arm.inertial_parameters.any():
+        why = f" ({listed(body.arm.massless, 1)})" if body.arm.massless else ""
         raise ConfigError(
-            f"no moving link of {body.arm.name} has a mass, so its usual torques are unknown: "
+            f"no moving link of {body.arm.name} has a mass{why}, so its usual torques are unknown: "
             "use goal.objective=condition, or the URDF that +experiment=identify writes"
         )
     return torque_scale(body, _FLOOR)

@@ -13,6 +13,7 @@ from sidegan.robot.setup import PLAIN, Mount, Setup
 
 DERIVATIVE_ORDER = {"acceleration": 2, "jerk": 3}  # of the position, which may be limited
 LOCKED = "locked "  # start of a note on locked joints
+NO_INERTIA = "no inertia: "  # start of a note on missing inertias
 
 FilePlane = tuple[float, float, float, float]  # unit normal, and the height along it [m]
 _FINEST = 2.0**40  # steps per unit: 1e-12 is above rounding errors and below significant figures
@@ -88,7 +89,7 @@ class Arm:
     mount: Mount = (0.0, 0.0, 0.0)  # roll, pitch and yaw [rad] of the description's first link in the world
     acceleration_limit: Array | None = None  # [rad/s² or m/s²], (J,); None if there is none
     jerk_limit: Array | None = None  # [rad/s³ or m/s³], (J,)
-    notes: tuple[str, ...] = ()  # for people, on what was locked and assumed
+    notes: tuple[str, ...] = ()  # for people, on what was locked, lumped and assumed
     # links, each with its nearest ancestor that has a shape; None: all links with one joint between them
     parents: frozenset[tuple[str, str]] | None = None
     may_touch: tuple[
@@ -118,6 +119,11 @@ class Arm:
     def locked(self) -> str:
         """Note on locked joints and their positions; empty if there are none."""
         return next((note for note in self.notes if note.startswith(LOCKED)), "")
+
+    @property
+    def massless(self) -> list[str]:
+        """Why inertias are missing, as far as the description tells."""
+        return [note.removeprefix(NO_INERTIA) for note in self.notes if note.startswith(NO_INERTIA)]
 
     def unlike(self, robot: str, digest: str) -> str:
         """Words for a message on another arm's name and digest, in place of this arm's."""

@@ -13,7 +13,6 @@ from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree, meant
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
 _MOST_TIPS = 6  # suggested in a message
-_ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
 def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
@@ -48,7 +47,8 @@ def _path(tree: Tree, setup: Setup) -> list[Joint]:
         for joint in tree.joints.values()
         if _moves(joint) and joint.name not in given
     }
-    carrying = {joint.name for name in paths if not _GRIPPER.search(name) for joint in paths[name]}
+    grips = {name for name in paths if _GRIPPER.search(name)} | _mimicked_beside(tree)
+    carrying = {joint.name for name in paths if name not in grips for joint in paths[name]}
     paths = {name: path for name, path in paths.items() if name in carrying} or paths
     return _only(tree, paths) if paths else []
 
@@ -56,6 +56,17 @@ def _path(tree: Tree, setup: Setup) -> list[Joint]:
 def _moves(joint: Joint) -> bool:
     """Whether a joint has one degree of freedom of its own."""
     return joint.kind in MOVABLE and joint.mimic is None
+
+
+def _mimicked_beside(tree: Tree) -> set[str]:
+    """Joints mimicked by a joint that is not one of their descendants, as of fingers that open together."""
+    found = set()
+    for joint in tree.joints.values():
+        if joint.mimic is not None:
+            master = joint.mimic.get("joint", "")
+            if master not in {ancestor.name for ancestor in tree.path(joint.parent)}:
+                found.add(master)
+    return found
 
 
 def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
@@ -141,8 +152,12 @@ def _check_locked(tree: Tree, name: str, value: float) -> None:
         )
 
 
-def describe_fixed(tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float]) -> list[str]:
-    """Notes on locked joints with their positions [rad or m]."""
+def describe_fixed(
+    tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
+) -> list[str]:
+    """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
+    if not locked:
+        return []
     stand, notes = [], []
     free = {joint.name for joint in moving}
     for name, value in locked.items():
@@ -153,4 +168,17 @@ def describe_fixed(tree: Tree, moving: Sequence[Joint], locked: Mapping[str, flo
             notes.append(
                 f"{name} is locked, but mimics {leader}, which moves: does it stand on your machine?"
             )
-    return [LOCKED + listed(stand, 12), *notes] if locked else []
+    lumped: dict[str, list[str]] = {}
+    for link in tree.links:
+        path = tree.path(link)
+        first = 1 + max((i for i, joint in enumerate(path) if joint in moving), default=-1)
+        if any(joint.name in locked for joint in path[first:]):
+            lumped.setdefault(path[first - 1].child if first else "", []).append(link)
+    for carrier, links in lumped.items():
+        mass = sum(masses.get(link, 0.0) for link in links)
+        notes.append(
+            f"{mass:.4g} kg of {listed(links)} lumped into {carrier}"
+            if carrier
+            else f"fixed to the base: {listed(links)}"
+        )
+    return [LOCKED + listed(stand, 12), *notes]

@@ -10,17 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.arm import FilePlane
+from sidegan.robot.arm import NO_INERTIA, FilePlane
 from sidegan.robot.chain import choose, describe_fixed
 from sidegan.robot.drives import Drives
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.meshes import find_mesh, metres_per_unit
+from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
 from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, turned, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import Joint, read_tree
+from sidegan.robot.tree import Joint, Tree, read_tree
 
 _HOMES = "home", "ready"  # names of home postures, in order of preference
 _SIZES = {  # attributes of each shape's sizes, and how many numbers each has
@@ -43,7 +44,7 @@ class Description:
     xml: str  # a URDF of the arm without visual shapes, with absolute mesh paths
     limits: dict[str, JointLimits]  # by moving joint
     moved: dict[str, str]  # child link by moving joint
-    missing: dict[str, list[str]]  # missing mesh files by link
+    missing: dict[str, list[str]]  # missing or empty mesh files by link
     notes: list[str]  # for people, on what was decided for them
     parents: frozenset[tuple[str, str]]  # links, each with its nearest ancestor that has a shape
     may_touch: tuple[tuple[str, str, str], ...]  # pairs of links not checked for collision, and the source
@@ -71,10 +72,13 @@ def read_description(
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
-    notes = describe_fixed(tree, moving, locked)
+    read = {link: _read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
+    masses = {link: mass for link, (mass, _) in read.items()}
+    notes = describe_fixed(tree, moving, locked, masses)
     for name, value in locked.items():
         lock(tree.joints[name], value, tree.at(tree.joints[name]))
     moved = {joint.name: joint.child for joint in moving}
+    wrong = [why for _, why in read.values() if why] or _massless(tree, links, moved, masses)
     postures = _group_states(path, robot) if source.postures is None else source.postures
     own_home = _home_among(postures, [*moved])
     around = own_home if home is None else home
@@ -84,9 +88,8 @@ def read_description(
         for link in pair:
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
-    missing = {}
+    missing = dict(source.missing if planning else {})
     for link, element in links.items():
-        _check_inertia(element, f"{where}: link {link!r}")
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
@@ -103,7 +106,7 @@ def read_description(
         limits=limits,
         moved=moved,
         missing=missing,
-        notes=[*source.notes, *notes, *assumed],
+        notes=[*source.notes, *notes, *assumed, *(NO_INERTIA + why for why in wrong)],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,
@@ -114,23 +117,41 @@ def read_description(
     )
 
 
-def _check_inertia(link: ET.Element, where: str) -> None:
-    """Raise unless a link has a valid inertia or none."""
+def _read_mass(link: ET.Element, where: str) -> tuple[float, str]:
+    """Mass of a link [kg], 0 without inertia, and why an invalid inertia was removed from the XML, if so."""
     inertial = link.find("inertial")
     if inertial is None:
-        return
-    mass = xml.number(xml.child(inertial, "mass", where), "value", where)
-    if mass < 0:
-        raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
-    inertia = xml.child(inertial, "inertia", where)
-    for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
-        xml.number(inertia, key, where)
-    for key in ("xyz", "rpy"):
-        xml.vector(inertial.find("origin"), key, where, "0 0 0")
+        return 0.0, ""
+    try:
+        mass = xml.number(xml.child(inertial, "mass", where), "value", where)
+        if mass < 0:
+            raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
+        inertia = xml.child(inertial, "inertia", where)
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+            xml.number(inertia, key, where)
+        for key in ("xyz", "rpy"):
+            xml.vector(inertial.find("origin"), key, where, "0 0 0")
+    except RobotError as error:
+        link.remove(inertial)
+        return 0.0, str(error)
+    return mass, ""
+
+
+def _massless(
+    tree: Tree, links: Mapping[str, ET.Element], moved: Mapping[str, str], masses: Mapping[str, float]
+) -> list[str]:
+    """Why no link that these joints move has a mass [kg]; empty if one has."""
+    heavy = [link for link, mass in masses.items() if mass > 0]
+    if any(joint.name in moved for link in heavy for joint in tree.path(link)):
+        return []
+    if heavy:
+        return [f"only links that do not move have a mass: {listed(heavy)}"]
+    stated = any(link.find("inertial") is not None for link in links.values())
+    return ["every <inertial> has a mass of 0 kg" if stated else "the description has no <inertial>"]
 
 
 def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
-    """Missing mesh files of a link's collision shapes, which are removed from the XML.
+    """Missing or empty mesh files of a link's collision shapes, which are removed from the XML.
 
     Scales of the others are converted to metres per unit of the file. Without ``meshes``, all meshes are
     removed, and none counts as missing.
@@ -151,9 +172,9 @@ def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> l
         elif shape.tag == "mesh":
             scale = xml.vector(shape, "scale", where, "1 1 1")
             file = find_mesh(name := xml.attribute(shape, "filename", where), path)
-            if file is None:
+            if file is None or not has_surface(file):
                 link.remove(collision)
-                absent.append(name)
+                absent.append(name if file is None else f"a surface in {name}")
             else:
                 shape.set("filename", str(file))
                 shape.set("scale", xml.words(metres_per_unit(file) * x for x in scale))

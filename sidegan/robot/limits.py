@@ -66,6 +66,8 @@ def limits_of(
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
     notes = list(read)
+    if described.useless:
+        notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
     if described.narrowed:
         whole = override("limits.position", {name: span for name, (span, _) in described.narrowed.items()})
         notes.append(
@@ -122,6 +124,7 @@ class _Described:
         self.missing: list[str] = []
         self.examples: dict[str, dict[str, object]] = {}  # by kind and joint
         self.narrowed: dict[str, tuple[_Span, str]] = {}  # full ranges, and soft limits in words
+        self.useless: list[str] = []  # joints whose soft limits leave no range
 
     def position(self, joint: Joint) -> _Span:
         """Lower and upper limit [rad or m]; half a turn to each side of home for continuous joints."""
@@ -162,13 +165,16 @@ class _Described:
         return min((value for value in values if value > 0), default=math.inf)
 
     def _softened(self, joint: Joint, span: _Span) -> _Span:
-        """A range narrowed by a joint's soft limits, if these leave one; a missing end is 0."""
+        """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
         safety = joint.part("safety_controller")
         at = self.tree.at(joint)
         soft = [xml.number(safety, f"soft_{end}_limit", at, "0") for end in ("lower", "upper")]
         lower = max(span[0], soft[0])
         upper = min(span[1], soft[1])
-        if not any(soft) or (lower, upper) == span or lower >= upper:
+        if not any(soft) or (lower, upper) == span:
+            return span
+        if lower >= upper:
+            self.useless.append(joint.name)
             return span
         unit = "m" if joint.kind == "prismatic" else "rad"
         self.narrowed[joint.name] = span, f"{joint.name} {lower:.4g} to {upper:.4g} {unit}"

@@ -118,8 +118,9 @@ def _warn(description: Description, refused: Mapping[tuple[str, str], float]) ->
     """Warn about links that lack a shape, and about pairs of links whose shapes are too coarse."""
     if description.missing:
         _log.warning(
-            "%s: mesh files are missing; collisions of these links may go unnoticed: %s (not found: %s; "
-            "packages are searched for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
+            "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s "
+            "(not found: %s; packages are searched for above the description and on ROS_PACKAGE_PATH and "
+            "AMENT_PREFIX_PATH)",
             description.path,
             ", ".join(description.missing),
             listed([file for files in description.missing.values() for file in files], 4),

@@ -19,6 +19,8 @@ VARIABLE = "SIDEGAN_CACHE"  # environment variable with the cache's folder
 _FEWEST = 4  # faces of a body
 _DEEPEST = 3  # levels below an entry of ROS_PACKAGE_PATH that are searched for packages
 _POINTER = b"version https://git-lfs"  # start of a Git LFS pointer, whose file was not downloaded
+_SMALL = 100_000  # bytes; larger files surely have triangles
+_TRIANGLES = (b"<triangles", b"<tristrips", b"<trifans", b"<polygons", b"<polylist")  # of Collada
 
 
 def find_mesh(name: str, urdf: Path) -> Path | None:
@@ -33,14 +35,14 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     beside = (folder / rest for folder in urdf.parents)
     for file in beside if scheme in ("", "file") else _in_package(rest, urdf):
         try:
-            if _is_there(file):
+            if is_there(file):
                 return file.resolve()
         except (OSError, ValueError):  # an invalid name, a forbidden folder
             continue
     return None
 
 
-def _is_there(file: Path) -> bool:
+def is_there(file: Path) -> bool:
     """Whether a file exists and is not a Git LFS pointer."""
     if not file.is_file():
         return False
@@ -68,6 +70,20 @@ def metres_per_unit(file: Path) -> float:
     except ValueError:
         raise RobotError(f"mesh file {file} has the unit {stated!r}, expected a number of metres") from None
     return size
+
+
+def has_surface(file: Path) -> bool:
+    """Whether a mesh file has triangles, or is invalid."""
+    import trimesh
+
+    if not 0 < file.stat().st_size < _SMALL:
+        return True
+    if file.suffix.lower() == ".dae":
+        return any(name in file.read_bytes() for name in _TRIANGLES)
+    try:
+        return len(trimesh.load_scene(file).to_mesh().faces) > 0
+    except Exception:  # reading its shape will report the error
+        return True
 
 
 def read_mesh(file: Path) -> NDArray[np.float64]:

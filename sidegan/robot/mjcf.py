@@ -10,11 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from sidegan.base.names import listed
-from sidegan.errors import RobotError
 from sidegan.robot.arm import FilePlane
 from sidegan.robot.meshes import kept_mesh
+from sidegan.robot.mjcf_files import compiled
 from sidegan.robot.placement import write_placement
-from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.robot.xml import Source, words
 
 _log = logging.getLogger(__name__)
@@ -47,18 +46,18 @@ def read_mjcf(path: Path) -> Source:
     MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Equality constraints
     between joints become mimic joints. Height fields are dropped; fixed planes are listed separately.
     """
-    try:
-        with mujoco_logged(path, logging.WARNING):
-            model = mujoco.MjModel.from_xml_path(str(path))
-    except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
+    model, missing, hidden = compiled(path)
     writer = _Writer(model, path)
     if ignored := writer.ignored():
         _log.warning("%s: torques and their limits do not include %s", path, ignored)
+    notes = writer.notes()
+    if hidden:
+        notes.append(f"not shown, since the mesh files are missing: {listed(list(hidden))}")
     return Source(
         text=ET.tostring(writer.root, encoding="utf-8"),
         root=writer.root,
-        notes=tuple(writer.notes()),
+        notes=tuple(notes),
+        missing=missing,
         planes=tuple(writer.planes),
         gravity=tuple(map(float, model.opt.gravity)),
         postures=writer.postures(),
@@ -104,6 +103,8 @@ class _Writer:
         notes = []
         if self.dropped:
             notes.append(f"unsupported shapes left out: {listed(self.dropped)}")
+        if model.dof_armature.any():
+            notes.append("rotor inertias (armature) are not part of the rigid model")
         if self.uncoupled:
             names = listed(self.uncoupled)
             notes.append(f"constraints left out, so that trajectories may break them: {names}")

@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import SupportsFloat
 
 from sidegan.errors import RobotError
@@ -17,6 +17,7 @@ class Source:
     text: bytes  # of the URDF
     root: ET.Element
     notes: tuple[str, ...] = ()  # what could not be carried over
+    missing: Mapping[str, list[str]] = field(default_factory=dict)  # missing mesh files by link
     # planes and gravity are in the first link's frame
     planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
     gravity: tuple[float, ...] | None = None  # [m/s²], (3,), if stated

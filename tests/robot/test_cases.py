@@ -58,6 +58,8 @@ KINDS = {  # what link 1 says of its mass, and what is said of that
     "too far out": inertial(moments=(-0.02, 0.02, 0.004)),
     "its mass is 0 kg": "",
     "its mass is 0 kg, expected more": inertial(mass=0),
+    "its mass is 0 kg, ": inertial(mass=-3),
+    "mass is 0 kg": inertial(mass="nan"),
     "1e-06 kg at": inertial(mass=1e-6, moments=(1e-9, 1e-9, 1e-9)),
     "2 kg at 150 m from its joint": inertial(place="10 5 150"),
     "": inertial(moments=(1e-9, 1e-9, 1e-9)),  # can be, and is too thin to start from
@@ -92,9 +94,19 @@ def test_identification_needs_neither_limits_nor_meshes(load, caplog, tmp_path):
     assert "missing from the description are assumed to be 'robot.limits.position={joint0: " in arm.notes[0]
 
 
-def test_usual_torques_without_masses_are_refused(load):
-    with pytest.raises(ConfigError, match="no moving link of rods has a mass, so its usual"):
-        usual_torque(RigidBody(load(arm_of(BARE))))
+@pytest.mark.parametrize(
+    ("content", "base", "why"),
+    [
+        ("", "", "the description has no <inertial>"),
+        ("", inertial(), "only links that do not move have a mass: base"),
+        (inertial(mass=0, moments=(0, 0, 0)), "", "every <inertial> has a mass of 0 kg"),
+        (inertial(mass="nan"), "", "link 'link0': <mass value='nan'>"),
+    ],
+)
+def test_usual_torques_without_masses_are_refused_with_the_reason(load, content, base, why):
+    arm = load(arm_of(dict.fromkeys(range(4), content), base=base))
+    with pytest.raises(ConfigError, match=rf"^no moving link of rods has a mass \(.*{why}.*\), so its usual"):
+        usual_torque(RigidBody(arm))
 
 
 @pytest.mark.parametrize("place", ["1 0 0.15", "0 -0.8 0.15", "0 0 1.2"])

@@ -76,6 +76,8 @@ def test_locked_parts_are_reported_and_stay_in_the_collision_model(load):
     arm = load(PERSON, Setup(tip="left_lower", locked={"waist": 0.25}))
     notes = "; ".join(arm.notes)
     assert "right_shoulder at 0.25 rad" in notes and "left_thumb at 0.25 m" in notes
+    assert "3 kg of nail, tip lumped into left_lower" in notes
+    assert "fixed to the base: torso, right_upper, right_lower" in notes
     still, moving = dict.fromkeys(["torso", "right_upper", "right_lower"], -1), {"left_upper": 0}
     owners = dict(zip(arm.capsules.owners, arm.capsules.link.tolist()))
     assert owners == {**still, **moving, "left_lower": 1, "tip": 1}
@@ -98,12 +100,13 @@ class TestWhichChain:
         for tip, joints in tips:
             assert load(PERSON, Setup(tip=tip)).joints == int(joints)
 
-    def test_a_gripper_and_its_mimic_finger_are_locked(self, load):
-        finger = joint("other", "arm", "right", "prismatic", extra='<mimic joint="gripper"/>')
-        gripper = joint("gripper", "arm", "left", "prismatic"), link("left"), finger, link("right")
+    @pytest.mark.parametrize("name", ["gripper", "first"])
+    def test_a_gripper_and_its_mimic_finger_are_locked(self, load, name):
+        finger = joint("other", "arm", "right", "prismatic", extra=f'<mimic joint="{name}"/>')
+        gripper = joint(name, "arm", "left", "prismatic"), link("left"), finger, link("right")
         arm = load(more(one_joint(), *gripper))
         assert arm.joint_names == ("turn",)
-        assert "locked gripper at 0.25 m, other at 0.25 m" in arm.notes
+        assert f"locked {name} at 0.25 m, other at 0.25 m" in arm.notes
 
     @pytest.mark.parametrize(("text", "words", "remedy", "left"), REMEDIES)
     def test_a_refusal_suggests_a_setting_that_works(self, load, text, words, remedy, left):

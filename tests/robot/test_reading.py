@@ -63,11 +63,10 @@ def test_the_floor_height_follows_the_base_or_is_reported_as_a_guess(load, block
     assert known == (f"plane: {{normal: [0, 0, 1], offset: {height:g}}}" not in said)
 
 
-MJCF = """<mujoco model="three"><compiler angle="radian" meshdir="meshes"/>{option}<worldbody>{world}
+MJCF = """<mujoco model="three"><compiler angle="radian" meshdir="meshes"/>{option}{asset}<worldbody>{world}
 <body name="foot"><geom type="sphere" size="0.12" pos="0 0 0.03"/>
 <geom type="cylinder" size="0.08 0.05" pos="0 0 0.05" contype="0" conaffinity="0"/>
-<body name="one" pos="0 0 0.2"><joint name="j1" range="-2.8 2.8"/>
-<inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>
+<body name="one" pos="0 0 0.2"><joint name="j1" range="-2.8 2.8"/>{inertial}{geom}
 <geom type="capsule" size="0.04 0.1" pos="0 0 0.15"/>
 <body name="two" pos="0 0 0.3"><joint name="j2" axis="0 1 0" range="-2.8 2.8" armature="0.1"/>
 <inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>
@@ -75,12 +74,13 @@ MJCF = """<mujoco model="three"><compiler angle="radian" meshdir="meshes"/>{opti
 <body name="three" pos="0 0 0.3"><joint name="j3" axis="0 1 0" range="-2.8 2.8"/>
 <inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>
 <geom type="capsule" size="0.04 0.1" pos="0 0 0.15"/></body></body></body></body></worldbody></mujoco>"""
+WEIGHS = '<inertial mass="1" pos="0 0 0.1" diaginertia="0.01 0.01 0.01"/>'
 FLAT = '<geom type="plane" size="1 1 1" pos="0 0 {}"/>'
 SPEED = Setup(limits=Limits(velocity=1.5))
 
 
-def mjcf(world="", option=""):
-    return MJCF.format(world=world, option=option)
+def mjcf(**parts):
+    return MJCF.format(**{"option": "", "asset": "", "world": "", "inertial": WEIGHS, "geom": ""} | parts)
 
 
 PLANES = {  # what stands in the world beside the arm, gravity, and the planes that are kept out of
@@ -164,7 +164,8 @@ SOFT = {  # what stands beside a range of ±2.8 rad at 2 rad/s, what the range i
         "joint0 -1 to 1.5 rad; for the full range: 'robot.limits.position={joint0: [-2.8, 2.8]}'",
     ),
     'soft_lower_limit="-9" soft_upper_limit="1.5"': (-2.8, 1.5, "joint0 -2.8 to 1.5 rad;"),
-    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, ""),
+    'soft_lower_limit="0" soft_upper_limit="0"': (-2.8, 2.8, ""),
+    'soft_lower_limit="3" soft_upper_limit="4"': (-2.8, 2.8, "leave no range are ignored: joint0"),
 }
 
 
@@ -250,11 +251,49 @@ def test_missing_torque_limits_give_one_warning(load, caplog):
     assert load(arm_of()).joints == 4 and not caplog.records
 
 
-def test_links_with_missing_meshes_are_reported(load, tmp_path, caplog):
-    (tmp_path / "pointer.stl").write_text(POINTER)
-    arm = load(arm_of({2: mesh("pointer.stl"), 3: mesh("package://gone/box.stl")}))
-    assert {*arm.capsules.owners} == {"base", "link0", "link1"}
-    assert "unnoticed: link2, link3 (not found: pointer.stl, package://gone/box.stl;" in caplog.text
+ASSET = (
+    '<asset><texture name="sky" type="2d" file="sky.png"/><material name="m" texture="sky"/>'
+    '<mesh name="look" file="look.obj"/><mesh file="hull.stl"/></asset>'
+)
+LOOK = '<geom type="mesh" mesh="look" material="m" contype="0" conaffinity="0"/>'
+HULL = '<geom type="mesh" mesh="hull"/>'
+
+
+@pytest.mark.parametrize("pointer", [False, True])
+def test_an_mjcf_loads_without_its_mesh_files(load, tmp_path, caplog, pointer):
+    (tmp_path / "meshes").mkdir()
+    if pointer:
+        (tmp_path / "meshes" / "hull.stl").write_text(POINTER)
+    arm, whole = (
+        load(mjcf(asset=ASSET, geom=LOOK + HULL), SPEED, name="a.xml"),
+        load(mjcf(), SPEED, name="b.xml"),
+    )
+    assert "not shown, since the mesh files are missing: one" in arm.notes
+    assert "collisions of these links may go unnoticed: one (not found: hull.stl" in caplog.text
+    assert arm.digest == whole.digest
+    with pytest.raises(RobotError, match=r"MuJoCo refuses it: .*\.obj"):  # its mass is the link's
+        load(mjcf(asset=ASSET, geom=HULL, inertial=""), SPEED, name="c.xml")
+
+
+def test_links_with_empty_or_missing_meshes_are_reported(load, tmp_path, caplog):
+    (tmp_path / "empty.dae").write_text(box("").partition("<library_geo")[0] + "</COLLADA>")
+    (tmp_path / "empty.stl").write_text("solid nothing\nendsolid nothing\n")
+    arm = load(arm_of({1: mesh("empty.dae"), 2: mesh("empty.stl"), 3: mesh("package://gone/box.stl")}))
+    assert {*arm.capsules.owners} == {"base", "link0"}
+    said = "a surface in empty.dae, a surface in empty.stl, package://gone/box.stl"
+    assert f"unnoticed: link1, link2, link3 (not found: {said};" in caplog.text
+
+
+def test_xacro_includes_are_relative_to_the_including_file(tmp_path, monkeypatch):
+    pytest.importorskip("xacrodoc")
+    head, folder = '<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">', tmp_path / "parts"
+    folder.mkdir()
+    inner = f'{head}<xacro:include filename="deeper.xacro"/></robot>'
+    (folder / "macro.xacro").write_text(inner)
+    (folder / "deeper.xacro").write_text(arm_of().replace('<robot name="rods">', head))
+    (tmp_path / "arm.urdf.xacro").write_text(f'{head}<xacro:include filename="./parts/macro.xacro"/></robot>')
+    monkeypatch.chdir(folder)
+    assert load_robot(tmp_path / "arm.urdf.xacro").joints == 4
 
 
 def test_a_urdf_exported_from_an_mjcf_is_complete(load, tmp_path):

@@ -147,6 +147,7 @@ class TestMjcf:
         notes = "; ".join(arm.notes)
         assert "left_finger at 0.02 m, right_finger at -0.01 m" in notes
         assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
+        assert "rotor inertias (armature) are not part" in notes
         assert "gravcomp" not in notes
         assert "torques and their limits" not in caplog.text
         text = MJCF.replace('<joint name="two"', '<joint name="two" stiffness="60"')
