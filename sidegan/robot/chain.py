@@ -4,7 +4,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 
-from sidegan.base.names import counted, listed
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import LOCKED
@@ -13,6 +13,7 @@ from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree, meant
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
 _MOST_TIPS = 6  # suggested in a message
+_ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
 
 def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float]]:
@@ -78,16 +79,30 @@ def _only(tree: Tree, paths: dict[str, list[Joint]]) -> list[Joint]:
     chains = [[joint for joint in paths[name] if joint.name in paths] for name in ends]
     shared = [column[0] for column in zip(*chains) if len({joint.name for joint in column}) == 1]
     branches = dict.fromkeys(repr(chain[len(shared)].name) for chain in chains)
-    tips = sorted(chains, key=len, reverse=True)[:_MOST_TIPS] + ([shared] if shared else [])
-    offered = [
-        f"{setting('tip', tip[-1].child)} ({counted(len(tip), 'joint')}: {tip[0].name} to {tip[-1].name})"
-        for tip in tips
-    ]
+    tips = sorted((_before_hand(chain, chains) for chain in chains), key=len, reverse=True)
+    offered = list(dict.fromkeys(map(_offered, tips)))[:_MOST_TIPS] + ([_offered(shared)] if shared else [])
     carrier = f"joint {shared[-1].name!r}" if shared else "the base"
+    together = "both" if len(branches) == 2 else "all"
     raise RobotError(
-        f"{tree.where}: joints {' and '.join(branches)} branch off {carrier}, expected one chain; "
-        f"choose its tip: {'; or '.join(offered)}"
+        f"{tree.where}: joints {' and '.join(branches)} {together} branch off {carrier}, expected one chain; "
+        f"choose its tip: {'; or '.join(dict.fromkeys(offered))}"
     )
+
+
+def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
+    """The joints of a chain before its hand, several short branches behind an arm; all if there is none."""
+    for k in range(_ARM, len(chain)):
+        fingers = [other[k:] for other in chains if other[:k] == chain[:k]]
+        if len({finger[0].name for finger in fingers}) > 1 and max(map(len, fingers)) <= _HAND:
+            return chain[:k]
+    return chain
+
+
+def _offered(chain: list[Joint]) -> str:
+    """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
+    first, last = chain[0].name, chain[-1].name
+    joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
+    return f"{setting('tip', chain[-1].child)} ({joints})"
 
 
 def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:

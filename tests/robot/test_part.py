@@ -85,9 +85,13 @@ def test_locked_parts_are_reported_and_stay_in_the_collision_model(load):
 
 FLOATING = two_joints().replace('name="first" type="revolute"', 'name="first" type="floating"')
 MIMIC = two_joints(extra='<mimic joint="first"/>')
+SIX = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
+FINGERS = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
+HAND = robot(link("l0", ""), *SIX, *FINGERS)
 REMEDIES = [
     (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
     (FLOATING, r"'robot\.locked=\{first: 0\}' locks it", Setup(locked={"first": 0.0}), "second"),
+    (HAND, r"its tip: robot\.tip=l6 \(6 joints: a0 to a5\)$", Setup(tip="l6"), "a0 a1 a2 a3 a4 a5"),
 ]
 
 

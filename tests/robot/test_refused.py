@@ -93,7 +93,7 @@ REFUSED = {
         (one_joint(kind="fixed"), "has no movable joints"),
         (one_joint(kind="planar"), "joint 'turn' is planar"),
         (one_joint(kind="hinge"), "of type 'hinge', expected revolute, prismatic, cont"),
-        (TWO_ARMS, "joints 'left' and 'right' branch off the base, expected one chain"),
+        (TWO_ARMS, "joints 'left' and 'right' both branch off the base, expected one chain"),
         (more(RING, link("base")), "no joints connect 'base' to x, y, expected one tree"),
         (LOOP, "joint 'third' is a second joint with child link 'upper'"),
         (more(one_joint(), link("lost")), "has 2 links without a parent ['base', 'lost'], expected only"),

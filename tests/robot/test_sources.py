@@ -236,7 +236,7 @@ LOST = XACRO.replace("{argument}", '<xacro:include filename="$(find no_such_pack
 REFUSED = {
     "a mesh that is lost": (lost_obj, r"toy\.xml: MuJoCo refuses it: .*gone\.obj"),
     "no argument": (xacro(), r"xacro refuses it: .*'robot\.args=\{reach: …\}'"),
-    "no package": (xacro(text=LOST), r"no package no_such_package; put .* on ROS_PACKAGE_PATH"),
+    "no package": (xacro(text=LOST), r"package no_such_package was not found; .* to ROS_PACKAGE_PATH"),
     "no xacrodoc": (xacro(), r"pip install 'sidegan\[xacro\]'"),
     "an unknown name": (lambda _: load_robot("toi"), "named 'toi', expected kuka_lwr4, planar2 or"),
     "a far name": (lambda _: load_robot("far"), "cannot fetch far_description: no route to host"),
