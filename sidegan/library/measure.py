@@ -5,8 +5,7 @@ import numpy as np
 from sidegan.base.arrays import Array, split
 from sidegan.design import fidelity
 from sidegan.design.excitation import excite
-from sidegan.library.collection import Library
-from sidegan.library.parquet import MARGIN
+from sidegan.library.collection import MARGIN, Library
 from sidegan.motion.trajectory import Trajectory
 from sidegan.validity import Constraints, check
 

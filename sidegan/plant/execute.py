@@ -14,7 +14,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Motion, concatenate
 from sidegan.plant.model import PlantSettings, mujoco_model
 from sidegan.robot import Arm
-from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.write_mjcf import mujoco_logged
 
 if TYPE_CHECKING:
     import mujoco

@@ -12,8 +12,7 @@ from sidegan.base.typed import Hertz, NonNegative, Positive, Share
 from sidegan.errors import ConfigError, RobotError
 from sidegan.robot import Arm, require_consistent
 from sidegan.robot.drives import Drives
-from sidegan.robot.mujoco_log import mujoco_logged
-from sidegan.robot.write_mjcf import chain
+from sidegan.robot.write_mjcf import chain, mujoco_logged
 from sidegan.robot.xml import words
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from sidegan.motion.trajectory import Motion
 from sidegan.plant.execute import largest_inertia
 from sidegan.plant.model import IDEAL, mujoco_model
 from sidegan.robot import Arm
-from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.write_mjcf import mujoco_logged
 
 if TYPE_CHECKING:
     import mujoco

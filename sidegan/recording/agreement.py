@@ -14,7 +14,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.gravity import Load, friction_basis, load_of, other_columns, unexplained
 from sidegan.recording.recording import Segment
 from sidegan.robot import Arm
-from sidegan.robot.mounting import direction, in_base, mount_of, straightened
+from sidegan.robot.placement import direction, in_base, mount_of, straightened
 
 _SAMPLES = 20_000  # enough to determine a sign
 _FEW = 2_000  # enough to detect swapped motions

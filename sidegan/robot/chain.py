@@ -1,11 +1,15 @@
-"""Choice of a description's joints that form the arm; the others are fixed."""
+"""Choice of a description's joints that form the arm; the positions of the others, and notes on these."""
 
 import re
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
-from sidegan.robot.fixed_joints import check_locked, fixed_positions
+from sidegan.robot import xml
+from sidegan.robot.arm import LOCKED
 from sidegan.robot.setup import Setup, override, setting
-from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree
+from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree, meant
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
 _MOST_TIPS = 6  # suggested in a message
@@ -16,7 +20,7 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
     """The arm's joints, from the base outwards, and the positions of all others [rad or m]."""
     given = setup.locked or {}
     for name, value in given.items():
-        check_locked(tree, name, value)
+        _check_locked(tree, name, value)
     path = _path(tree, setup)
     for joint in path or tree.joints.values():
         if joint.kind in REFUSED and joint.name not in given:
@@ -30,7 +34,7 @@ def choose(tree: Tree, setup: Setup) -> tuple[tuple[Joint, ...], dict[str, float
         raise RobotError(
             f"{tree.where} has no movable joints{unlocked}, expected at least one revolute or prismatic"
         )
-    return moving, fixed_positions(tree, moving, given)
+    return moving, _fixed_positions(tree, moving, given)
 
 
 def _path(tree: Tree, setup: Setup) -> list[Joint]:
@@ -44,21 +48,15 @@ def _path(tree: Tree, setup: Setup) -> list[Joint]:
         for joint in tree.joints.values()
         if _moves(joint) and joint.name not in given
     }
-    return _only(tree, _without_grippers(tree, paths)) if paths else []
+    grips = {name for name in paths if _GRIPPER.search(name)} | _mimicked_beside(tree)
+    carrying = {joint.name for name in paths if name not in grips for joint in paths[name]}
+    paths = {name: path for name, path in paths.items() if name in carrying} or paths
+    return _only(tree, paths) if paths else []
 
 
 def _moves(joint: Joint) -> bool:
     """Whether a joint has one degree of freedom of its own."""
     return joint.kind in MOVABLE and joint.mimic is None
-
-
-def _without_grippers(tree: Tree, paths: dict[str, list[Joint]]) -> dict[str, list[Joint]]:
-    """Paths to joints of the arm, without grippers unless nothing else would be left."""
-    grips = {name for name in paths if _GRIPPER.search(name)} | _mimicked_beside(tree)
-    arm = {name for name in paths if name not in grips}
-    carrying = {joint.name for name in arm for joint in paths[name]}
-    kept = {name: path for name, path in paths.items() if name in carrying}
-    return kept or paths
 
 
 def _mimicked_beside(tree: Tree) -> set[str]:
@@ -102,7 +100,100 @@ def _before_hand(chain: list[Joint], chains: list[list[Joint]]) -> list[Joint]:
 
 def _offered(chain: list[Joint]) -> str:
     """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
-    first = chain[0].name
-    last = chain[-1].name
+    first, last = chain[0].name, chain[-1].name
     joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
     return f"{setting('tip', chain[-1].child)} ({joints})"
+
+
+def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
+    """Positions of all joints that do not move [rad or m]: as given, as mimicked, or mid-range."""
+    free = {joint.name for joint in moving}
+    locked: dict[str, float] = {}
+    wrong: dict[str, str] = {}  # joints with an invalid mimic, and why
+    remedies: dict[str, float] = {}  # joints to lock, and where; their leaders, if these move
+
+    def middle(joint: Joint) -> float:
+        lower, upper = tree.span(joint) or (0.0, 0.0)
+        return (lower + upper) / 2 if lower < upper else 0.0
+
+    def stand(joint: Joint, followers: tuple[str, ...] = ()) -> float:
+        if joint.name not in locked:
+            if joint.name in given:
+                locked[joint.name] = given[joint.name]
+            elif joint.mimic is None:
+                locked[joint.name] = middle(joint)
+            else:
+                locked[joint.name] = follow(joint, joint.mimic, (*followers, joint.name))
+        return locked[joint.name]
+
+    def follow(joint: Joint, mimic: ET.Element, followers: tuple[str, ...]) -> float:
+        """Position of a joint that mimics another: multiplier · its position + offset."""
+        at = tree.at(joint)
+        name = mimic.get("joint", "")
+        if name not in tree.joints or name in free or name in followers:
+            wrong[joint.name] = f"{at} mimics {name!r}" if name else f"{at} mimics no joint"
+            leads = name in free and len(free) > 1
+            remedies[name if leads else joint.name] = middle(tree.joints[name]) if leads else 0.0
+            return 0.0
+        followed = tree.joints[name]
+        here = 0.0 if followed.kind == "fixed" else stand(followed, followers)
+        return xml.number(mimic, "multiplier", at, "1") * here + xml.number(mimic, "offset", at, "0")
+
+    for joint in tree.joints.values():
+        if joint.kind != "fixed" and joint.name not in free:
+            stand(joint)
+    if wrong:
+        remedy = override("locked", remedies, given)
+        first, *rest = wrong.values()
+        reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
+        raise RobotError(f"{reasons}: expected another joint that does not move; lock it by {remedy}")
+    return locked
+
+
+def _check_locked(tree: Tree, name: str, value: float) -> None:
+    """Raise unless a joint exists, can move, and has this position [rad or m] in its range."""
+    joint = tree.joints.get(name)
+    if joint is None:
+        movable = [other.name for other in tree.joints.values() if other.kind != "fixed"]
+        raise RobotError(f"{tree.where} has no joint {name!r} to lock (robot.locked){meant(name, movable)}")
+    if joint.kind == "fixed":
+        raise RobotError(f"{tree.at(joint)} is fixed: leave it out of robot.locked")
+    lower, upper = tree.span(joint) or (0.0, 0.0)
+    if lower < upper and not lower <= value <= upper:
+        nearest = min(max(value, lower), upper)
+        raise RobotError(
+            f"{tree.at(joint)} is locked at {value:g}, outside its range {lower:g} to {upper:g}; the "
+            f"nearest is {override('locked', {name: nearest})}"
+        )
+
+
+def describe_fixed(
+    tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
+) -> list[str]:
+    """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
+    if not locked:
+        return []
+    stand, notes = [], []
+    free = {joint.name for joint in moving}
+    for name, value in locked.items():
+        joint = tree.joints[name]
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        stand.append(f"{name} at {f'{value:.4g} {unit}' if joint.kind in MOVABLE else 'its origin'}")
+        if joint.mimic is not None and (leader := joint.mimic.get("joint")) in free:
+            notes.append(
+                f"{name} is locked, but mimics {leader}, which moves: does it stand on your machine?"
+            )
+    lumped: dict[str, list[str]] = {}
+    for link in tree.links:
+        path = tree.path(link)
+        first = 1 + max((i for i, joint in enumerate(path) if joint in moving), default=-1)
+        if any(joint.name in locked for joint in path[first:]):
+            lumped.setdefault(path[first - 1].child if first else "", []).append(link)
+    for carrier, links in lumped.items():
+        mass = sum(masses.get(link, 0.0) for link in links)
+        notes.append(
+            f"{mass:.4g} kg of {listed(links)} lumped into {carrier}"
+            if carrier
+            else f"fixed to the base: {listed(links)}"
+        )
+    return [LOCKED + listed(stand, 12), *notes]

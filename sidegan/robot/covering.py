@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sidegan.robot.decomposition import decomposed
 from sidegan.robot.fitting import (
     Points,
     Segment,
@@ -18,6 +17,7 @@ from sidegan.robot.fitting import (
     extremes,
     fit,
     guess,
+    hull_of,
     hull_volume,
     split,
     thinned,
@@ -33,8 +33,12 @@ _CAPSULES = 0.3  # weight of capsule volumes relative to hull volumes
 _HOLLOW, _LITTLE = 16, 0.0025  # the same limits for hollow meshes: most parts, least saving
 _FINE = 3e-4  # [m] by which hulls are enlarged at most to save corners
 _FINER = 3e-5  # the same for hollow meshes: some links pass within a fraction of a millimetre
+_CONCAVE = 0.02  # largest concavity of parts, relative to half the size of the mesh
+_MOST_PARTS = 48  # most parts of a mesh
+_ROUNDING = 1e-7  # [m] within which a triangle on the surface of a part counts as inside
 _log = logging.getLogger(__name__)
 
+Planes = Points  # outward unit normals, and heights along them [m], (K, 4)
 Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
 
 
@@ -140,3 +144,47 @@ def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
     for normal, height in planes:
         sides = [half for side in sides for half in split(side, normal, height)]
     return [side for side in sides if len(side)]
+
+
+def decomposed(triangles: Points) -> list[Points]:
+    """Triangles (N, 3, 3) [m] divided into nearly convex, nonempty parts; empty for open meshes.
+
+    Triangles outside all of CoACD's parts go to the nearest, so that none is lost. CoACD would have to remesh
+    open meshes, which may take hours.
+    """
+    import coacd
+    import trimesh
+
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
+    if not mesh.is_watertight:
+        return []
+    coacd.set_log_level("error")
+    found = coacd.run_coacd(
+        coacd.Mesh(mesh.vertices, mesh.faces),
+        threshold=_CONCAVE,
+        max_convex_hull=_MOST_PARTS,
+    )
+    hulls = [hull for vertices, _ in found if (hull := hull_of(np.asarray(vertices))) is not None]
+    if not hulls:
+        return []
+    return shared_out(triangles, [np.c_[hull.equations[:, :3], -hull.equations[:, 3]] for hull in hulls])
+
+
+def shared_out(triangles: Points, bodies: list[Planes]) -> list[Points]:
+    """Triangles (N, 3, 3) [m] grouped by the convex body that contains them or is nearest."""
+    parts = []
+    rest = triangles
+    for planes in bodies:
+        inside = rest
+        outside = []
+        for *normal, height in planes:
+            inside, beyond = split(inside, np.array(normal), height + _ROUNDING)
+            outside.append(beyond)
+        parts.append(inside)
+        rest = np.concatenate(outside)
+    if len(rest):
+        middles = rest.mean(1)
+        depths = [(middles @ planes[:, :3].T - planes[:, 3]).max(1) for planes in bodies]
+        nearest = np.argmin(depths, axis=0)
+        parts = [np.concatenate([part, rest[nearest == k]]) for k, part in enumerate(parts)]
+    return [part for part in parts if len(part)]

@@ -2,27 +2,36 @@
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from sidegan.base.names import listed
+from sidegan.errors import RobotError
 from sidegan.robot import xml
 from sidegan.robot.arm import NO_INERTIA, FilePlane
-from sidegan.robot.chain import choose
-from sidegan.robot.drives import Drives, described_drives
-from sidegan.robot.fixed_joints import describe_fixed
+from sidegan.robot.chain import choose, describe_fixed
+from sidegan.robot.drives import Drives
 from sidegan.robot.limits import JointLimits, limits_of
-from sidegan.robot.links import prepare_shapes, read_mass
-from sidegan.robot.locking import lock, unit_axis
-from sidegan.robot.mounting import GRAVITY, hang, mount_of, turned
+from sidegan.robot.meshes import find_mesh, has_surface, metres_per_unit
+from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, turned, unit_axis
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
-from sidegan.robot.tree import Tree, read_tree
+from sidegan.robot.tree import Joint, Tree, read_tree
 
-Posture = Mapping[str, float]  # positions of joints by name [rad or m]
 _HOMES = "home", "ready"  # names of home postures, in order of preference
+_SIZES = {  # attributes of each shape's sizes, and how many numbers each has
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "box": {"size": 3},
+    "mesh": {},
+}
+_DYNAMICS = "damping", "friction", "armature"  # attributes of <dynamics>; the last only from an MJCF
 _FOLDERS = ".", "../srdf", "../config"  # of SRDF files, relative to the URDF's folder
 
 
@@ -35,7 +44,7 @@ class Description:
     xml: str  # a URDF of the arm without visual shapes, with absolute mesh paths
     limits: dict[str, JointLimits]  # by moving joint
     moved: dict[str, str]  # child link by moving joint
-    missing: dict[str, list[str]]  # missing mesh files by link
+    missing: dict[str, list[str]]  # missing or empty mesh files by link
     notes: list[str]  # for people, on what was decided for them
     parents: frozenset[tuple[str, str]]  # links, each with its nearest ancestor that has a shape
     may_touch: tuple[tuple[str, str, str], ...]  # pairs of links not checked for collision, and the source
@@ -63,7 +72,7 @@ def read_description(
     for joint in moving:
         unit_axis(joint, tree.at(joint))
     links = {link.get("name", ""): link for link in root.findall("link")}
-    read = {link: read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
+    read = {link: _read_mass(element, f"{where}: link {link!r}") for link, element in links.items()}
     masses = {link: mass for link, (mass, _) in read.items()}
     notes = describe_fixed(tree, moving, locked, masses)
     for name, value in locked.items():
@@ -81,7 +90,7 @@ def read_description(
         may_touch += ((*pair, "robot.may_touch"),)
     missing = dict(source.missing if planning else {})
     for link, element in links.items():
-        if absent := prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
+        if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
     if any(mount):
@@ -103,9 +112,29 @@ def read_description(
         mount=mount,
         planes=turned(source.planes, mount),
         home=own_home,
-        drives=described_drives(moving, where) if setup.friction else None,
+        drives=_described_drives(moving, where) if setup.friction else None,
         gravity=math.hypot(*(source.gravity or ())) or GRAVITY,
     )
+
+
+def _read_mass(link: ET.Element, where: str) -> tuple[float, str]:
+    """Mass of a link [kg], 0 without inertia, and why an invalid inertia was removed from the XML, if so."""
+    inertial = link.find("inertial")
+    if inertial is None:
+        return 0.0, ""
+    try:
+        mass = xml.number(xml.child(inertial, "mass", where), "value", where)
+        if mass < 0:
+            raise RobotError(f"{where} has the mass {mass:g} kg, expected 0 or more")
+        inertia = xml.child(inertial, "inertia", where)
+        for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"):
+            xml.number(inertia, key, where)
+        for key in ("xyz", "rpy"):
+            xml.vector(inertial.find("origin"), key, where, "0 0 0")
+    except RobotError as error:
+        link.remove(inertial)
+        return 0.0, str(error)
+    return mass, ""
 
 
 def _massless(
@@ -121,6 +150,50 @@ def _massless(
     return ["every <inertial> has a mass of 0 kg" if stated else "the description has no <inertial>"]
 
 
+def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> list[str]:
+    """Missing or empty mesh files of a link's collision shapes, which are removed from the XML.
+
+    Scales of the others are converted to metres per unit of the file. Without ``meshes``, all meshes are
+    removed, and none counts as missing.
+    """
+    for visual in link.findall("visual"):
+        link.remove(visual)
+    absent = []
+    for index, collision in enumerate(link.findall("collision")):
+        if not meshes and collision.find("geometry/mesh") is not None:
+            link.remove(collision)
+            continue
+        shape = _checked_shape(collision, where)
+        if shape.tag == "capsule":  # Pinocchio wants a cylinder that is marked as a capsule
+            shape.tag = "cylinder"
+            name = f"capsule_{index}"
+            collision.set("name", name)
+            ET.SubElement(ET.SubElement(link, "collision_checking"), "capsule", name=name)
+        elif shape.tag == "mesh":
+            scale = xml.vector(shape, "scale", where, "1 1 1")
+            file = find_mesh(name := xml.attribute(shape, "filename", where), path)
+            if file is None or not has_surface(file):
+                link.remove(collision)
+                absent.append(name if file is None else f"a surface in {name}")
+            else:
+                shape.set("filename", str(file))
+                shape.set("scale", xml.words(metres_per_unit(file) * x for x in scale))
+    return absent
+
+
+def _checked_shape(collision: ET.Element, where: str) -> ET.Element:
+    """The shape of a collision element, of a known kind and with positive sizes."""
+    for key in ("xyz", "rpy"):
+        xml.vector(collision.find("origin"), key, where, "0 0 0")
+    geometry = xml.child(collision, "geometry", where)
+    if len(geometry) != 1 or geometry[0].tag not in _SIZES:
+        given = ", ".join(str(shape.tag) for shape in geometry) or "none"
+        raise RobotError(f"{where} has a collision geometry of {given}, expected one of {', '.join(_SIZES)}")
+    for key, size in _SIZES[geometry[0].tag].items():
+        xml.positive(geometry[0], key, where, size)
+    return geometry[0]
+
+
 def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
     """Pairs of links in `<disable_collisions>` elements, as in an SRDF, and the reasons."""
     found = []
@@ -130,7 +203,9 @@ def _touching(root: ET.Element, where: str) -> tuple[tuple[str, str, str], ...]:
     return tuple(found)
 
 
-def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple[float, ...] | None:
+def _home_among(
+    postures: Mapping[str, Mapping[str, float]], joints: Sequence[str]
+) -> tuple[float, ...] | None:
     """Joint positions [rad or m], (J,), of the home posture, or of the only one; otherwise None."""
     whole = {name.lower(): x for name, x in postures.items() if set(joints) <= set(x)}
     named = [whole[name] for name in _HOMES if name in whole]
@@ -138,21 +213,26 @@ def _home_among(postures: Mapping[str, Posture], joints: Sequence[str]) -> tuple
     return tuple(found[0][joint] for joint in joints) if found else None
 
 
-def _group_states(urdf: Path, robot: str) -> dict[str, Posture]:
+def _group_states(urdf: Path, robot: str) -> dict[str, dict[str, float]]:
     """Postures of a robot by name, from all groups in its SRDF files near the URDF."""
-    found: dict[str, dict[str, float]] = {}
-    for state in _states(urdf, robot):
-        posture = found.setdefault(state.get("name", ""), {})
-        for joint in state.findall("joint"):
-            with suppress(ValueError):  # of joints with several degrees of freedom
-                posture[joint.get("name", "")] = float(joint.get("value", ""))
-    return dict(found)
+    found = defaultdict[str, dict[str, float]](dict)
+    for file in [file for folder in _FOLDERS for file in sorted((urdf.parent / folder).glob("*.srdf"))]:
+        try:
+            root = ET.parse(file).getroot()
+        except (ET.ParseError, OSError):
+            continue
+        for state in root.findall("group_state") if root.get("name") == robot else ():
+            for joint in state.findall("joint"):
+                with suppress(ValueError):  # of joints with several degrees of freedom
+                    found[state.get("name", "")][joint.get("name", "")] = float(joint.get("value", ""))
+    return found
 
 
-def _states(urdf: Path, robot: str) -> Iterator[ET.Element]:
-    for folder in _FOLDERS:
-        for file in sorted((urdf.parent / folder).glob("*.srdf")):
-            with suppress(ET.ParseError, OSError):
-                root = ET.parse(file).getroot()
-                if root.get("name") == robot:
-                    yield from root.findall("group_state")
+def _described_drives(moving: Sequence[Joint], where: str) -> Drives | None:
+    """Friction and rotor inertia of moving joints in a description; None if it states none."""
+    rows = []
+    for joint in moving:
+        at = f"{where}: joint {joint.name!r}"
+        rows.append([max(xml.number(joint.part("dynamics"), key, at, "0"), 0.0) for key in _DYNAMICS])
+    columns = np.array(rows, dtype=float).T
+    return Drives(*columns) if columns.any() else None

@@ -1,19 +1,11 @@
 """Friction and rotor inertia of the joints."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
-from sidegan.robot import xml
-
-if TYPE_CHECKING:
-    from sidegan.robot.tree import Joint
-
-_STATED = "damping", "friction", "armature"  # attributes of <dynamics>; the last only from an MJCF
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,13 +33,3 @@ class Drives:
     def none(cls, joints: int) -> "Drives":
         """No friction and no rotors."""
         return cls(*(np.zeros(joints) for _ in range(3)))
-
-
-def described_drives(moving: Sequence["Joint"], where: str) -> Drives | None:
-    """Friction and rotor inertia of moving joints in a description; None if it states none."""
-    rows = []
-    for joint in moving:
-        at = f"{where}: joint {joint.name!r}"
-        rows.append([max(xml.number(joint.part("dynamics"), key, at, "0"), 0.0) for key in _STATED])
-    columns = np.array(rows, dtype=float).T
-    return Drives(*columns) if columns.any() else None

@@ -65,7 +65,15 @@ def limits_of(
         _refuse_degrees(tree, joint, stated["position"])
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
-    notes = [*read, *described.of_soft_limits()]
+    notes = list(read)
+    if described.useless:
+        notes.append(f"soft limits that leave no range are ignored: {listed(described.useless)}")
+    if described.narrowed:
+        whole = override("limits.position", {name: span for name, (span, _) in described.narrowed.items()})
+        notes.append(
+            "soft limits apply, since drivers enforce them (safety_controller): "
+            f"{listed([words for _, words in described.narrowed.values()])}; for the full range: {whole}"
+        )
     if described.missing:
         lines = " ".join(
             override(f"limits.{kind}", values, stated[kind]) for kind, values in described.examples.items()
@@ -124,15 +132,14 @@ class _Described:
             middle = self.home.get(joint.name, 0.0)
             return middle - math.pi, middle + math.pi
         span = self.tree.span(joint)
-        example = _EXAMPLE[joint.kind]
         if span is None:
             why = "no position limits, expected <limit lower upper>"
-            return self._example("position", joint, example, why)
+            return self._example("position", joint, _EXAMPLE[joint.kind], why)
         lower, upper = span
         if lower < upper:
             return self._softened(joint, span)
-        example = (upper, lower) if lower > upper else example
         why = f"position limits {lower:g} to {upper:g}, expected lower < upper"
+        example = (upper, lower) if lower > upper else _EXAMPLE[joint.kind]
         return self._example("position", joint, example, why)
 
     def velocity(self, joint: Joint) -> float:
@@ -157,20 +164,6 @@ class _Described:
         values = [self._number(joint, key) for key in keys]
         return min((value for value in values if value > 0), default=math.inf)
 
-    def of_soft_limits(self) -> list[str]:
-        """Notes on ranges that soft limits narrow."""
-        notes = []
-        if self.useless:
-            notes.append(f"soft limits that leave no range are ignored: {listed(self.useless)}")
-        if self.narrowed:
-            ranges = listed([f"{name} {soft}" for name, (_, soft) in self.narrowed.items()])
-            whole = override("limits.position", {name: span for name, (span, _) in self.narrowed.items()})
-            notes.append(
-                f"soft limits apply, since drivers enforce them (safety_controller): {ranges}; "
-                f"for the full range: {whole}"
-            )
-        return notes
-
     def _softened(self, joint: Joint, span: _Span) -> _Span:
         """A range narrowed by a joint's soft limits, if it has any; a missing end is 0."""
         safety = joint.part("safety_controller")
@@ -184,7 +177,7 @@ class _Described:
             self.useless.append(joint.name)
             return span
         unit = "m" if joint.kind == "prismatic" else "rad"
-        self.narrowed[joint.name] = span, f"{lower:.4g} to {upper:.4g} {unit}"
+        self.narrowed[joint.name] = span, f"{joint.name} {lower:.4g} to {upper:.4g} {unit}"
         return lower, upper
 
     def _number(self, joint: Joint, key: str) -> float:

@@ -84,8 +84,7 @@ def load_robot(
     if setup.may_touch:  # which changes what trajectories are valid
         stamped += sorted({" ".join(sorted(pair)) for *pair, _ in description.may_touch})
     stamped += [] if capsules.pieces is None else [f"shapes {VERSION}"]
-    _warn_of_missing(description)
-    _warn_of_refused(description, refused)
+    _warn(description, refused)
     return Arm(
         name=description.name,
         digest=digest_of(numbers | stated, capsules, stamped),
@@ -115,30 +114,23 @@ def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array
     return limits
 
 
-def _warn_of_missing(description: Description) -> None:
-    """Warn about links that lack a shape, with the missing or empty files."""
-    if not description.missing:
-        return
-    bare = ", ".join(description.missing)
-    files = listed([file for files in description.missing.values() for file in files], 4)
-    _log.warning(
-        "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s (not found: %s; "
-        "packages are searched for above the description and on ROS_PACKAGE_PATH and AMENT_PREFIX_PATH)",
-        description.path,
-        bare,
-        files,
-    )
-
-
-def _warn_of_refused(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
-    """Warn about pairs of links whose shapes are too coarse."""
+def _warn(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
+    """Warn about links that lack a shape, and about pairs of links whose shapes are too coarse."""
+    if description.missing:
+        _log.warning(
+            "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s "
+            "(not found: %s; packages are searched for above the description and on ROS_PACKAGE_PATH and "
+            "AMENT_PREFIX_PATH)",
+            description.path,
+            ", ".join(description.missing),
+            listed([file for files in description.missing.values() for file in files], 4),
+        )
     if refused:
-        pairs = listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4)
         _log.warning(
             "%s: collision shapes are too coarse for links that are close by design, and rule out this share "
             "of the free configurations: %s; if these cannot touch, leave them unchecked by %s",
             description.path,
-            pairs,
+            listed([f"{' – '.join(pair)} ({share:.0%})" for pair, share in refused.items()], 4),
             allowed(refused, [pair[:2] for pair in description.may_touch if pair[2] == "robot.may_touch"]),
         )
 
@@ -186,8 +178,6 @@ def _by_name(name: str) -> tuple[Path, dict[str, str]] | None:
             f"robot_descriptions cannot fetch {module.partition('.')[2]}: {reason}; to use your own file: "
             "robot.name=arm.urdf"
         ) from error
-    for kind in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):
-        if hasattr(found, kind):
-            args = getattr(found, "XACRO_ARGS", {}) if kind == "XACRO_PATH" else {}
-            return Path(getattr(found, kind)), dict(args)
-    return None
+    paths = [getattr(found, kind, None) for kind in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH")]
+    path = next(filter(None, paths), None)
+    return None if path is None else (Path(path), dict(getattr(found, "XACRO_ARGS", {})))

@@ -32,8 +32,8 @@ def find_mesh(name: str, urdf: Path) -> Path | None:
     descriptions that were copied without their package.
     """
     scheme, _, rest = name.rpartition("://")
-    candidates = _relative(rest, urdf) if scheme in ("", "file") else _in_package(rest, urdf)
-    for file in candidates:
+    beside = (folder / rest for folder in urdf.parents)
+    for file in beside if scheme in ("", "file") else _in_package(rest, urdf):
         try:
             if is_there(file):
                 return file.resolve()
@@ -57,11 +57,11 @@ def metres_per_unit(file: Path) -> float:
     stated = "1"
     try:
         with file.open("rb") as opened:
-            for _, element in ET.iterparse(opened, ("start",)):
+            for _, element in ET.iterparse(opened):
                 kind = element.tag.rpartition("}")[2]
                 if kind == "unit":
                     stated = element.get("meter", "1")
-                if kind == "unit" or kind.startswith("library_"):  # where geometry begins
+                if kind in ("unit", "asset"):  # geometry follows
                     break
         if not 0 < (size := float(stated)) < float("inf"):
             raise ValueError
@@ -126,10 +126,6 @@ def kept_mesh(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> Pat
     return file.resolve()
 
 
-def _relative(path: str, urdf: Path) -> Iterator[Path]:
-    return (folder / path for folder in urdf.parents)
-
-
 def _in_package(path: str, urdf: Path) -> Iterator[Path]:
     package, _, inside = path.partition("/")
     roots = _folders("ROS_PACKAGE_PATH")
@@ -141,7 +137,7 @@ def _in_package(path: str, urdf: Path) -> Iterator[Path]:
     for root in roots if package else ():
         for depth in range(1, _DEEPEST + 1):
             yield from (found / inside for found in root.glob("*/" * depth + escape(package)))
-    yield from _relative(inside, urdf)
+    yield from (folder / inside for folder in urdf.parents)
 
 
 def _folders(variable: str) -> list[Path]:

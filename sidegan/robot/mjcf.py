@@ -2,7 +2,6 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from collections import defaultdict
 from pathlib import Path
 
 import mujoco
@@ -11,23 +10,29 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from sidegan.base.names import listed
-from sidegan.errors import RobotError
 from sidegan.robot.arm import FilePlane
-from sidegan.robot.locking import write_placement
-from sidegan.robot.meshes import is_there
-from sidegan.robot.mjcf_shapes import plane_of, turn_of, write_shape
-from sidegan.robot.mujoco_log import mujoco_logged
+from sidegan.robot.meshes import kept_mesh
+from sidegan.robot.mjcf_files import compiled
+from sidegan.robot.placement import write_placement
 from sidegan.robot.xml import Source, words
 
 _log = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
-Lost = dict[str, list[str]]  # missing mesh files by body
 _KINDS = {
     int(mujoco.mjtJoint.mjJNT_FREE): "floating",
     int(mujoco.mjtJoint.mjJNT_BALL): "floating",
     int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
     int(mujoco.mjtJoint.mjJNT_HINGE): "revolute",
 }
+_SHAPES = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "box",  # around it
+    int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
+}
+_HIDDEN = 3  # first group of geoms that MuJoCo's viewers hide by default
 _ON_JOINTS = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
 _MOTORS = {  # gain, bias and dynamics of actuators whose control range bounds their force
     (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE), int(dynamics))
@@ -41,7 +46,7 @@ def read_mjcf(path: Path) -> Source:
     MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Equality constraints
     between joints become mimic joints. Height fields are dropped; fixed planes are listed separately.
     """
-    model, missing, hidden = _compiled(path)
+    model, missing, hidden = compiled(path)
     writer = _Writer(model, path)
     if ignored := writer.ignored():
         _log.warning("%s: torques and their limits do not include %s", path, ignored)
@@ -59,66 +64,14 @@ def read_mjcf(path: Path) -> Source:
     )
 
 
-def _compiled(path: Path) -> tuple[mujoco.MjModel, Lost, Lost]:
-    """The model of a file, and missing meshes by body: those that collide, and those only shown."""
-    try:
-        with mujoco_logged(path, logging.WARNING):
-            try:
-                return mujoco.MjModel.from_xml_path(str(path)), {}, {}
-            except ValueError:
-                if found := _without_lost(path):
-                    return found
-                raise
-    except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise RobotError(f"{path}: MuJoCo refuses it: {' '.join(str(error).split())}") from error
-
-
-def _without_lost(path: Path) -> tuple[mujoco.MjModel, Lost, Lost] | None:
-    """Like ``_compiled``, without geoms whose mesh files are missing.
-
-    None if no file is missing, or if a body's mass depends on a missing one.
-    """
-    spec = mujoco.MjSpec.from_file(str(path))
-
-    def lost(folder: str, *files: str) -> bool:
-        return any(file and not is_there(Path(spec.modelfiledir, folder, file)) for file in files)
-
-    meshes = {
-        mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes if lost(spec.meshdir, mesh.file)
-    }
-    textures = {x.name: x for x in spec.textures if lost(spec.texturedir, x.file, *x.cubefiles)}
-    if not (meshes or textures):
-        return None
-    colliding, shown = defaultdict[str, list[str]](list), defaultdict[str, list[str]](list)
-    for geom in [geom for geom in spec.geoms if geom.meshname in meshes]:
-        if _weighs(spec, geom):
-            return None
-        where = colliding if geom.contype or geom.conaffinity else shown
-        where[geom.parent.name].append(meshes[geom.meshname].file)
-        spec.delete(geom)
-    for material in spec.materials:
-        material.textures = ["" if name in textures else name for name in material.textures]
-    for asset in (*meshes.values(), *textures.values()):
-        spec.delete(asset)
-    return spec.compile(), dict(colliding), dict(shown)
-
-
-def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
-    """Whether a geom contributes to the mass of its body."""
-    body = geom.parent
-    first, last = spec.compiler.inertiagrouprange
-    always = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    own = body.explicitinertial and not always
-    return body.name != "world" and not own and geom.mass != 0 and first <= geom.group <= last
-
-
 class _Writer:
     """Writes a compiled model as URDF."""
 
     def __init__(self, model: mujoco.MjModel, path: Path) -> None:
         self.model = model
         self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
-        self.dropped: list[str] = []
+        self.dropped: list[str] = []  # shapes
+        self.uncoupled: list[str] = []  # constraints that no mimic joint can express
         self.planes: list[FilePlane] = []
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
@@ -152,9 +105,8 @@ class _Writer:
             notes.append(f"unsupported shapes left out: {listed(self.dropped)}")
         if model.dof_armature.any():
             notes.append("rotor inertias (armature) are not part of the rigid model")
-        dropped = [i for i in np.flatnonzero(model.eq_active0).tolist() if not self._written(i)]
-        if dropped:
-            names = listed([self.name("equality", i) for i in dropped])
+        if self.uncoupled:
+            names = listed(self.uncoupled)
             notes.append(f"constraints left out, so that trajectories may break them: {names}")
         if floats := np.flatnonzero(model.body_gravcomp).tolist():
             names = listed([self.name("body", body) for body in floats])
@@ -218,7 +170,8 @@ class _Writer:
             elif kind == "revolute":
                 around = turn @ pin.exp3(-reference * axis)
             element = self._joint(name, kind, parent, after, around, at)
-            self._limits(element, joint)
+            if kind != "floating":
+                self._limits(element, joint)
             if direct:
                 return
             parent = after
@@ -238,8 +191,6 @@ class _Writer:
     def _limits(self, element: ET.Element, joint: int) -> None:
         """Write the axis, dynamics and limits of a joint."""
         model = self.model
-        if element.get("type") == "floating":
-            return
         ET.SubElement(element, "axis", xyz=words(model.jnt_axis[joint]))
         dof = model.jnt_dofadr[joint]
         stated = {
@@ -256,21 +207,61 @@ class _Writer:
         elif element.get("type") == "revolute":
             element.set("type", "continuous")
 
-    def _written(self, equality: int) -> bool:
-        """Whether an equality constraint is written as a mimic joint: an active one between two joints."""
-        model = self.model
-        of_joints = int(model.eq_type[equality]) == int(mujoco.mjtEq.mjEQ_JOINT)
-        return of_joints and bool(model.eq_active0[equality]) and model.eq_obj2id[equality] >= 0
-
     def _mimics(self) -> None:
         """Write joints that an equality constraint couples to another as mimic joints."""
         model = self.model
         joints = {j.get("name"): j for j in self.root.findall("joint")}
-        for i in range(model.neq):
-            if self._written(i):
+        for i in np.flatnonzero(model.eq_active0).tolist():
+            if int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0:
                 follower, leader = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
                 offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
                 ET.SubElement(joints[follower], "mimic", joint=leader, multiplier=factor, offset=offset)
+            else:
+                self.uncoupled.append(self.name("equality", i))
+
+
+def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
+    """Write a geom as a collision or visual shape, or both; False if URDF has no such shape."""
+    kind = _SHAPES.get(int(model.geom_type[geom]))
+    if kind is None:
+        return False
+    collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+    shown = model.geom_group[geom] < _HIDDEN and kind == "mesh"
+    for tag in ["collision"] * collides + ["visual"] * (shown or not collides):
+        _write(ET.SubElement(link, tag), kind, model, geom)
+    return True
+
+
+def plane_of(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> FilePlane | None:
+    """Unit normal of a fixed plane and its offset along the normal [m]; None for other geoms."""
+    plane = int(model.geom_type[geom]) == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    if not plane or model.body_weldid[model.geom_bodyid[geom]]:
+        return None
+    x, y, z = normal = data.geom_xmat[geom].reshape(3, 3)[:, 2].tolist()
+    return x, y, z, float(data.geom_xpos[geom] @ normal)
+
+
+def _write(element: ET.Element, kind: str, model: mujoco.MjModel, geom: int) -> None:
+    """Write the origin and geometry of a shape."""
+    x, y, z = (float(size) for size in model.geom_size[geom])
+    if kind == "mesh":  # as MuJoCo compiled it: scaled, and in its principal axes of inertia
+        mesh = model.mesh(int(model.geom_dataid[geom]))
+        vertex, face = int(mesh.vertadr[0]), int(mesh.faceadr[0])
+        vertices = model.mesh_vert[vertex : vertex + int(mesh.vertnum[0])]
+        faces = model.mesh_face[face : face + int(mesh.facenum[0])]
+        sizes = {"filename": str(kept_mesh(vertices, faces))}
+    elif kind == "box":
+        sizes = {"size": words([2 * x, 2 * y, 2 * z])}
+    else:
+        sizes = {"radius": repr(x)} | ({} if kind == "sphere" else {"length": repr(2 * y)})
+    origin = ET.SubElement(element, "origin")
+    write_placement(origin, turn_of(model.geom_quat[geom]), model.geom_pos[geom])
+    ET.SubElement(ET.SubElement(element, "geometry"), kind, sizes)
+
+
+def turn_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation (3, 3) from a quaternion, scalar first."""
+    return pin.Quaternion(*quaternion).normalized().matrix()
 
 
 def _forces(model: mujoco.MjModel, actuator: int) -> Vector:

@@ -13,7 +13,6 @@ import pinocchio as pin
 from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
-from sidegan.robot.fitting import Points
 
 _log = logging.getLogger(__name__)
 
@@ -29,7 +28,11 @@ def build(description: Description) -> pin.Model:
 def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[str, Array]:
     """Types, placements, axes and inertias of the joints, the tip and gravity, named as in `Arm`."""
     joints = range(1, model.njoints)
-    subspaces = np.array([_motion_subspace(model, i) for i in joints])
+    subspaces = np.empty((model.njoints - 1, 6))  # linear and angular velocity at unit joint velocity
+    for i in joints:
+        data = model.joints[i].createData()
+        model.joints[i].calc(data, pin.neutral(model))
+        subspaces[i - 1] = np.ravel(data.S)
     prismatic = np.abs(subspaces[:, :3]).max(1) > 0.0
     return {
         "prismatic": prismatic,
@@ -42,14 +45,7 @@ def kinematics_and_inertias(model: pin.Model, tip: str | None = None) -> dict[st
     }
 
 
-def _motion_subspace(model: pin.Model, joint: int) -> Points:
-    """Linear and angular velocity in a joint's frame at unit joint velocity, (6,)."""
-    data = model.joints[joint].createData()
-    model.joints[joint].calc(data, pin.neutral(model))
-    return np.asarray(data.S, dtype=np.float64).reshape(6)
-
-
-def _tip(model: pin.Model, link: str | None) -> Points:
+def _tip(model: pin.Model, link: str | None) -> Array:
     """Origin of the named link, or of the one furthest from the last joint that carries it [m], (3,)."""
     last = model.njoints - 1
     carried = [f for f in model.frames if f.parentJoint == last and f.type == pin.FrameType.BODY]

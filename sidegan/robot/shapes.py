@@ -57,25 +57,24 @@ def shapes_of(
 def capsules_of(shapes: Sequence[Shape]) -> Capsules:
     """All shapes as arrays."""
     ends = np.array([shape.part.capsule[0] for shape in shapes], dtype=np.float64).reshape(-1, 2, 3)
+    pieces = None
+    if not all(shape.exact for shape in shapes):
+        corners = [shape.part.corners for shape in shapes]
+        pieces = Pieces(
+            corners=np.concatenate(corners),
+            start=np.cumsum([0, *map(len, corners)]),
+            radius=np.array([shape.part.rounding for shape in shapes]),
+            exact=np.array([shape.exact for shape in shapes]),
+            fitted=np.array([bool(shape.digest) for shape in shapes]),
+            core=np.array([_core(shape) for shape in shapes]),
+        )
     return Capsules(
         link=np.array([shape.link for shape in shapes], dtype=int),
         a=ends[:, 0].copy(),
         b=ends[:, 1].copy(),
         radius=np.array([shape.part.capsule[1] for shape in shapes]),
         owners=tuple(shape.owner for shape in shapes),
-        pieces=None if all(shape.exact for shape in shapes) else _pieces(shapes),
-    )
-
-
-def _pieces(shapes: Sequence[Shape]) -> Pieces:
-    corners = [shape.part.corners for shape in shapes]
-    return Pieces(
-        corners=np.concatenate(corners),
-        start=np.cumsum([0, *map(len, corners)]),
-        radius=np.array([shape.part.rounding for shape in shapes]),
-        exact=np.array([shape.exact for shape in shapes]),
-        fitted=np.array([bool(shape.digest) for shape in shapes]),
-        core=np.array([_core(shape) for shape in shapes]),
+        pieces=pieces,
     )
 
 

@@ -1,13 +1,17 @@
 """Reading of descriptions in all formats as URDF."""
 
 import re
+import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
 
 from sidegan.errors import RobotError
-from sidegan.robot import xml
 from sidegan.robot.xml import Source
 
+_TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
+_PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
+_DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _UNSET = re.compile(r"Undefined substitution argument (\w+)")
 _LOST = re.compile(r"Package not found: (\S+)")
 _SHALLOW = 4  # parts of a path below which a folder is too large to search for packages
@@ -19,12 +23,33 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
     except OSError as error:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
-    root = xml.parse(text, path)
+    text = _bound(text)
+    try:
+        root = ET.fromstring(text)
+    except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
+        raise RobotError(f"{path} is not well-formed XML: {error}") from error
     if root.tag == "mujoco":
         from sidegan.robot.mjcf import read_mjcf  # MuJoCo is slow to import
 
         return read_mjcf(path)
-    return Source(xml.bound(text), root)
+    if root.tag != "robot":
+        raise RobotError(
+            f"{path} is not a robot description: its root element is <{root.tag}>, "
+            "expected <robot> or <mujoco>"
+        )
+    return Source(text, root)
+
+
+def _bound(text: bytes) -> bytes:
+    """A description with all its prefixes declared as namespaces: XML requires that, URDF readers do not."""
+    declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
+    loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
+    names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
+    comments = [match.span() for match in _COMMENT.finditer(text)]
+    for match in _ROOT.finditer(text):
+        if not any(begin < match.start() < end for begin, end in comments):
+            return text[: match.end()] + names + text[match.end() :]
+    return text
 
 
 def _expanded(path: Path, args: Mapping[str, str]) -> bytes:

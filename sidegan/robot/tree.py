@@ -111,10 +111,25 @@ def meant(name: str, known: Iterable[str], setting: str = "") -> str:
 
 def read_tree(root: ET.Element, where: str) -> Tree:
     """The tree of a description; raises unless names are unique and links form a single tree."""
-    joints = {joint.name: joint for joint in _joints(root, where)}
-    links = [link.get("name", "") for link in root.findall("link")]
-    children = {joint.child for joint in joints.values()}
-    bases = [link for link in links if link not in children]
+    names = {
+        kind: [xml.attribute(x, "name", where) for x in root.findall(kind)] for kind in ("link", "joint")
+    }
+    for kind, given in names.items():
+        name, count = Counter(given).most_common(1)[0] if given else ("", 0)
+        if count > 1:
+            raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
+    joints: dict[str, Joint] = {}
+    children: set[str] = set()
+    for element, name in zip(root.findall("joint"), names["joint"]):
+        joint = joints[name] = _joint(element, name, f"{where}: joint {name!r}")
+        at = f"{where}: joint {name!r}"
+        for link in (joint.parent, joint.child):
+            if link not in names["link"]:
+                raise RobotError(f"{at} refers to link {link!r}, which does not exist")
+        if joint.child in children:
+            raise RobotError(f"{at} is a second joint with child link {joint.child!r}; expected no loops")
+        children.add(joint.child)
+    bases = [link for link in names["link"] if link not in children]
     if len(bases) != 1:
         raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected only the base")
     tree = Tree(where, bases[0], joints)
@@ -123,31 +138,12 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     return tree
 
 
-def _joints(root: ET.Element, where: str) -> list[Joint]:
-    """The joints of a description; raises unless names are unique and their links exist."""
-    names = {
-        kind: [xml.attribute(x, "name", where) for x in root.findall(kind)] for kind in ("link", "joint")
-    }
-    for kind, given in names.items():
-        name, count = Counter(given).most_common(1)[0] if given else ("", 0)
-        if count > 1:
-            raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
-    links = set(names["link"])
-    taken = set()
-    joints = []
-    for element, name in zip(root.findall("joint"), names["joint"]):
-        at = f"{where}: joint {name!r}"
-        parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
-        for link in (parent, child):
-            if link not in links:
-                raise RobotError(f"{at} refers to link {link!r}, which does not exist")
-        if child in taken:
-            raise RobotError(f"{at} is a second joint with child link {child!r}; expected no loops")
-        taken.add(child)
-        kind = element.get("type", "")
-        if kind not in (*MOVABLE, *REFUSED, "fixed"):
-            raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
-        for key in ("xyz", "rpy"):
-            xml.vector(element.find("origin"), key, at, "0 0 0")
-        joints.append(Joint(name, kind, parent, child, element))
-    return joints
+def _joint(element: ET.Element, name: str, at: str) -> Joint:
+    """A joint of a known kind, with two links and a valid placement."""
+    parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
+    kind = element.get("type", "")
+    if kind not in (*MOVABLE, *REFUSED, "fixed"):
+        raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
+    for key in ("xyz", "rpy"):
+        xml.vector(element.find("origin"), key, at, "0 0 0")
+    return Joint(name, kind, parent, child, element)

@@ -4,7 +4,7 @@ import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -12,18 +12,20 @@ from numpy.typing import NDArray
 
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
-from sidegan.robot import solids, xml
+from sidegan.robot import xml
 from sidegan.robot.arm import Arm
 from sidegan.robot.collision import length_of, of_another_order
 from sidegan.robot.description import read_description
-from sidegan.robot.locking import from_rpy
 from sidegan.robot.meshes import find_mesh, metres_per_unit
 from sidegan.robot.model import build
-from sidegan.robot.solids import Surface
+from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 
+if TYPE_CHECKING:  # slow to import
+    import trimesh
+
 _log = logging.getLogger(__name__)
-_CAPSULE = 4, 16  # rings of a capsule's hemispheres, and points around it
+_FINE, _COARSE = (24, 32), (8, 16)  # rings of a round shape and points around it, of links and of capsules
 _UP = np.array([0.0, 0.0, 1.0])
 _FLAT = 1e-3  # [m] from z = 0 within which points belong to a foot
 
@@ -62,20 +64,18 @@ def foot(arm: Arm) -> tuple[float, bool]:
     approximate a link, so z = 0 is assumed if they extend below it. Plugs and cables that hang beside a foot
     around the origin are ignored.
     """
-    lowest = [_foot_of(arm, link, frame) for link, frame in _links(arm) if not frame.parentJoint]
-    return min((found for found in lowest if found is not None), default=(0.0, False))
-
-
-def _foot_of(arm: Arm, link: ET.Element, frame: pin.Frame) -> tuple[float, bool] | None:
-    """Lowest point of a fixed link [m], and whether it is known; None if it has no shape."""
-    solid = link.findall("collision")
-    meshes = [shape for shape in solid if shape.find("geometry/mesh") is not None]
-    spans = [span for shapes in (link.findall("visual"), meshes) if (span := _span(arm, shapes, frame))]
-    if spans:
-        return max(low for low, _ in spans), True
-    if span := _span(arm, [shape for shape in solid if shape not in meshes], frame):
-        return (0.0 if span[0] < 0 < span[1] else span[0]), False
-    return (0.0, False) if solid or link.findall("visual") else None
+    found = []
+    for link, frame in _links(arm):
+        solid, shown = link.findall("collision"), link.findall("visual")
+        if frame.parentJoint or not (solid or shown):
+            continue
+        meshes = [shape for shape in solid if shape.find("geometry/mesh") is not None]
+        if spans := [span for shapes in (shown, meshes) if (span := _span(arm, shapes, frame))]:
+            found.append((max(low for low, _ in spans), True))
+            continue
+        low, high = _span(arm, [shape for shape in solid if shape not in meshes], frame) or (0.0, 0.0)
+        found.append((0.0 if low < 0 < high else low, False))
+    return min(found, default=(0.0, False))
 
 
 def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, float] | None:
@@ -120,41 +120,43 @@ def _part(arm: Arm, visual: ET.Element, link: pin.Frame) -> Part:
     shift = np.array(xml.vector(origin, "xyz", "a shape", "0 0 0"))
     turn = link.placement.rotation @ from_rpy(xml.vector(origin, "rpy", "a shape", "0 0 0"))
     shape = xml.child(visual, "geometry", "a shape")[0]
-    points, faces = _mesh(shape, arm.urdf) if shape.tag == "mesh" else _solid(shape)
+    surface = _surface(shape, arm.urdf)
+    points = np.asarray(surface.vertices, float)
     size = float(np.linalg.norm(np.ptp(points, 0)))
     moves = bool(link.parentJoint)
     if why := of_another_order(size, length_of(vars(arm)), moves, shape.tag == "mesh"):
         raise RobotError(f"a shape is {why}")
-    return Part(link.parentJoint - 1, points @ turn.T + link.placement.act(shift), faces)
+    return Part(link.parentJoint - 1, points @ turn.T + link.placement.act(shift), np.asarray(surface.faces))
 
 
-def _mesh(shape: ET.Element, urdf: Path) -> Surface:
-    """All surfaces of a mesh file as one mesh."""
-    import trimesh  # slow to import
+def _surface(shape: ET.Element, urdf: Path) -> "trimesh.Trimesh":
+    """Surface of a shape, in its own frame; all surfaces of a mesh file as one."""
+    import trimesh
 
-    file = find_mesh(xml.attribute(shape, "filename", "a shape"), urdf)
-    if file is None:
-        raise RobotError(f"there is no file {shape.get('filename')}")
-    scale = metres_per_unit(file) * np.array(xml.vector(shape, "scale", "a shape", "1 1 1"))
-    mesh = trimesh.load_scene(file, process=False).to_mesh().apply_scale(scale)
-    return np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
-
-
-def _solid(shape: ET.Element) -> Surface:
-    """Surface of a primitive, in its own frame."""
+    at = f"a {shape.tag}"
+    if shape.tag == "mesh":
+        file = find_mesh(xml.attribute(shape, "filename", at), urdf)
+        if file is None:
+            raise RobotError(f"there is no file {shape.get('filename')}")
+        scale = metres_per_unit(file) * np.array(xml.vector(shape, "scale", at, "1 1 1"))
+        return trimesh.load_scene(file, process=False).to_mesh().apply_scale(scale)
     if shape.tag == "box":
-        half = np.array(xml.positive(shape, "size", "a box", 3)) / 2
-        return solids.box(-half, half)
-    (radius,) = xml.positive(shape, "radius", f"a {shape.tag}")
-    if shape.tag == "sphere":
-        return solids.capsule(radius, 0)
-    (length,) = xml.positive(shape, "length", f"a {shape.tag}")
-    return (solids.cylinder if shape.tag == "cylinder" else solids.capsule)(radius, length)
+        half = np.array(xml.positive(shape, "size", at, 3)) / 2
+        return trimesh.creation.box(bounds=[-half, half])
+    (radius,) = xml.positive(shape, "radius", at)
+    length = 0.0 if shape.tag == "sphere" else xml.positive(shape, "length", at)[0]
+    if shape.tag == "cylinder":
+        return trimesh.creation.cylinder(radius, length, sections=_FINE[1])
+    return trimesh.creation.capsule(length, radius, count=_FINE)
 
 
-def capsule_surface(a: NDArray[np.float64], b: NDArray[np.float64], radius: float) -> Surface:
-    """Surface of a capsule around the segment from a to b [m]."""
+def capsule_surface(
+    a: NDArray[np.float64], b: NDArray[np.float64], radius: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Surface of a capsule around the segment from a to b [m]: vertices [m], (V, 3), and triangles (F, 3)."""
+    import trimesh
+
     along = b - a if np.any(a != b) else _UP
     turn = pin.Quaternion.FromTwoVectors(_UP, along).toRotationMatrix()
-    vertices, faces = solids.capsule(radius, float(np.linalg.norm(b - a)), *_CAPSULE)
-    return vertices @ turn.T + (a + b) / 2, faces
+    mesh = trimesh.creation.capsule(float(np.linalg.norm(b - a)), radius, count=_COARSE)
+    return np.asarray(mesh.vertices) @ turn.T + (a + b) / 2, np.asarray(mesh.faces)

@@ -15,8 +15,8 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.description import read_description
 from sidegan.robot.drives import Drives
-from sidegan.robot.locking import from_rpy
 from sidegan.robot.model import build, kinematics_and_inertias
+from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import read_tree
 from sidegan.robot.xml import words
@@ -63,9 +63,8 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
         if carriers[name] is not None:
             _put(link, "inertial", inertials.get(name))
     if drives is not None:
-        pairs = zip(arm.joint_names, drives.viscous.tolist(), drives.coulomb.tolist())
-        for name, *friction in pairs:
-            damping, coulomb = (repr(max(x, 0.0)) for x in friction)  # no reader takes less than 0
+        for k, name in enumerate(arm.joint_names):  # no reader takes less than 0
+            damping, coulomb = (repr(max(float(x[k]), 0.0)) for x in (drives.viscous, drives.coulomb))
             _put(joints[name], "dynamics", ET.Element("dynamics", damping=damping, friction=coulomb))
     with replacing(path) as draft:
         ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)
@@ -99,12 +98,11 @@ def _complete(joint: ET.Element, arm: Arm, k: int) -> None:
     limit = joint.find("limit")
     if limit is None:
         limit = ET.SubElement(joint, "limit", effort="0")
-    ranged = joint.get("type") == "continuous" or {"lower", "upper"} & set(limit.attrib)
-    missing = {} if ranged else {"lower": arm.position_lower, "upper": arm.position_upper}
+    if joint.get("type") != "continuous" and not {"lower", "upper"} & set(limit.attrib):
+        limit.set("lower", repr(float(arm.position_lower[k])))
+        limit.set("upper", repr(float(arm.position_upper[k])))
     if not float(limit.get("velocity", "0")):
-        missing["velocity"] = arm.velocity_limit
-    for name, values in missing.items():
-        limit.set(name, repr(float(values[k])))
+        limit.set("velocity", repr(float(arm.velocity_limit[k])))
 
 
 def _round(root: ET.Element) -> None:
@@ -142,11 +140,9 @@ def _check(arm: Arm, parameters: Array, file: Path) -> None:
     model = build(read_description(file, setup, planning=False))
     chain = kinematics_and_inertias(model, setup.tip)
     del chain["gravity"]  # no URDF states it
-    same = {name: getattr(arm, name) for name in chain} | {"inertial_parameters": parameters}
     for name, value in chain.items():
-        scale = float(np.abs(same[name]).max())
-        if value.shape != same[name].shape or not np.allclose(
-            value, same[name], rtol=0, atol=_TOLERANCE * max(scale, 1.0)
-        ):
+        own = parameters if name == "inertial_parameters" else getattr(arm, name)
+        atol = _TOLERANCE * max(float(np.abs(own).max()), 1.0)
+        if value.shape != own.shape or not np.allclose(value, own, rtol=0, atol=atol):
             what = name.replace("_", " ")
             raise RobotError(f"{arm.urdf} with new inertias does not read as {arm.name}: different {what}")

@@ -2,7 +2,8 @@
 
 import logging
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,9 @@ from sidegan.robot.arm import Arm
 from sidegan.robot.consistency import about_the_centre, require_consistent
 from sidegan.robot.drives import Drives
 from sidegan.robot.fitting import corners, hull_of, inflated
-from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.xml import child, words
 
+_log = logging.getLogger(__name__)
 _STEP = 1e-3  # [s] time step of a written model
 _STIFFEST = 2.0  # steps; shortest time constant with which MuJoCo can solve friction
 
@@ -38,14 +39,23 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
         RobotError: when a link would not be physically consistent, or MuJoCo does not load the file.
         StorageError: when the file cannot be written.
     """
+    import mujoco
+
     require_consistent(arm, parameters)
     root = chain(arm, parameters, drives, _STEP, (arm.link_names, arm.joint_names))
-    for joint, limits in zip(root.iter("joint"), _limits(arm)):
-        joint.attrib |= limits
+    limits = zip(arm.position_lower, arm.position_upper, arm.torque_limit)
+    for joint, (lower, upper, effort) in zip(root.iter("joint"), limits):
+        joint.set("range", words([lower, upper]))
+        if np.isfinite(effort):
+            joint.set("actuatorfrcrange", words([-effort, effort]))
     _draw(arm, root)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode")
-    _check(arm, text)
+    try:
+        with mujoco_logged(arm.name, logging.WARNING):
+            mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
     write_bytes(path, (text + "\n").encode("utf-8"))
 
 
@@ -69,10 +79,15 @@ def chain(
     ET.SubElement(option, "flag", contact="disable", autoreset="disable")
     body = ET.SubElement(root, "worldbody")
     stiff = words([_STIFFEST * step, 1.0])
-    for i, (inertial, link, joint) in enumerate(zip(_inertials(parameters), *names)):
+    for i, (row, link, joint) in enumerate(zip(parameters, *names)):
         placement = {"pos": words(arm.translation[i]), "quat": _quaternion(arm.rotation[i])}
         body = ET.SubElement(body, "body", {"name": link} | placement)
-        ET.SubElement(body, "inertial", inertial)
+        centre, inertia = about_the_centre(row)
+        moments, axes = np.linalg.eigh(inertia)
+        moments[2] = min(moments[2], moments[:2].sum())  # MuJoCo refuses violations by rounding
+        axes = axes * np.sign(np.linalg.det(axes))  # make them right-handed
+        mass = {"mass": words(row[:1]), "pos": words(centre), "quat": _quaternion(axes)}
+        ET.SubElement(body, "inertial", mass | {"diaginertia": words(moments)})
         kind = {"type": "slide" if arm.prismatic[i] else "hinge", "axis": words(arm.axis[i])}
         friction = {
             "damping": words([drives.viscous[i]]),
@@ -82,28 +97,6 @@ def chain(
         }
         ET.SubElement(body, "joint", {"name": joint} | kind | friction)
     return root
-
-
-def _inertials(parameters: Array) -> Iterable[dict[str, str]]:
-    """Attributes of each link's `<inertial>`, about the centre of mass and along the principal axes."""
-    for row in parameters:
-        centre, inertia = about_the_centre(row)
-        moments, axes = np.linalg.eigh(inertia)
-        moments[2] = min(moments[2], moments[:2].sum())  # MuJoCo refuses violations by rounding
-        axes = axes * np.sign(np.linalg.det(axes))  # make them right-handed
-        yield {
-            "mass": words(row[:1]),
-            "pos": words(centre),
-            "quat": _quaternion(axes),
-            "diaginertia": words(moments),
-        }
-
-
-def _limits(arm: Arm) -> Iterable[dict[str, str]]:
-    """Attributes of each joint's range and torque limit."""
-    for lower, upper, effort in zip(arm.position_lower, arm.position_upper, arm.torque_limit):
-        limits = {"range": words([lower, upper])}
-        yield limits | ({"actuatorfrcrange": words([-effort, effort])} if np.isfinite(effort) else {})
 
 
 def _draw(arm: Arm, root: ET.Element) -> None:
@@ -150,16 +143,21 @@ def _shape(arm: Arm, k: int, assets: ET.Element) -> dict[str, str]:
     return {"type": "capsule", "size": words([radius]), "fromto": words([*a, *b])}
 
 
-def _check(arm: Arm, text: str) -> None:
-    """Raise unless MuJoCo loads the model."""
-    import mujoco
-
-    try:
-        with mujoco_logged(arm.name, logging.WARNING):
-            mujoco.MjModel.from_xml_string(text)
-    except ValueError as error:
-        raise RobotError(f"MuJoCo refuses {arm.name}: {error}") from error
-
-
 def _quaternion(rotation: Array) -> str:
     return words(pin.Quaternion(rotation).coeffs()[[3, 0, 1, 2]])  # scalar first
+
+
+@contextmanager
+def mujoco_logged(what: object, level: int = logging.DEBUG) -> Iterator[None]:
+    """Log MuJoCo's warnings within the block, not in MUJOCO_LOG.TXT, prefixed by what they are about.
+
+    Diverging simulations are detected from the motion itself, so their warnings are only for debugging.
+    """
+    import mujoco
+
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda text: _log.log(level, "%s: %s", what, text))
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

@@ -1,18 +1,12 @@
 """XML of descriptions: required elements and attributes, and finite numbers."""
 
-import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import SupportsFloat
 
 from sidegan.errors import RobotError
 
-_TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
-_PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
-_DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
-_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _LARGEST = 1e18  # of any number in SI units, so that products of a few are finite
 
 
@@ -28,32 +22,6 @@ class Source:
     planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
     gravity: tuple[float, ...] | None = None  # [m/s²], (3,), if stated
     postures: Mapping[str, Mapping[str, float]] | None = None  # positions of joints [rad or m], by name
-
-
-def parse(text: bytes, path: Path) -> ET.Element:
-    """The root element of a URDF or MJCF."""
-    try:
-        root = ET.fromstring(bound(text))
-    except (ET.ParseError, ValueError, LookupError) as error:  # LookupError: an unknown encoding
-        raise RobotError(f"{path} is not well-formed XML: {error}") from error
-    if root.tag not in ("robot", "mujoco"):
-        raise RobotError(
-            f"{path} is not a robot description: its root element is <{root.tag}>, "
-            "expected <robot> or <mujoco>"
-        )
-    return root
-
-
-def bound(text: bytes) -> bytes:
-    """A description with all its prefixes declared as namespaces: XML requires that, URDF readers do not."""
-    declared = {b"xml", b"xmlns", *_DECLARED.findall(text)}
-    loose = sorted({prefix for tag in _TAG.findall(text) for prefix in _PREFIX.findall(tag)} - declared)
-    names = b"".join(b' xmlns:%s="%s"' % (prefix, prefix) for prefix in loose)
-    comments = [match.span() for match in _COMMENT.finditer(text)]
-    for match in _ROOT.finditer(text):
-        if not any(begin < match.start() < end for begin, end in comments):
-            return text[: match.end()] + names + text[match.end() :]
-    return text
 
 
 def attribute(element: ET.Element, key: str, where: str) -> str:

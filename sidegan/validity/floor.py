@@ -9,7 +9,7 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.robot import Arm, Capsules
-from sidegan.robot.mounting import stands
+from sidegan.robot.placement import stands
 from sidegan.robot.visuals import foot
 from sidegan.validity.capsules import clearances
 from sidegan.validity.pairs import sampled

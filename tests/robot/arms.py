@@ -43,19 +43,13 @@ def task_of(file, words, work):
 def facts_of(context):
     """What an independent check has to know beside the description."""
     arm, constraints = context.cell.arm, context.cell.constraints
-    root = read_source(arm.urdf, arm.setup.args).root
-    for extra in [element for element in root if element.tag not in ("link", "joint")]:
-        root.remove(extra)
+    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
     floors = [region.offset for region in constraints.regions if isinstance(region, Plane)]
-    limits = {
-        kind: dict.fromkeys(arm.joint_names, x) if isinstance(x, int | float) else dict(x)
-        for kind, x in vars(context.cfg.robot.limits).items()
-        if x and kind != "file"
-    }
+    limits = {kind: dict(x) for kind, x in vars(arm.setup.limits).items() if x and kind != "file"}
     for kind, values in arm.higher_limits.items():
         limits[kind] = dict(zip(arm.joint_names, values.tolist()))
     return Facts(
-        locked=choose(read_tree(root, str(arm.urdf)), arm.setup)[1],
+        locked=choose(tree, arm.setup)[1],
         exempt=constraints.of_links.exempt,
         floor=floors[0] if floors else -np.inf,
         standing=[name.rpartition(" in region ")[0] for name in constraints.never_out],
@@ -127,10 +121,8 @@ def outcome(file, given, work):
     if floorless.geometry.collisionPairs:
         refused, missed = shape_accuracy(bare.cell.constraints, floorless, CONFIGURATIONS)
     run_stages(context.cfg, work / "run", context.cell.arm.name)
-    files, judge = (
-        sorted((work / "run" / "trajectories").glob("[0-9]*.csv")),
-        judge_of(context.cell.arm, facts),
-    )
+    judge = judge_of(context.cell.arm, facts)
+    files = sorted((work / "run" / "trajectories").glob("[0-9]*.csv"))
     verdicts = pd.DataFrame([judged(judge, path) for path in files])
     return Outcome(context.cell.arm.joints, words[len(given) :], refused, missed, verdicts)
 

@@ -19,9 +19,8 @@ from sidegan.robot import (
     load_robot,
     possible_links,
 )
-from sidegan.robot.mujoco_log import mujoco_logged
 from sidegan.robot.visuals import visual_parts
-from sidegan.steps.trajectories import peaks
+from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.validity.pairs import describe_displaced_shapes, sampled
 from sidegan.validity.remedies import describe_placeholder_limits
 from tests.identification.recordings import identified
@@ -156,12 +155,6 @@ def heights(model, q):
 def test_placeholder_limits_are_reported_with_the_setting_to_change(load, span, velocity, effort, said):
     limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
     assert said in describe_placeholder_limits(load(arm_of(limit=limit)))
-
-
-def test_peaks_are_printed_as_shares_of_limits_and_values():
-    motion = np.array([[[1.0, -3.0], [0.5, 2.0]]])
-    assert peaks(motion, np.array([2.0, 30.0]), ["rad/s", "m/s"]) == ["50%, 1 rad/s"]
-    assert peaks(motion, np.array([np.inf, np.inf]), ["N·m", "N"]) == ["3 N"]
 
 
 def test_mujoco_warnings_are_logged_and_lost_visuals_give_one_message(load, tmp_path, monkeypatch, caplog):

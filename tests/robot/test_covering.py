@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
-from sidegan.robot.covering import cover
-from sidegan.robot.decomposition import shared_out
+from sidegan.robot.covering import cover, shared_out
 from sidegan.robot.fitting import fit, from_segment, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints

@@ -1,9 +1,7 @@
 """Each thing that cannot be used is refused with a message that names it and says what was expected."""
 
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,19 +9,12 @@ import trimesh
 
 from sidegan import robot as room
 from sidegan.errors import ConfigError, RobotError, ShapeError, StorageError
-from sidegan.robot import Arm, Drives, Limits, Setup, load_robot, write_mjcf, write_urdf
+from sidegan.robot import Drives, Limits, Setup, load_robot, write_mjcf, write_urdf
 from sidegan.robot.meshes import read_mesh
 from tests.chains import random_chain, real_links
 
 from .test_part import PERSON
 from .urdf import collision, joint, link, mesh, more, one_joint, robot, two_joints
-
-
-@dataclass(frozen=True)
-class At:
-    load: Callable[..., Arm]
-    folder: Path
-    planar: Arm
 
 
 def limits(**values: str) -> str:
@@ -59,7 +50,7 @@ def written(write, name: str, scale: float = 1.0):
 def rewritten(text: str | None):
     """Writing an arm whose description has become another one, or none."""
 
-    def run(at: At) -> None:
+    def run(at):
         arm = at.load(one_joint())
         arm.urdf.unlink() if text is None else arm.urdf.write_text(text)
         write_urdf(arm, real_links(1, 0), at.folder / "out.urdf")
@@ -67,7 +58,7 @@ def rewritten(text: str | None):
     return run
 
 
-def open_mesh(at: At) -> None:
+def open_mesh(at):
     points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
     file = at.folder / "three.stl"
     trimesh.Trimesh(points, [[0, 2, 1], [0, 1, 3], [0, 3, 2]], process=False).export(file)
@@ -102,7 +93,6 @@ REFUSED = {
         (one_joint(kind="fixed"), "has no movable joints"),
         (one_joint(kind="planar"), "joint 'turn' is planar"),
         (one_joint(kind="hinge"), "of type 'hinge', expected revolute, prismatic, cont"),
-        (one_joint(kind=""), "joint 'turn' is of type '', expected revolute"),
         (TWO_ARMS, "joints 'left' and 'right' both branch off the base, expected one chain"),
         (more(RING, link("base")), "no joints connect 'base' to x, y, expected one tree"),
         (LOOP, "joint 'third' is a second joint with child link 'upper'"),
@@ -118,18 +108,15 @@ REFUSED = {
         (limits(velocity=""), "velocity limit None, expected more than 0"),
         (limits(effort="-7"), "effort limit -7, expected more than 0"),
         (limits(upper="inf"), "<limit upper='inf'>, expected a finite number"),
-        (limits(upper="${pi}"), "<limit upper='${pi}'>, expected a finite"),
         (one_joint(origin='xyz="0 nan 0"'), "<origin xyz='0 nan 0'>, expected 3 finite numbers"),
         (one_joint(origin='xyz="0 1"'), "<origin xyz='0 1'>, expected 3 finite numbers"),
         (one_joint(axis="0 0 0"), "has the axis 0 0 0, expected a direction"),
-        (one_joint(axis="0 0 1e17"), "has the axis 0 0 1e+17, expected a direction"),
         (one_joint(axis="0 0 1e200"), "expected 3 finite numbers of at most 1e+18"),
         (two_joints(origin='xyz="0 0 360"'), "the links are 360 m long together: are these millimetres?"),
         # Shapes.
         (shape(""), "collision geometry of none, expected one of sphere"),
         (shape("<torus/>"), "collision geometry of torus, expected one of sphere, cylinder"),
         (shape('<sphere radius="0"/>'), "<sphere radius='0'>, expected more than 0"),
-        (shape('<cylinder radius="1" length="nan"/>'), "<cylinder length='nan'>, expected a finite"),
         (shape("<mesh/>"), "link 'arm': <mesh> has no 'filename'"),
         (lambda at: at.load(one_joint(collision=mesh("no_mesh.stl"))), "no_mesh.stl"),
         # Which part is the arm, and what is said beside the description.
@@ -180,7 +167,9 @@ def test_is_refused(error, case, words, load, planar, tmp_path, capfd):
         (tmp_path / name).touch()
     pattern = ".*".join(map(re.escape, words.split(" … ")))
     with pytest.raises(error, match=f"(?s){pattern}") as caught:
-        load(case) if isinstance(case, str) else case(At(load, tmp_path, planar))
+        load(case) if isinstance(case, str) else case(
+            SimpleNamespace(load=load, folder=tmp_path, planar=planar)
+        )
     if isinstance(case, str):
         assert "robot.urdf" in str(caught.value)
     assert capfd.readouterr() == ("", "")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sidegan.robot import Arm, solids
+from sidegan.robot import Arm
 from sidegan.robot.visuals import Part, capsule_surface, visual_parts
 from sidegan.validity import Box, Convex, Sphere
 
@@ -26,15 +26,15 @@ def arm_parts(arm: Arm) -> tuple[list[Part], list[Part]]:
 
 def region_surface(region: Box | Sphere | Convex) -> Part:
     """The surface of a bounded keep-out region."""
-    if isinstance(region, Sphere):
-        vertices, faces = solids.capsule(region.radius, 0)
-        return Part(-1, vertices + region.centre, faces)
-    if isinstance(region, Convex):
-        import trimesh  # slow to import
+    import trimesh  # slow to import
 
-        hull = trimesh.convex.convex_hull(region.points)
-        return Part(-1, np.asarray(hull.vertices), np.asarray(hull.faces))
-    return Part(-1, *solids.box(region.lower, region.upper))
+    if isinstance(region, Sphere):
+        mesh = trimesh.creation.icosphere(3, region.radius).apply_translation(region.centre)
+    elif isinstance(region, Convex):
+        mesh = trimesh.convex.convex_hull(region.points)
+    else:
+        mesh = trimesh.creation.box(bounds=[region.lower, region.upper])
+    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
 
 def fewer(parts: Sequence[Part]) -> list[Part]:

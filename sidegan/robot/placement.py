@@ -1,23 +1,73 @@
-"""Mounting of an arm in the world, whose z points up."""
+"""Placements: locking of joints at a position, and mounting of an arm in the world, whose z points up."""
 
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
+from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
-from sidegan.robot.locking import from_rpy, meant_in_degrees
 from sidegan.robot.setup import Mount, setting
-from sidegan.robot.xml import words
+from sidegan.robot.tree import TURNING, Joint
 
 GRAVITY = 9.81  # [m/s²]
+_AXIS = (1e-6, 1e6)  # lengths of an axis that can be normalised
+_TURN = 2.02 * math.pi  # [rad] beyond which an angle must be in degrees
 _WORLD = "sidegan_world"
 _STANDING = 0.7  # cosine of the largest tilt of a base that counts as standing
 _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
 _ROUNDING = 1e-9
+
+
+def unit_axis(joint: Joint, at: str) -> Array:
+    """Unit vector along a joint's axis, (3,)."""
+    axis = xml.vector(joint.element.find("axis"), "xyz", at, "1 0 0")
+    length = math.hypot(*axis)
+    if not _AXIS[0] <= length <= _AXIS[1]:
+        words = " ".join(f"{x:g}" for x in axis)
+        raise RobotError(f"{at} has the axis {words}, expected a direction, of about unit length")
+    return np.array(axis) / length
+
+
+def lock(joint: Joint, value: float, at: str) -> None:
+    """Make a joint fixed at a position [rad or m], or at its origin if it is planar or floating."""
+    element = joint.element
+    if value and joint.kind in (*TURNING, "prismatic"):
+        axis = unit_axis(joint, at)
+        origin = element.find("origin")
+        place = np.array(xml.vector(origin, "xyz", at, "0 0 0"))
+        turn = from_rpy(xml.vector(origin, "rpy", at, "0 0 0"))
+        if joint.kind == "prismatic":
+            place = place + turn @ axis * value
+        else:
+            turn = turn @ pin.exp3(value * axis)
+        if origin is None:
+            origin = ET.SubElement(element, "origin")
+        write_placement(origin, turn, place)
+    element.set("type", "fixed")
+    for tag in ("mimic", "limit", "axis", "safety_controller", "dynamics", "calibration"):
+        for extra in element.findall(tag):
+            element.remove(extra)
+
+
+def write_placement(origin: ET.Element, turn: Array, place: Array) -> None:
+    """Write a rotation (3, 3) and a translation [m], (3,), into a URDF's origin."""
+    origin.set("xyz", xml.words(place))
+    origin.set("rpy", xml.words(pin.rpy.matrixToRpy(turn)))
+
+
+def meant_in_degrees(rpy: tuple[float, ...]) -> list[float]:
+    """Roll, pitch and yaw [rad] that were stated in degrees; empty unless one is beyond a turn."""
+    return [math.radians(x) for x in rpy] if max(map(abs, rpy)) > _TURN else []
+
+
+def from_rpy(rpy: tuple[float, ...]) -> Array:
+    """Rotation (3, 3) from roll, pitch and yaw [rad]."""
+    return pin.rpy.rpyToMatrix(*rpy)
 
 
 def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mount:
@@ -45,7 +95,7 @@ def hang(root: ET.Element, base: str, mount: Mount) -> None:
     joint = ET.SubElement(root, "joint", name=f"{_WORLD}_joint", type="fixed")
     ET.SubElement(joint, "parent", link=_WORLD)
     ET.SubElement(joint, "child", link=base)
-    ET.SubElement(joint, "origin", xyz="0 0 0", rpy=words(mount))
+    ET.SubElement(joint, "origin", xyz="0 0 0", rpy=xml.words(mount))
 
 
 def turned(planes: Sequence[FilePlane], mount: Mount) -> tuple[FilePlane, ...]:
