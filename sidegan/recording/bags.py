@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sidegan.base.names import listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
-from sidegan.recording.merged import Part, merged
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.tables import Table, Where
 
@@ -22,9 +20,6 @@ _SUFFIXES = (".db3", ".mcap")
 _KIND = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")
 _NANOSECONDS = 1e-9
-
-_Stamped = tuple[int, Any]  # time of receipt [ns], and a message
-_Groups = dict[tuple[str, ...], list[_Stamped]]  # messages by joints
 
 
 def is_bag(path: Path) -> bool:
@@ -40,14 +35,11 @@ def bag_files(path: Path) -> list[Path]:
     return [file for file in inside if file.is_file()]
 
 
-def bag_table(
-    path: Path, settings: RecordingSettings, names: Sequence[str]
-) -> tuple[Table, Where, list[str]]:
-    """Joint states of the named joints in a bag, which of its columns hold which signal, and remarks.
+def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> tuple[Table, Where]:
+    """Joint states of the named joints in a bag, and which of its columns hold which signal.
 
     Time stamps are the headers', or the bag's where headers have none. Messages without any of the joints,
-    such as a gripper's, are skipped. Messages with only some of them become corrupt rows; if none has all,
-    those of different joints are merged by their time stamps.
+    such as a gripper's, are skipped. Messages with only some of them become corrupt rows.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -55,22 +47,28 @@ def bag_table(
     store = get_typestore(Stores.ROS2_HUMBLE)
     with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
         connections = _connections(path, reader, settings.topic)
-        messages: list[_Stamped] = [
-            (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
-        ]
-    groups = _groups(path, messages, names)
-    firsts = [next(m for _, m in some if {*own} <= {*m.name}) for own, some in groups.items()]
-    fields = [x for x in _FIELDS if all(len(getattr(m, x)) == len(m.name) for m in firsts)]
+        messages = [(at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)]
+    if not messages:
+        raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
+    seen = {name for _, message in messages for name in message.name}
+    if missing := [name for name in names if name not in seen]:
+        raise RecordingError(
+            f"{path.name} has no joint {', '.join(missing)}; it has {', '.join(sorted(seen))}"
+        )
+    whole = next((message for _, message in messages if {*names} <= {*message.name}), None)
+    if whole is None:
+        raise RecordingError(
+            f"{path.name} has no message with all of the arm's joints: record a topic on which they come "
+            "together, as from a joint_state_broadcaster"
+        )
+    fields = [field for field in _FIELDS if len(getattr(whole, field)) == len(whole.name)]
     if "position" not in fields:
         raise RecordingError(f"{path.name}: its joint states have no positions")
-    signals, _, remarks = merged([_part(own, some, fields, len(groups) > 1) for own, some in groups.items()])
-    found = {"time": signals["time"]}
-    found |= {field: np.concatenate([signals[f"{field} {name}"] for name in names], 1) for field in fields}
-    if len(groups) > 1:
-        apart = "; ".join(map(listed, groups))
-        remarks = [f"joints come in separate messages ({apart}): merged by their time stamps", *remarks]
+    rows = np.array([_row(m, at, names, fields) for at, m in messages if {*names} & {*m.name}])
+    signals = np.split(rows[:, 1:], len(fields), 1)
     where = {settings.effort if field == "effort" else field: [field] for field in fields}
-    return Table(found, np.arange(len(found["time"])) + 1), {"time": ["time"], **where}, remarks
+    table = Table({"time": rows[:, 0], **dict(zip(fields, signals))}, np.arange(len(rows)) + 1)
+    return table, {"time": ["time"], **where}
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
@@ -87,38 +85,6 @@ def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Co
     if topic is not None and topic not in topics:
         raise RecordingError(f"{path.name} has joint states on {', '.join(topics)}, not on {topic}")
     return [c for c in of_states if topic is None or c.topic == topic]
-
-
-def _groups(path: Path, messages: Sequence[_Stamped], names: Sequence[str]) -> _Groups:
-    """Messages by the joints taken from them: all joints if any message has them, else those that it has."""
-    if not messages:
-        raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
-    seen = {name for _, message in messages for name in message.name}
-    if missing := [name for name in names if name not in seen]:
-        raise RecordingError(
-            f"{path.name} has no joint {', '.join(missing)}; it has {', '.join(sorted(seen))}"
-        )
-    whole = any({*names} <= {*message.name} for _, message in messages)
-    groups: _Groups = {}
-    for at, message in messages:
-        if own := tuple(name for name in names if name in message.name):
-            groups.setdefault(tuple(names) if whole else own, []).append((at, message))
-    taken: _Groups = {}
-    for own in sorted(groups, key=lambda own: -len(groups[own])):
-        if not {*own} <= {name for other in taken for name in other}:
-            taken[own] = groups[own]
-    return taken
-
-
-def _part(own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str], complete: bool) -> Part:
-    """Signals of these joints, a column each; ``complete``: only of messages with a number for each."""
-    rows = np.array([_row(message, at, own, fields) for at, message in some])
-    rows = rows[np.isfinite(rows).all(1)] if complete else rows
-    if not len(rows):
-        raise RecordingError(f"no message of {listed(own)} has a number for each joint")
-    columns = [f"{field} {name}" for field in fields for name in own]
-    signals = dict(zip(["time", *columns], [rows[:, 0], *rows.T[1:, :, None]]))
-    return Part(f"the messages of {listed(own)}", True, signals, [], [])
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:

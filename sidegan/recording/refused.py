@@ -45,15 +45,19 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
             f"give their exact rate instead: recording.time=none recording.rate={rate:.3g}"
         )
     if statistics.step > SLOWEST:
-        raw = statistics.step / units.factor("time")
+        raw = statistics.step / SECONDS[units.time or "s"]
         likely = next((unit for unit in ("ms", "us") if raw * SECONDS[unit] <= _USUAL), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"
         )
-    for doubt in (_angles, _lengths, _counts):
-        if message := doubt(position, arm, units):
-            raise RecordingError(f"{name}: {message}")
+    message = _angles(position, arm, units) or _lengths(position, arm, units)
+    far = position.largest > _COUNTED * _limit(arm)
+    if not message and 2 * far.sum() > arm.joints:
+        reach = _reaches(position, arm, far)
+        message = f"{reach}, which no unit explains: are these encoder counts? Convert them to rad or m"
+    if message:
+        raise RecordingError(f"{name}: {message}")
 
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
@@ -86,23 +90,6 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
         slid = f"{arm.named(short)} slides no more than {span[short].max() * MILLIMETRES:.3g} mm"
         return f"{slid}: are these metres? (recording.units.length=m)"
     return None
-
-
-def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
-    """Message if positions look like encoder counts."""
-    if units.position is not None:
-        return None
-    far = position.largest > _COUNTED * _limit(arm)
-    if 2 * far.sum() <= arm.joints:
-        return None
-    lower, upper = (x / units.factor("position") for x in (position.lower, position.upper))
-    per_turn = 2 ** math.ceil(math.log2(max(float(upper.max()), 2)))
-    zero = per_turn // 2 if (lower >= 0).all() else 0
-    return (
-        f"{_reaches(position, arm, far)}, which no unit explains: are these encoder counts? If so, give the "
-        "counts per turn and the reading at joint position zero, for example "
-        f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
-    )
 
 
 def _limit(arm: Arm) -> Array:

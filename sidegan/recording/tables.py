@@ -2,9 +2,8 @@
 
 import json
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,24 +25,10 @@ class Table:
     columns: Mapping[str, Any]
     rows: Array  # row numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # row numbers and reasons of unreadable rows
-    units: Mapping[str, str] = field(
-        default_factory=dict
-    )  # of columns, where a row below the header has them
-    remarks: Sequence[str] = ()  # for people, on how it was read
-
-    def heading(self, name: str) -> str:
-        """A column's name with its unit."""
-        return f"{name} [{self.units[name]}]" if name in self.units else name
 
     def first(self, name: str) -> str:
         """A column's first element as text; empty if there is none."""
         return str(next(iter(self.columns[name]), "")).strip()
-
-    def forget(self, names: Iterable[str]) -> None:
-        """Release the memory of columns that are no longer needed."""
-        for name in names:
-            if isinstance(self.columns, dict):
-                self.columns.pop(name, None)
 
     def width(self, name: str) -> int:
         """Number of elements that a column has in each row: 1 unless it holds lists."""
@@ -68,8 +53,13 @@ class Table:
         return [*orders.pop()]
 
     def numbers(self, name: str) -> Array:
-        """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""
+        """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number.
+
+        A column can be read once: its memory is then released.
+        """
         values = np.atleast_1d(self.columns[name])
+        if isinstance(self.columns, dict):
+            del self.columns[name]
         if np.iscomplexobj(values):
             raise RecordingError(f"array {name} holds {values.dtype}, expected real numbers")
         if len(values) and isinstance(values[0], list | np.ndarray):
@@ -129,31 +119,21 @@ class _Parquet(Mapping[str, Any]):
 
 
 def json_table(path: Path) -> Table:
-    """Table of JSON lines, an object per row; nested names are joined by dots, lists are numbered."""
+    """Table of JSON lines, an object per row; nested names are joined by dots."""
     rows, found, skipped = [], [], []
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         for row, line in enumerate(file, 1):
             try:
-                found.append(dict(_leaves(json.loads(line), "")))
-                rows.append(row)
+                values = json.loads(line)
             except ValueError:
-                skipped += [(row, "is not a JSON object")] if line.strip() else []
-    frame = pd.DataFrame(found)
+                values = None
+            if isinstance(values, dict):
+                found.append(values)
+                rows.append(row)
+            elif line.strip():
+                skipped.append((row, "is not a JSON object"))
+    frame = pd.json_normalize(found)
     return Table({str(name): frame[name] for name in frame}, np.array(rows, dtype=np.int64), skipped)
-
-
-def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Names and values of all leaves of a JSON value; ValueError if it is not an object."""
-    if isinstance(value, dict):
-        for key, child in value.items():
-            yield from _leaves(child, f"{name}.{key}".lstrip("."))
-    elif not name:
-        raise ValueError("no object")
-    elif isinstance(value, list):
-        for k, child in enumerate(value):
-            yield from _leaves(child, f"{name}[{k}]")
-    else:
-        yield name, value
 
 
 def npz_table(path: Path) -> Table:
@@ -166,12 +146,7 @@ def mat_table(path: Path) -> Table:
     """Table of a MATLAB file up to version 7, as of an NPZ file; names in structures are joined by dots."""
     import scipy
 
-    try:
-        content = scipy.io.loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:  # HDF5
-        raise RecordingError(
-            f"{path} is a MATLAB 7.3 file, expected an older version: save(…, '-v7')"
-        ) from error
+    content = scipy.io.loadmat(path, simplify_cells=True)
     return _of_arrays({name: x for name, x in _fields(content) if not name.startswith("__")})
 
 
@@ -184,12 +159,8 @@ def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield f"{prefix}{name}", np.asarray(value)
 
 
-def _of_arrays(found: Mapping[str, Any]) -> Table:
-    """A table of arrays (S,), (S, J), or (J, S), and of structured ones, whose fields are columns."""
-    arrays = {name: x for name, x in found.items() if x.dtype.names is None}
-    parts = [(name, part) for name, x in found.items() for part in x.dtype.names or ()]
-    often = Counter([*arrays, *(part for _, part in parts)])
-    arrays |= {part if often[part] == 1 else f"{name}.{part}": found[name][part] for name, part in parts}
+def _of_arrays(arrays: Mapping[str, Any]) -> Table:
+    """A table of arrays (S,), (S, J), or (J, S)."""
     longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
     upright = {
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()
