@@ -13,13 +13,22 @@ from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
-from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
-from sidegan.recording.mended import driven, unmarked, unwrapped
+from sidegan.recording.mended import driven, unwrapped
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.tables import Table, Where, json_table, mat_table, npz_table, parquet_table
+from sidegan.recording.tables import (
+    Table,
+    Where,
+    dataset_files,
+    dataset_table,
+    is_dataset,
+    json_table,
+    mat_table,
+    npz_table,
+    parquet_table,
+)
 from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
 
@@ -88,10 +97,10 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         for name, columns in where.items():
             if name == "time":
                 signals[name], units, odd = stamps_in_si(path.name, table, columns, settings.units)
+                remarks += odd
             else:
-                signals[name], units, odd = _in_si(path.name, table, name, columns, settings.units, joints)
+                signals[name], units = _in_si(path.name, table, name, columns, settings.units, joints)
             stated += [f"{name} in {unit}" for unit in dict.fromkeys(units) if unit]
-            remarks += odd
     if len({len(x) for x in signals.values()}) > 1:
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
         raise RecordingError(f"{path.name}: the arrays differ in length: {lengths}")
@@ -116,7 +125,7 @@ def _open(
     path: Path, suffix: str, settings: RecordingSettings, joints: Joints, only: str | None
 ) -> tuple[Table, Where, list[str]]:
     """A file's table, which of its columns hold which signal, and remarks on that."""
-    if path.is_dir() and is_dataset(path):
+    if is_dataset(path):
         table = dataset_table(path)
     elif is_bag(path):
         table, where = bag_table(path, settings, joints.names)
@@ -134,8 +143,8 @@ def _open(
 
 def _in_si(
     file: str, table: Table, name: str, where: Sequence[str], units: Units, joints: Joints
-) -> tuple[Array, Sequence[str], list[str]]:
-    """A signal (S, J) in SI units, from columns (S,) or an array (S, J); units in their names; remarks."""
+) -> tuple[Array, list[str]]:
+    """A signal (S, J) in SI units, from columns (S,) or an array (S, J), and the units in their names."""
     columns = [table.numbers(column) for column in where]
     if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
         shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, columns))
@@ -147,12 +156,11 @@ def _in_si(
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
         raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
-    x, marked = unmarked(x, where)
     names = re.compile(rf"[\[(]({'|'.join(map(re.escape, joints.names))})[\])]")  # may look like units
     headings = [names.sub("", column) for column in where] * (1 if where[1:] else len(joints.own))
     stated = [units.of(file, name, *joint) for joint in zip(joints.slides, headings)]
     x = np.multiply(x, [factor for _, factor in stated], out=x if where[1:] else None)
-    return x, [unit for unit, _ in stated], marked
+    return x, [unit for unit, _ in stated]
 
 
 def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array], Array]]:

@@ -1,8 +1,8 @@
-"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files."""
+"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files, and from LeRobot datasets."""
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +12,14 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 
 Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 _NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
+_INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"  # of LeRobot datasets, versions 2 and 3
+_TIME, _EPISODE = "timestamp", "episode_index"
+_PAUSE = 10.0  # [s] inserted between episodes, whose clocks start at zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,23 +81,13 @@ class Table:
 def parquet_table(path: Path) -> Table:
     """Table of a Parquet file with a row per sample; columns may hold lists of all joints.
 
-    Names in structures are joined by dots.
+    Binary columns, such as images, are left out.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    plain = [*_plain(pq.read_schema(path))]
-    return Table(_Parquet(path, plain), np.arange(pq.read_metadata(path).num_rows) + 1)
-
-
-def _plain(fields: Iterable[Any], before: str = "") -> Iterator[str]:
-    """Names of columns and of structures' fields, without binary data, such as images."""
-    import pyarrow as pa
-
-    for part in fields:
-        if pa.types.is_struct(part.type):
-            yield from _plain(part.type, f"{before}{part.name}.")
-        elif not pa.types.is_binary(part.type):
-            yield f"{before}{part.name}"
+    names = [field.name for field in pq.read_schema(path) if not pa.types.is_binary(field.type)]
+    return Table(_Parquet(path, names), np.arange(pq.read_metadata(path).num_rows) + 1)
 
 
 class _Parquet(Mapping[str, Any]):
@@ -166,3 +160,55 @@ def _of_arrays(arrays: Mapping[str, Any]) -> Table:
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()
     }
     return Table(upright, np.arange(max((len(x) for x in upright.values() if x.ndim), default=0)) + 1)
+
+
+def is_dataset(path: Path) -> bool:
+    """Whether a path is a LeRobot dataset's folder."""
+    return (path / _INFO).is_file()
+
+
+def dataset_files(path: Path) -> list[Path]:
+    """A LeRobot dataset's description, and its files of frames in the order of episodes."""
+    frames = sorted(path.glob(_FRAMES))
+    if not frames:
+        raise RecordingError(f"{path} is a LeRobot dataset without frames, expected {_FRAMES}")
+    return [path / _INFO, *frames]
+
+
+def dataset_table(path: Path) -> Table:
+    """The frames of a LeRobot dataset, with all episodes on one clock.
+
+    A vector with named elements becomes a column per element: ``observation.state.shoulder.pos``.
+    """
+    info, *files = dataset_files(path)
+    with reading(info, "JSON", RecordingError):
+        features = json.loads(info.read_text("utf-8")).get("features", {})
+        named = {feature: _names(about) for feature, about in features.items()}
+    parts = []
+    for file in files:
+        with reading(file, "Parquet", RecordingError):
+            parts.append(pd.DataFrame({**parquet_table(file).columns}))
+    frames = pd.concat(parts, ignore_index=True)
+    if missing := [name for name in (_TIME, _EPISODE) if name not in frames]:
+        raise RecordingError(
+            f"{files[0]} has no column {', '.join(missing)}: is it part of a LeRobot dataset?"
+        )
+    steps = frames[_TIME].astype(np.float64).diff().fillna(0.0)
+    frames[_TIME] = steps.mask(frames[_EPISODE].diff().fillna(0) != 0, _PAUSE).cumsum()
+    columns: dict[str, Any] = {}
+    for column, values in frames.items():
+        if names := named.get(str(column)):
+            columns |= {f"{column}.{name}": x for name, x in zip(names, np.stack([*values]).T)}
+        else:
+            columns[str(column)] = values
+    return Table(columns, np.arange(len(frames)) + 1)
+
+
+def _names(about: Any) -> list[str]:
+    """Unique names of a vector's elements; empty if it has none."""
+    names = about.get("names")
+    if isinstance(names, dict) and len(names) == 1:  # under their kind, such as motors
+        (names,) = names.values()
+    if not isinstance(names, list) or len(names) < 2 or [len(names)] != list(about.get("shape", [])):
+        return []  # a feature of one number is not a vector in the file
+    return [str(name) for name in names] if len(set(names)) == len(names) else []
