@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
@@ -38,18 +37,15 @@ class Joints:
         sliding: Collection[str] = (),
     ) -> "Joints":
         """The arm's joints in a file; ``chain`` also names locked joints between them, if there are any."""
-        own = tuple(joint_names)
-        whole = tuple(chain or joint_names)
+        own, whole = tuple(joint_names), tuple(chain or joint_names)
         named = tuple(settings.joints or whole)
-        slides = tuple(name in sliding for name in own)
-        if len(named) == len(whole):
-            return cls(named, tuple(whole.index(name) for name in own), own, slides)
-        if len(named) == len(own):
-            return cls(named, tuple(range(len(own))), own, slides)
-        raise RecordingError(
-            f"{file}: recording.joints has {counted(len(named), 'name')}, the arm has "
-            f"{counted(len(own), 'joint')}: {', '.join(own)}"
-        )
+        if len(named) not in (len(whole), len(own)):
+            raise RecordingError(
+                f"{file}: recording.joints has {counted(len(named), 'name')}, the arm has "
+                f"{counted(len(own), 'joint')}: {', '.join(own)}"
+            )
+        places = map(whole.index, own) if len(named) == len(whole) else range(len(own))
+        return cls(named, tuple(places), own, tuple(name in sliding for name in own))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,8 +57,10 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
     """Columns of a pattern for joints of these names and places (from 0); or the array of all joints."""
     if not PLACEHOLDER.search(pattern):
         return [pattern]
-    values = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
-    return [PLACEHOLDER.sub(lambda match, x=x: x[match[1]], pattern) for x in values]  # type: ignore[misc]
+    return [
+        pattern.replace("{joint}", name).replace("{index}", str(place + 1)).replace("{index0}", str(place))
+        for name, place in zip(names, places)
+    ]
 
 
 class Finder:
@@ -86,12 +84,20 @@ class Finder:
         where = {"time": time} if time else {}
         patterns: dict[str, str] = {}
         guessed = []
+        names = self.joints.names
         for signal in [self.only] if self.only else SIGNALS:
             for pattern in filter(None, (getattr(self.settings, signal) or "").split("|")):
-                columns, found = self._called(signal) if pattern == AUTO else (self._set(pattern), pattern)
+                if pattern == AUTO:
+                    columns, found = self._called(signal)
+                    guessed += [columns] if columns and "{joint}" not in found else []
+                else:
+                    found = pattern
+                    ways = (
+                        _filled(pattern, names, places) for places in (self.joints.places, range(len(names)))
+                    )
+                    columns = next((way for way in ways if {*way} <= {*self.available}), [])
                 if columns:
                     where[signal], patterns[signal] = columns, found
-                    guessed += [columns] if pattern == AUTO and "{joint}" not in found else []
                     break
             else:
                 self._refuse_missing(signal)
@@ -117,24 +123,15 @@ class Finder:
                 "recording.time=NAME, or, without time stamps, state the sampling rate [Hz]: "
                 "recording.rate=1000"
             )
-        if len(stamps) > 1 and not is_split(stamps):
+        if not is_split(stamps):
             self._refuse_several("time", stamps)
         return stamps
-
-    def _set(self, pattern: str) -> list[str]:
-        """Columns of a configured pattern; none unless all exist."""
-        for places in (self.joints.places, range(len(self.joints.places))):
-            columns = _filled(pattern, self.joints.names, places)
-            if {*columns} <= {*self.available}:
-                return columns
-        return []
 
     def _called(self, signal: str) -> tuple[list[str], str]:
         """Columns named like the signal, or a single one that holds all joints, and their pattern."""
         ways = self._ways(self._candidates(signal), self.numbering)
         ways = ways or {(column,): column for column in self._arrays(signal)}
-        if len(ways) > 1:
-            self._refuse_several(signal, [*ways.values()])
+        self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
             left = 0 if "{joint}" in pattern else len(self._left(columns, pattern))
             if left > _MOST_LEFT:
@@ -209,9 +206,8 @@ class Finder:
         named = [(c, place) for s in self.series if s.named for place, c in s.columns.items()]
         taken = [dict(zip(columns, self.joints.places)) for columns in guessed]
         first = [next(iter(t)) for t in taken if any(t.get(c, place) != place for c, place in named)]
-        if not first:
-            return []
-        return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
+        remark = f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."
+        return [remark] if first else []
 
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
         """A remark on columns of more joints than the arm has."""
@@ -270,18 +266,15 @@ class Finder:
         named = "; does it name joints otherwise? 'recording.joints=[…]', in the arm's order"
         if self.only:
             return named
-        files = {"position": "FILE", "effort": self.file}
-        if signal != "position":
-            files = {"position": self.file, "effort": "FILE"}
-        paths = ", ".join(f"{signal}: {file}" for signal, file in files.items())
-        return f"{named}; is it in another file? 'recordings=[{{{paths}}}]'"
+        position, effort = ("FILE", self.file) if signal == "position" else (self.file, "FILE")
+        files = f"position: {position}, effort: {effort}"
+        return f"{named}; is it in another file? 'recordings=[{{{files}}}]'"
 
-    def _refuse_several(self, signal: str, ways: Sequence[str]) -> NoReturn:
-        """Raise because a signal occurs in several, equally plausible ways."""
-        listed_ways = " and as ".join(map(repr, ways))
-        raise RecordingError(
-            f"{self.file} has {signal} as {listed_ways}; choose one: {_typed(signal, ways[0])}"
-        )
+    def _refuse_several(self, signal: str, ways: Sequence[str]) -> None:
+        """Raise if a signal occurs in several, equally plausible ways."""
+        if len(ways) > 1:
+            each = " and as ".join(map(repr, ways))
+            raise RecordingError(f"{self.file} has {signal} as {each}; choose one: {_typed(signal, ways[0])}")
 
     def _has(self) -> str:
         return listed([repr(column) for column in self.available]) or "none"

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,24 +11,16 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording import tables
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
+from sidegan.recording.grid import interpolated
 from sidegan.recording.mended import driven, unwrapped
-from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.tables import (
-    Table,
-    Where,
-    dataset_files,
-    dataset_table,
-    is_dataset,
-    json_table,
-    mat_table,
-    npz_table,
-    parquet_table,
-)
+from sidegan.recording.statistics import clock_of
+from sidegan.recording.tables import Table, Where
 from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
 
@@ -39,11 +31,22 @@ _APART = 0.1  # of the rows; a signal missing in more has its own time stamps
 _PARQUET = b"PAR1"  # first bytes of such files
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
-    **dict.fromkeys((".parquet", ".pq"), parquet_table),
-    **dict.fromkeys((".jsonl", ".ndjson"), json_table),
-    ".npz": npz_table,
-    ".mat": mat_table,
+    **dict.fromkeys((".parquet", ".pq"), tables.parquet_table),
+    **dict.fromkeys((".jsonl", ".ndjson"), tables.json_table),
+    ".npz": tables.npz_table,
+    ".mat": tables.mat_table,
 }
+
+
+class _Part(NamedTuple):
+    """Signals of a file, without corrupt rows."""
+
+    file: str
+    stamped: bool  # whether the file has time stamps; otherwise they follow from row numbers and rate
+    time: Array  # stamps [s], (S,)
+    signals: dict[str, Array]  # the others in SI units, (S, J)
+    corrupt: list[tuple[int, str]]  # row numbers and reasons of corrupt rows
+    remarks: list[str]  # on the columns
 
 
 def load_recording(
@@ -66,9 +69,13 @@ def load_recording(
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    signals, corrupt, remarks = merged([_read(path, settings, joints, only) for only, path in sources])
-    fields: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
-    return driven(unwrapped(Recording(name, tuple(joint_names), **fields), joints.slides))
+    found = _merged([_read(path, settings, joints, only) for only, path in sources])
+    fields: dict[str, Any] = {
+        **found.signals,
+        "corrupt": tuple(found.corrupt),
+        "remarks": tuple(found.remarks),
+    }
+    return driven(unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides))
 
 
 def recording_name(files: Recorded | Path) -> str:
@@ -80,10 +87,10 @@ def files_of(path: Path) -> list[Path]:
     """Files of a recording: the path itself, or those in its folder."""
     if not path.is_dir():
         return [path]
-    return dataset_files(path) if is_dataset(path) else bag_files(path)
+    return tables.dataset_files(path) if tables.is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
+def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> _Part:
     """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged."""
     with reading(path, "recording", RecordingError):
         if not path.exists():
@@ -108,9 +115,10 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         read = ", ".join(stated)
         remarks = [f"{read}, according to the column names; recording.units overrides them", *remarks]
     apart = _apart(signals, table.rows)
-    parts = [_part(path.name, where, group, rows, settings.rate) for group, rows in apart]
-    signals, corrupt, clocks = merged(parts)
-    return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], [*remarks, *clocks])
+    found = _merged([_part(path.name, where, group, rows, settings.rate) for group, rows in apart])
+    return found._replace(
+        file=path.name, corrupt=[*table.skipped, *found.corrupt], remarks=[*remarks, *found.remarks]
+    )
 
 
 def _suffix(path: Path) -> str:
@@ -125,8 +133,8 @@ def _open(
     path: Path, suffix: str, settings: RecordingSettings, joints: Joints, only: str | None
 ) -> tuple[Table, Where, list[str]]:
     """A file's table, which of its columns hold which signal, and remarks on that."""
-    if is_dataset(path):
-        table = dataset_table(path)
+    if tables.is_dataset(path):
+        table = tables.dataset_table(path)
     elif is_bag(path):
         table, where = bag_table(path, settings, joints.names)
         if only and only not in where:
@@ -174,21 +182,8 @@ def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array
     ]
 
 
-def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
-    """Signals without corrupt rows."""
-    good, corrupt = _whole_rows(file, rows, where, signals)
-    if not good.any():
-        raise RecordingError(f"{file} holds no samples")
-    kept = signals if good.all() else {name: x[good] for name, x in signals.items()}
-    time = kept["time"][:, 0] if "time" in kept else rows[: len(good)][good] / (rate or 1.0)
-    label = f"the {listed([name for name in signals if name != 'time'])} of {file}"
-    return Part(label, "time" in kept, {**kept, "time": time}, corrupt, [])
-
-
-def _whole_rows(
-    file: str, rows: Array, where: Where, signals: dict[str, Array]
-) -> tuple[Array, list[tuple[int, str]]]:
-    """Which rows hold a number in every column, and the number and reason of the others."""
+def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> _Part:
+    """Signals without corrupt rows, in which a column lacks a plausible number."""
     names, lacks = [], []
     for name, signal in signals.items():
         late = name == "time" and np.count_nonzero(np.abs(signal) > _LARGEST) > len(signal) / 2
@@ -197,14 +192,64 @@ def _whole_rows(
             names.append(where[name][k] if separate else f"{where[name][0]}[{k}]")
             lacks.append(~(np.abs(x) <= (_LATEST if late else _LARGEST)))
     missing = np.stack(lacks)  # (C, S)
-    wrong = np.asarray(missing.any(0))
-    if len(wrong) and wrong.mean() > _MOST_CORRUPT:
+    good = ~missing.any(0)
+    if len(good) and 1 - good.mean() > _MOST_CORRUPT:
         worst = [name for name, share in zip(names, missing.mean(1)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
-            f"{file}: {wrong.mean():.0%} of its rows lack a number, in column {listed(worst)}"
+            f"{file}: {1 - good.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )
+    if not good.any():
+        raise RecordingError(f"{file} holds no samples")
     corrupt = []
-    for k in np.flatnonzero(wrong).tolist():
+    for k in np.flatnonzero(~good).tolist():
         lacking = [names[c] for c in np.flatnonzero(missing[:, k])]
         corrupt.append((int(rows[k]), f"no number in {listed(lacking, 3)}"))
-    return ~wrong, corrupt
+    whole = slice(None) if good.all() else good  # a view needs no copy
+    kept = {name: x[whole] for name, x in signals.items()}
+    stamps = kept.pop("time", None)
+    time = rows[: len(good)][good] / (rate or 1.0) if stamps is None else stamps[:, 0]
+    return _Part(f"the {listed([*kept])} of {file}", stamps is not None, time, kept, corrupt, [])
+
+
+def _merged(parts: Sequence[_Part]) -> _Part:
+    """Signals at the stamps of the fastest file, with the corrupt rows of all files.
+
+    Only times that all files cover are kept, without interpolation over gaps. A single file is unchanged.
+    """
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
+    if without and stamped:
+        raise RecordingError(
+            f"{stamped[0]} has time stamps, but {without[0]} has none: add a column of time stamps to "
+            f"{without[0]}"
+        )
+    corrupt = [(row, f"{part.file}: {reason}") for part in parts for row, reason in part.corrupt]
+    remarks = [f"{part.file}: {remark}" for part in parts for remark in part.remarks]
+    if all(np.array_equal(part.time, first.time) for part in parts):
+        signals = {name: x for part in parts for name, x in part.signals.items()}
+        return first._replace(signals=signals, corrupt=corrupt, remarks=remarks)
+    clocks = [clock_of(part.file, part.time) for part in parts]
+    fastest = parts[int(np.argmin([clock.step for clock in clocks]))]
+    begin = max(part.time[0] for part in parts)
+    end = min(part.time[-1] for part in parts)
+    if not begin < end:
+        spans = [f"{part.file} from {part.time[0]:.6g} s to {part.time[-1]:.6g} s" for part in parts]
+        raise RecordingError(
+            f"the files do not overlap in time, expected time stamps of one clock: {'; '.join(spans)}"
+        )
+    time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
+    signals = {
+        name: interpolated(time, part.time, x, clock.gap)
+        for part, clock in zip(parts, clocks)
+        for name, x in part.signals.items()
+    }
+    whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
+    others = [part.file for part in parts if not np.isin(time[whole], part.time).all()]
+    remarks += [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
+    lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)
+    if lost > max(clock.step for clock in clocks):
+        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest is left out")
+    signals = {name: x[whole] for name, x in signals.items()}
+    return _Part(first.file, first.stamped, time[whole], signals, corrupt, remarks)
