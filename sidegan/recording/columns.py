@@ -72,6 +72,7 @@ class Finder:
         self.file, self.table, self.settings, self.joints = file, table, settings, joints
         self.available = [*table.columns]
         self.only = only
+        self.count = len(joints.places)
         self.effort = settings.effort
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
@@ -83,19 +84,9 @@ class Finder:
         time = self._time()
         where = {"time": time} if time else {}
         patterns: dict[str, str] = {}
-        guessed = []
-        names = self.joints.names
         for signal in [self.only] if self.only else SIGNALS:
             for pattern in filter(None, (getattr(self.settings, signal) or "").split("|")):
-                if pattern == AUTO:
-                    columns, found = self._called(signal)
-                    guessed += [columns] if columns and "{joint}" not in found else []
-                else:
-                    found = pattern
-                    ways = (
-                        _filled(pattern, names, places) for places in (self.joints.places, range(len(names)))
-                    )
-                    columns = next((way for way in ways if {*way} <= {*self.available}), [])
+                columns, found = self._called(signal) if pattern == AUTO else (self._set(pattern), pattern)
                 if columns:
                     where[signal], patterns[signal] = columns, found
                     break
@@ -108,7 +99,7 @@ class Finder:
                 f"{self.file} has no torque or current: {like}; it has {self._has()}"
                 f"{self._offers('torque') or self._elsewhere('torque')}"
             )
-        return where, [*self._shifted(guessed), *self._left_over(where, patterns)]
+        return where, self._left_over(where, patterns)
 
     def _time(self) -> list[str]:
         """Columns of time stamps; none if the file has none but its rate is known."""
@@ -126,6 +117,11 @@ class Finder:
         if not is_split(stamps):
             self._refuse_several("time", stamps)
         return stamps
+
+    def _set(self, pattern: str) -> list[str]:
+        """Columns of a configured pattern; none unless all exist."""
+        ways = [_filled(pattern, self.joints.names, p) for p in (self.joints.places, range(self.count))]
+        return next((way for way in ways if {*way} <= {*self.available}), [])
 
     def _called(self, signal: str) -> tuple[list[str], str]:
         """Columns named like the signal, or a single one that holds all joints, and their pattern."""
@@ -150,7 +146,7 @@ class Finder:
     def _arrays(self, signal: str | None) -> list[str]:
         """Columns of lists with an element per joint that are named like a signal, or like none."""
         called = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
-        widths = {len(self.joints.places)}
+        widths = {self.count}
         if called and {*self.joints.names} <= {*self.table.joint_names}:
             widths.add(len(self.table.joint_names))
         return [c for c in called if self.table.width(c) in widths]
@@ -163,7 +159,7 @@ class Finder:
     def _ways(self, series: Sequence[Series], numbering: Numbering) -> dict[tuple[str, ...], str]:
         """Patterns of series with all joints in this numbering, by their columns; names take precedence."""
         found = [self._of(s, numbering) for s in sorted(series, key=lambda s: s.named)]
-        return {columns: pattern for columns, pattern in found if len(columns) == len(self.joints.places)}
+        return {columns: pattern for columns, pattern in found if len(columns) == self.count}
 
     def _numberings(self) -> list[Numbering]:
         """Possible numberings of the arm's joints; locked joints may or may not be counted.
@@ -171,22 +167,22 @@ class Finder:
         A file with columns of joint names states its numbering.
         """
         names = self.joints.names
-        count = len(self.joints.places)
         for series in self.series:
             if not series.named and series.words[-1:] in (["name"], ["names"]):
                 numbers = {self.table.first(column): number for number, column in series.columns.items()}
                 if {*names} <= {*numbers}:
                     return [(tuple(numbers[name] for name in names), 0)]
-        distinct = dict.fromkeys([self.joints.places, tuple(range(count))])
+        distinct = dict.fromkeys([self.joints.places, tuple(range(self.count))])
         return [(places, base) for places in distinct for base in (0, 1)]
 
     def _likeliest(self) -> list[Numbering]:
         """Numberings with which most signals are complete, the likeliest first."""
-        count = len(self.joints.places)
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.effort)]
         scores = {
-            numbering: tuple(sum(len(s.of(*numbering)) == count for s in kind) for kind in (signals, series))
+            numbering: tuple(
+                sum(len(s.of(*numbering)) == self.count for s in kind) for kind in (signals, series)
+            )
             for numbering in self.numberings
         }
         if (most := max(scores.values())) == (0, 0):
@@ -201,21 +197,13 @@ class Finder:
         left = {column for series in numbered if {*columns} <= series for column in series - known}
         return [column for column in self.available if column in left]
 
-    def _shifted(self, guessed: Sequence[Sequence[str]]) -> list[str]:
-        """A remark if joints are counted from 0 but named from 1, so that the columns read may surprise."""
-        named = [(c, place) for s in self.series if s.named for place, c in s.columns.items()]
-        taken = [dict(zip(columns, self.joints.places)) for columns in guessed]
-        first = [next(iter(t)) for t in taken if any(t.get(c, place) != place for c, place in named)]
-        remark = f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."
-        return [remark] if first else []
-
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
         """A remark on columns of more joints than the arm has."""
         lefts = {signal: self._left(where[signal], pattern) for signal, pattern in patterns.items()}
         left = [*dict.fromkeys(column for columns in lefts.values() for column in columns)]
         if not left:
             return []
-        has = f"the arm has {counted(len(self.joints.places), 'joint')}"
+        has = f"the arm has {counted(self.count, 'joint')}"
         unused = f"not used: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.position or not zero:
@@ -230,7 +218,7 @@ class Finder:
         ways = [self._of(s, self.numbering) for s in series]
         nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))
         optional = AUTO in patterns and not self.only and signal != "position"
-        if patterns == [""] or (optional and len(nearest) * 2 < len(self.joints.places)):
+        if patterns == [""] or (optional and len(nearest) * 2 < self.count):
             return
         like = [pattern for pattern in patterns if pattern != AUTO] if not optional else []
         wanted = _filled(pattern or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.numbering[0])

@@ -106,7 +106,7 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque, or with constant rates of moving joints."""
+    """Refuse a recording without motion or torque."""
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
     if (span < HARDLY).all():
@@ -124,13 +124,6 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
             f"{file}: the {name} of {joints} is constant over the whole recording; a joint that never moves "
             f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
         )
-    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
-        dead = signals[rate].constant & (span >= HARDLY)
-        if dead.any():
-            raise RecordingError(
-                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
-                f"recording.{rate}=null derives it instead"
-            )
 
 
 def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:

@@ -1,4 +1,4 @@
-"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files, and from LeRobot datasets."""
+"""Tables of columns, read from Parquet, NPZ and MATLAB files, and from LeRobot datasets."""
 
 import json
 import re
@@ -110,24 +110,6 @@ class _Parquet(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self.names)
-
-
-def json_table(path: Path) -> Table:
-    """Table of JSON lines, an object per row; nested names are joined by dots."""
-    rows, found, skipped = [], [], []
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for row, line in enumerate(file, 1):
-            try:
-                values = json.loads(line)
-            except ValueError:
-                values = None
-            if isinstance(values, dict):
-                found.append(values)
-                rows.append(row)
-            elif line.strip():
-                skipped.append((row, "is not a JSON object"))
-    frame = pd.json_normalize(found)
-    return Table({str(name): frame[name] for name in frame}, np.array(rows, dtype=np.int64), skipped)
 
 
 def npz_table(path: Path) -> Table:

@@ -201,14 +201,12 @@ def lost(samples):
 JUMPS = r"(shoulder|elbow) jumps by .* rad after sample 701, at .*: are rows missing"
 DEGREES, GAINS, TWO = 180 / math.pi, r"are the drive gains \(robot\.gains\)", (2.0, 2.0)
 UNITS = [("ms", "s", 1e3), ("ns", "s", 1e9), ("us", "ms", 1e3)]
-DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
 LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
 CHECKED = [
     ("are these degrees", scaled("position", DEGREES), {}),
     (r"are these degrees\? \(recording\.units\.angle=deg\)", within_a_turn, {}),
     ("no unit explains: are these encoder counts", scaled("position", 4096 / (2 * math.pi)), {}),
     ("are these radians", scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}),
-    ("one is in degrees", scaled("velocity", DEGREES), {}),
     *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
     (r"resolution of 1 s, 1980 of 2000 .*time=none recording\.rate=100$", but("time", np.floor), {}),
     (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
@@ -223,7 +221,6 @@ CHECKED = [
     ("has 1 sample, expected 10 or more", lambda recording: part_of(recording, slice(1)), {}),
     ("too short to identify from", scaled("time", 1e-300), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
-    (DEAD, but("velocity", np.ones_like), {}),
     ("all samples have the same time stamp", but("time", np.ones_like), {}),
     ("time runs backwards.* after sample 100: sort its rows by time$", but("time", shuffled), {}),
     ("backwards.*: sort its rows by time", but("time", lambda x: x[::-1]), {}),
