@@ -341,51 +341,34 @@ def test_degrees_apply_to_revolute_and_millimetres_to_prismatic_joints(made, tmp
     np.testing.assert_allclose(found.position, made.position)
 
 
-STATED = [
-    *(("torque", f"tau1 [{unit}]", 1.3558179483) for unit in ("lbf.ft", "ft-lb", "lb ft")),
-    *(("torque", heading, 0.1129848290) for heading in ("Torque 1 (lbf·in)", "tau_1_in-lb")),
-    *(("torque", f"tau1 {unit}", 0.00706155181423) for unit in ("[oz-in]", "(ozf.in) (filtered)")),
-    *(("torque", heading, 0.01) for heading in ("tau1 [N.cm]", "tau1_Ncm", "effort[0] (N cm)")),
-    *(("torque", "tau1 [kN.m]", 1e3), ("torque", "tau1_kgf.cm", 0.0980665), ("torque", "tau1 [N*mm]", 1e-3)),
-    *(
-        ("position", "q1 [gon]", np.pi / 200),
-        ("position", "q1_mrad", 1e-3),
-        ("position", "q (rev)", 2 * np.pi),
-    ),
-    *(
-        ("velocity", "qd1 [mrad/s]", 1e-3),
-        ("velocity", "qd1 [rev/s]", 2 * np.pi),
-        ("current", "i1 [uA]", 1e-6),
-    ),
-    *(
-        ("torque", f"tau1 {what}", 1)
-        for what in ("[Nm] (filtered)", "(N·m)", "(in)", "(MA)", "[-]", "[Nm/rad]")
-    ),
-    *(
-        ("torque", name, 1)
-        for name in ("joint_states[0]", "effort_lb", "tau [left]", "tau1 (kg m²)", "tau (A)")
-    ),
-    *(
-        ("position", name, 1)
-        for name in (
-            "q1 (measured)",
-            "position[3]",
-            "q (actual)",
-            "q_min",
-            "q [rad]",
-            "q_hip_rev",
-            "hip_turn.pos",
-            "q_wrist_turn",
-        )
-    ),
-    *(("velocity", name, 1) for name in ("qd1 [rad/s]", "qd [rad/s^2]", "qd (m)", "qd_in", "qd1 [m/s]")),
+STATED = [  # a signal, headings of its columns, and the factor to SI units of the unit in them
+    ("torque", "tau1 [lbf.ft]; tau1 [ft-lb]; tau1 [lb ft]", 1.3558179483),
+    ("torque", "Torque 1 (lbf·in); tau_1_in-lb", 0.1129848290),
+    ("torque", "tau1 [oz-in]; tau1 (ozf.in) (filtered)", 0.00706155181423),
+    ("torque", "tau1 [N.cm]; tau1_Ncm; tau_Ncm_1; effort[0] (N cm)", 0.01),
+    ("torque", "tau1 [kN.m]", 1e3),
+    ("torque", "tau1_kgf.cm", 0.0980665),
+    ("torque", "tau1 [N*mm]", 1e-3),
+    ("torque", "tau1 [Nm] (filtered); tau1 (N·m); tau1 (in); tau1 (MA); tau1 [-]; tau1 [Nm/rad]", 1.0),
+    ("torque", "joint_states[0]; effort_lb; tau [left]; tau1 (kg m²); tau (A)", 1.0),
+    ("position", "q1 [gon]", np.pi / 200),
+    ("position", "q1_mrad; q_mrad_1", 1e-3),
+    ("position", "q (rev)", 2 * np.pi),
+    ("position", "q1 (measured); position[3]; q (actual); q_min; q [rad]", 1.0),
+    ("position", "q_hip_rev; hip_turn.pos; q_wrist_turn", 1.0),
+    ("velocity", "qd1 [mrad/s]", 1e-3),
+    ("velocity", "qd1 [rev/s]", 2 * np.pi),
+    ("velocity", "qd1 [rad/s]; qd [rad/s^2]; qd (m); qd_in; qd1 [m/s]", 1.0),
+    ("current", "i1 [uA]", 1e-6),
+    ("current", "current_mA_a", 1e-3),
 ]
 
 
-@pytest.mark.parametrize(("signal", "heading", "factor"), STATED)
-def test_headings_state_units_and_other_things(signal, heading, factor):
-    unit, found = Units().of("a.csv", signal, False, heading)
-    assert found == pytest.approx(factor, rel=1e-9) and bool(unit) == (factor != 1)
+@pytest.mark.parametrize(("signal", "headings", "factor"), STATED)
+def test_headings_state_units_and_other_things(signal, headings, factor):
+    for heading in headings.split("; "):
+        unit, found = Units().of("a.csv", signal, False, heading)
+        assert found == pytest.approx(factor, rel=1e-9) and bool(unit) == (factor != 1), heading
 
 
 @pytest.mark.parametrize(("unit", "factor", "words"), [("m", 1e3, "millimetres"), ("mm", 1e-3, "metres")])
@@ -489,10 +472,3 @@ def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, p
     np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
     with pytest.raises(RecordingError, match=r"elbow is left out \(recording\.without\), but moves"):
         stationary_positions(planar, [path], of_file(without=["elbow"]))
-
-
-def test_a_first_row_without_numbers_is_no_header(recording, tmp_path):
-    rows = table(recording).to_csv(index=False).splitlines()
-    (tmp_path / "a.csv").write_text("\n".join([rows[0], "0.0,,,,,", *(f"{row}," for row in rows[2:])]))
-    found = load_recording(tmp_path / "a.csv", of_file(), JOINTS)
-    assert [row for row, _ in found.corrupt] == [2] and len(found.time) == len(recording.time) - 1
