@@ -47,7 +47,9 @@ def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
         connections = _connections(path, reader, settings.topic)
-        messages = [(at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)]
+        messages: list[tuple[int, Any]] = [  # time of receipt [ns], and a message
+            (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
+        ]
     if not messages:
         raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
     seen = {name for _, message in messages for name in message.name}

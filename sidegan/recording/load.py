@@ -191,7 +191,7 @@ def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate:
             names.append(where[name][k] if separate else f"{where[name][0]}[{k}]")
             lacks.append(~(np.abs(x) <= (_LATEST if late else _LARGEST)))
     missing = np.stack(lacks)  # (C, S)
-    good = ~missing.any(0)
+    good = np.asarray(~missing.any(0))
     if len(good) and 1 - good.mean() > _MOST_CORRUPT:
         worst = [name for name, share in zip(names, missing.mean(1)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(

@@ -71,9 +71,7 @@ def steadied(recording: Recording, speed: Array) -> Recording:
     remark = (
         f"the position of {joints} jumps and returns at {times} s: {counted(len(rows), 'sample')} left out"
     )
-    kept = np.delete(np.arange(len(time)), rows)
-    signals: dict[str, Any] = {name: x[kept] for name, x in recording.signals().items()}
-    return replace(recording, time=time[kept], remarks=(*recording.remarks, remark), **signals)
+    return _only(recording, np.delete(np.arange(len(time)), rows), remark)
 
 
 def driven(recording: Recording) -> Recording:
@@ -94,11 +92,15 @@ def driven(recording: Recording) -> Recording:
     rows = np.flatnonzero(kept)
     whole = len(rows) == rows[-1] - rows[0] + 1  # a view needs no copy
     part = slice(rows[0], rows[-1] + 1) if whole else rows
-    signals: dict[str, Any] = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
     remark = (
         f"from {first:.6g} s no {recording.load} changes while the arm rests, as if drives were off: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
-    remarks = (*recording.remarks, remark)
-    return replace(recording, time=recording.time[part], remarks=remarks, **signals)
+    return _only(recording, part, remark)
+
+
+def _only(recording: Recording, rows: Array | slice, remark: str) -> Recording:
+    """Some rows of a recording, with a remark on the others."""
+    signals: dict[str, Any] = {name: x[rows] for name, x in recording.signals().items()}
+    return replace(recording, time=recording.time[rows], remarks=(*recording.remarks, remark), **signals)
