@@ -126,6 +126,7 @@ def units_below(made, path):
     (path / "a.csv").write_text("\n".join([rows[0], "[ms],deg,deg,N.mm,N.mm", *rows[1:]]))
 
 
+SPOKEN = ("Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)")
 KINDS = {  # how it is written, its first stamp beyond that of the recording [s], and what is remarked
     "ns since 1970": (lambda m, p: text(table(m, t=since_1970(m, 1e9)), p), EPOCH, "nanoseconds since 1970"),
     "ms since 1970": (lambda m, p: text(table(m, t=since_1970(m, 1e3)), p), EPOCH, "milliseconds since 1970"),
@@ -157,19 +158,12 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
         0,
         "position in °",
     ),
-    **{
-        f"quotes, separated by {sep}": (
-            lambda m, p, form=form: text(
-                headed(m, "Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)"), p, **form
-            ),
-            0,
-            "position in deg",
-        )
-        for sep, form in {
-            "commas": {"quoting": csv.QUOTE_ALL},
-            "semicolons": {"quoting": csv.QUOTE_ALL, "sep": ";", "decimal": ","},
-        }.items()
-    },
+    "quotes": (lambda m, p: text(headed(m, *SPOKEN), p, quoting=csv.QUOTE_ALL), 0, "position in deg"),
+    "quotes and decimal commas": (
+        lambda m, p: text(headed(m, *SPOKEN), p, quoting=csv.QUOTE_ALL, sep=";", decimal=","),
+        0,
+        "position in deg",
+    ),
     "row of units": (
         units_below,
         0,
