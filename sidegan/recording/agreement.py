@@ -27,6 +27,8 @@ _BETTER = 0.3  # largest ratio of residuals, swapped over unswapped, for joints 
 _UNLIKE = 0.3  # mean unexplained share from which other orders of the columns are tried
 _ORDERED = 7  # most joints whose orders are all tried
 _SKETCH = 200  # samples to compare many orders by
+_PACES = -3.0, 3.0  # logarithms of the paces that are tried
+_FASTER = 1.3  # smallest pace that is reported, or its inverse
 _STRANGE = 4  # joints per agreeing joint from which the description hardly fits the arm
 _MOST = 0.99  # quantile of the usual torque
 _TINY = 1e-12
@@ -45,6 +47,7 @@ class Agreement(NamedTuple):
     friction: Array
     usual: Array  # 99th percentile of the absolute measured torque [N·m or N], (J,)
     needed: Array  # 99th percentile of the absolute described torque [N·m or N], (J,)
+    pace: float = 1.0  # times that the motion was faster than recorded, by its torques; 1 if they do not tell
 
     @property
     def sign(self) -> Array:
@@ -60,17 +63,27 @@ class Agreement(NamedTuple):
         clear = np.abs(self.load.scale[np.abs(self.sign) > _CLEAR])
         return float(np.median(clear)) if len(clear) else 1.0
 
+    @property
+    def rescaled(self) -> Array:
+        """Joints whose torques are clearly in another unit, or those of other masses, (J,)."""
+        scale = self.load.scale
+        return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
+
     def doubts(self, arm: Arm) -> list[str]:
         """Warnings about contradictions between description and torques, other than gravity."""
         found = []
-        scale = self.load.scale
-        rescaled = (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
-        if rescaled.any():
+        scale, rescaled = self.load.scale, self.rescaled
+        if self.pace != 1:
+            found.append(
+                f"with a motion {self.pace:.2g} times as fast the torques fit the description far better: "
+                "are the time stamps right? (recording.units.time, or recording.rate where there are none)"
+            )
+        elif rescaled.any():
             joints = zip(arm.joint_names, scale.tolist(), rescaled.tolist())
             shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in joints if marked], arm.joints)
             found.append(
                 f"measured torques are {shares} times those expected from the description: wrong unit, wrong "
-                "gain, wrong masses or a clock of another pace? (recording.units, robot.gains)"
+                "gain or wrong masses? (recording.units, robot.gains)"
             )
         fitting = (self.sign > _CLEAR) | (self.sign < -_SURE)  # reversed torques are the arm's, too
         if self.needed.any() and _STRANGE * fitting.sum() <= len(self.sign):
@@ -160,7 +173,7 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     model = body.torque(q, v, a)
     swapped = _swapped(body, q, v, a, torque)
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
-    return Agreement(
+    found = Agreement(
         load=load,
         order=_order(model, v, a, torque),
         swapped=swapped,
@@ -171,6 +184,25 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
         usual=usual,
         needed=needed,
     )
+    return found._replace(pace=_pace(body, q, v, a, torque)) if found.rescaled.any() else found
+
+
+def _pace(body: RigidBody, *states: Array) -> float:
+    """Times that the motion in states, (S, J), was faster than recorded; 1 unless torques show it clearly.
+
+    A motion faster by k has k times the velocity and k² times the acceleration, with the same gravity.
+    """
+    q, v, a, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
+
+    def misfit(pace: float) -> float:
+        return _misfit(body, (q, pace * v, pace**2 * a), torque)
+
+    best = scipy.optimize.minimize_scalar(
+        lambda x: misfit(math.exp(x)), bounds=_PACES, options={"xatol": 1e-2}
+    )
+    pace = math.exp(best.x)
+    clear = best.fun < misfit(1.0) + 2 * math.log(_BETTER) and abs(best.x) > math.log(_FASTER)
+    return pace if clear else 1.0
 
 
 def _share_left(described: Array, measured: Array) -> Array:

@@ -266,6 +266,17 @@ def test_what_differs_between_or_within_recordings_is_named(training, validation
     assert quality.verdict != GOOD and re.search(words, quality.reasons[0])
 
 
+@pytest.mark.parametrize("pace", [0.5, 2.0])
+def test_a_clock_of_another_pace_is_reported(pace):
+    def slower(made):
+        return replace(made, time=pace * made.time, velocity=None, acceleration=None)
+
+    found = recorded(2, slower).agreement
+    assert found.pace == pytest.approx(pace, rel=0.05)
+    (doubt, *_) = found.doubts(ARM)
+    assert "are the time stamps right" in doubt
+
+
 @pytest.mark.parametrize("since", [5.0, 9.0])
 def test_an_object_that_is_picked_up_within_a_recording_is_reported(since):
     quality = judged(carrying(2, since), recorded(3)).quality
