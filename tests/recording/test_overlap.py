@@ -43,6 +43,16 @@ def test_shared_samples_are_found_with_fewer_signals_in_single_precision(origina
     assert refusal(original, replace(original, **{**single, "velocity": None, "acceleration": None}))
 
 
+def test_shared_torques_are_found_under_another_motion(original, planar):
+    other = made(planar, 1)
+    words = refusal(
+        original, replace(other, torque=np.concatenate([other.torque[:1000], original.torque[1000:]]))
+    )
+    assert words.startswith("b has the same torques as a, from 5") and "to 14.9" in words
+    coarse = [replace(x, torque=(x.torque / 2).round()) for x in (original, other)]
+    assert not refusal(*coarse)
+
+
 def test_different_motion_noise_or_rest_is_not_reported_as_shared(original, planar):
     noise = np.random.default_rng(3).standard_normal(original.torque.shape)
     rest = {name: np.broadcast_to(x[:1], (500, x.shape[1])) for name, x in original.signals().items()}
