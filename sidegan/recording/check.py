@@ -202,7 +202,7 @@ def check_recording(
     segments = kept(given)
     remarks: dict[str, str] = {}
     for rate in [name for name in plausibility.RATES if name in statistics.signals]:
-        if wrong := plausibility.contradiction(arm, rate, segments):
+        if wrong := plausibility.contradiction(recording.name, arm, rate, segments):
             none: dict[str, Any] = {rate: None}
             parts = [replace(part, **none) for part in parts]
             used = {name: x for name, x in statistics.signals.items() if name != rate}

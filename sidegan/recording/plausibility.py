@@ -1,10 +1,14 @@
 """Warnings about a recording: clock, ranges, saturation, frozen or contradictory signals."""
 
+import math
+
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
+from sidegan.errors import RecordingError
 from sidegan.recording.recording import SIGN_WIDTH, Segment
+from sidegan.recording.refused import DEGREES
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
@@ -14,6 +18,7 @@ _MOVING = 10 * SIGN_WIDTH  # root mean square [rad/s] above which a rate is comp
 _WRONG = 1.1  # largest ratio of a rate and the derivative, either way
 _ALIKE = 0.5  # least correlation of a rate with the derivative
 _SAME = 0.95  # correlation above which a rate is another joint's
+_NEAR = 0.3  # tolerance of a ratio's logarithm
 _MOST_JITTER = 0.5
 _COARSE = 0.02  # quantum that is too coarse, as a share of the torque's range
 _NOTHING = 1e-12
@@ -77,7 +82,7 @@ def fault_warnings(statistics: Statistics, arm: Arm) -> list[str]:
     return warnings
 
 
-def contradiction(arm: Arm, rate: str, segments: list[Segment]) -> str | None:
+def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> str | None:
     """Warning about a recorded rate that is not the derivative of its signal; None if it is.
 
     Noise only lowers the slope, of the rate over the derivative or its inverse, so high slopes are errors.
@@ -94,6 +99,13 @@ def contradiction(arm: Arm, rate: str, segments: list[Segment]) -> str | None:
     inverse = products.diagonal() / np.maximum(other, _NOTHING)
     correlation = products / np.maximum(np.sqrt(own[:, None] * other), _NOTHING)
     alike = correlation.diagonal()
+    for j in np.flatnonzero(moving).tolist():
+        ratio = abs(slope[j])
+        if abs(abs(math.log(max(ratio, _NOTHING))) - math.log(DEGREES)) < _NEAR and abs(alike[j]) > _ALIKE:
+            raise RecordingError(
+                f"{file}: the {rate} of {arm.joint_names[j]} is {ratio:.3g} times the derivative of its "
+                f"{RATES[rate]}: one is in degrees and the other in radians"
+            )
     wrong = moving & ((alike < _ALIKE) | (slope > _WRONG) | (inverse > _WRONG))
     if not wrong.any():
         return _late(rate, signals, segments)

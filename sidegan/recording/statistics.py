@@ -19,6 +19,7 @@ _BRIDGED = 0.25  # cut-off periods that are interpolated over
 _GAP_STEPS = 5.0  # sampling steps that are interpolated over
 _LEAST_SAMPLES = 10
 _RARE = 0.01  # share of backward steps below which they are restarts of a clock
+_LEADING = 0.0999999  # fraction of a second below which it has a leading zero
 _HEAD = 120.0  # [s] at the start of the motion from which the bandwidth is measured
 _HEAD_RATE = 50.0  # [Hz] sampling rate of that part
 _LEAST_HEAD = 16  # samples of that part
@@ -110,6 +111,7 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
     """Clock of time stamps [s], (S,); ``name`` is for messages."""
     steps = np.diff(time)
     if (steps < 0).any():
+        _refuse_unpadded(name, time)
         row = int(np.argmax(steps < 0))
         # after a restart, the rows that follow are in order, and all of them early
         follow = time[row + 1 : row + 1 + _LEAST_SAMPLES]
@@ -135,6 +137,22 @@ def clock_of(name: str, time: Array, gap: float | None = None) -> Clock:
         gaps=tuple((float(time[i]), float(steps[i])) for i in np.flatnonzero(steps > limit)),
         gap=limit,
     )
+
+
+def _refuse_unpadded(name: str, time: Array) -> None:
+    """Refuse stamps (S,) whose fractions lack leading zeros: .8, .9 and then .10, within the same second."""
+    whole = np.floor(time)
+    back = np.flatnonzero(np.diff(time) < 0)
+    part = time - whole
+    unpadded = (part == 0) | (part > _LEADING)
+    more_digits = part[back + 1] < 2 * _LEADING  # most begin with 1: 100 follows 99
+    if len(back) > 1 and (np.diff(whole) >= 0).all() and unpadded.all() and 2 * more_digits.sum() > len(back):
+        k = int(back[0])
+        raise RecordingError(
+            f"{name}: {time[k]:.12g} s comes before {time[k + 1]:.12g} s, and so on {len(back)} times: were "
+            "nanoseconds put behind the point of seconds without their leading zeros? write them in a column "
+            "of their own, or with nine digits"
+        )
 
 
 def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
