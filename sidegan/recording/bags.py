@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sidegan.base.names import listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording.merged import Part, merged
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.tables import Table, Where
 
@@ -20,6 +22,9 @@ _SUFFIXES = (".db3", ".mcap")
 _KIND = "sensor_msgs/msg/JointState"
 _FIELDS = ("position", "velocity", "effort")
 _NANOSECONDS = 1e-9
+
+_Stamped = tuple[int, Any]  # time of receipt [ns], and a message
+_Groups = dict[tuple[str, ...], list[_Stamped]]  # messages by joints
 
 
 def is_bag(path: Path) -> bool:
@@ -35,11 +40,14 @@ def bag_files(path: Path) -> list[Path]:
     return [file for file in inside if file.is_file()]
 
 
-def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> tuple[Table, Where]:
-    """Joint states of the named joints in a bag, and which of its columns hold which signal.
+def bag_table(
+    path: Path, settings: RecordingSettings, names: Sequence[str]
+) -> tuple[Table, Where, list[str]]:
+    """Joint states of the named joints in a bag, which of its columns hold which signal, and remarks.
 
     Time stamps are the headers', or the bag's where headers have none. Messages without any of the joints,
-    such as a gripper's, are skipped. Messages with only some of them become corrupt rows.
+    such as a gripper's, are skipped. Messages with only some of them become corrupt rows; if none has all,
+    those of different joints are merged by their time stamps.
     """
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -47,30 +55,24 @@ def bag_table(path: Path, settings: RecordingSettings, names: Sequence[str]) -> 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with reading(path, "bag", RecordingError), AnyReader([path], default_typestore=store) as reader:
         connections = _connections(path, reader, settings.topic)
-        messages: list[tuple[int, Any]] = [  # time of receipt [ns], and a message
+        messages: list[_Stamped] = [
             (at, reader.deserialize(raw, _KIND)) for _, at, raw in reader.messages(connections)
         ]
-    if not messages:
-        raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
-    seen = {name for _, message in messages for name in message.name}
-    if missing := [name for name in names if name not in seen]:
-        raise RecordingError(
-            f"{path.name} has no joint {', '.join(missing)}; it has {', '.join(sorted(seen))}"
-        )
-    whole = next((message for _, message in messages if {*names} <= {*message.name}), None)
-    if whole is None:
-        raise RecordingError(
-            f"{path.name} has no message with all of the arm's joints: record a topic on which they come "
-            "together, as from a joint_state_broadcaster"
-        )
-    fields = [field for field in _FIELDS if len(getattr(whole, field)) == len(whole.name)]
+    groups = _groups(path, messages, names)
+    firsts = [next(m for _, m in some if {*own} <= {*m.name}) for own, some in groups.items()]
+    fields = [x for x in _FIELDS if all(len(getattr(m, x)) == len(m.name) for m in firsts)]
     if "position" not in fields:
         raise RecordingError(f"{path.name}: its joint states have no positions")
-    rows = np.array([_row(m, at, names, fields) for at, m in messages if {*names} & {*m.name}])
-    signals = np.split(rows[:, 1:], len(fields), 1)
+    whole = merged([_part(own, some, fields, len(groups) > 1) for own, some in groups.items()])
+    found = {"time": whole.time}
+    for field in fields:
+        found[field] = np.concatenate([whole.signals[f"{field} {name}"] for name in names], 1)
+    remarks = whole.remarks
+    if len(groups) > 1:
+        apart = "; ".join(map(listed, groups))
+        remarks = [f"joints come in separate messages ({apart}): merged by their time stamps", *remarks]
     where = {settings.effort if field == "effort" else field: [field] for field in fields}
-    table = Table({"time": rows[:, 0], **dict(zip(fields, signals))}, np.arange(len(rows)) + 1)
-    return table, {"time": ["time"], **where}
+    return Table(found, np.arange(len(whole.time)) + 1), {"time": ["time"], **where}, remarks
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
@@ -87,6 +89,38 @@ def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Co
     if topic is not None and topic not in topics:
         raise RecordingError(f"{path.name} has joint states on {', '.join(topics)}, not on {topic}")
     return [c for c in of_states if topic is None or c.topic == topic]
+
+
+def _groups(path: Path, messages: Sequence[_Stamped], names: Sequence[str]) -> _Groups:
+    """Messages by the joints taken from them: all joints if any message has them, else those that it has."""
+    if not messages:
+        raise RecordingError(f"{path.name} holds no samples: its topic of joint states is empty")
+    seen = {name for _, message in messages for name in message.name}
+    if missing := [name for name in names if name not in seen]:
+        raise RecordingError(
+            f"{path.name} has no joint {', '.join(missing)}; it has {', '.join(sorted(seen))}"
+        )
+    whole = any({*names} <= {*message.name} for _, message in messages)
+    groups: _Groups = {}
+    for at, message in messages:
+        if own := tuple(name for name in names if name in message.name):
+            groups.setdefault(tuple(names) if whole else own, []).append((at, message))
+    taken: _Groups = {}
+    for own in sorted(groups, key=lambda own: -len(groups[own])):
+        if not {*own} <= {name for other in taken for name in other}:
+            taken[own] = groups[own]
+    return taken
+
+
+def _part(own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str], complete: bool) -> Part:
+    """Signals of these joints, a column each; ``complete``: only of messages with a number for each."""
+    rows = np.array([_row(message, at, own, fields) for at, message in some])
+    rows = rows[np.isfinite(rows).all(1)] if complete else rows
+    if not len(rows):
+        raise RecordingError(f"no message of {listed(own)} has a number for each joint")
+    columns = [f"{field} {name}" for field in fields for name in own]
+    signals = dict(zip(columns, rows.T[1:, :, None]))
+    return Part(f"the messages of {listed(own)}", True, rows[:, 0], signals, [], [])
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:

@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 from sidegan.recording.units import SPELT_TIMES, without_unit
 
@@ -47,6 +48,12 @@ class Series:
         """Existing columns of the joints at some places; numbers start at ``base``."""
         wanted = [place + (0 if self.named else base) for place in places]
         return [self.columns[k] for k in wanted if k in self.columns]
+
+    def of_another_arm(self, arms: "Series") -> bool:
+        """Whether names differ from the arm's by a single word that names no signal, as in left and right."""
+        words, others = ([*_words(next(iter(series.columns.values())))] for series in (self, arms))
+        swapped = {pair for pair in zip(words, others) if pair[0] != pair[1]}
+        return len(words) == len(others) and len(swapped) == 1 and not {*next(iter(swapped))} & _KNOWN
 
     def pattern(self, base: int) -> str:
         """The pattern of the column names."""
@@ -115,3 +122,19 @@ def is_split(stamps: Sequence[str]) -> bool:
     """Whether stamps are split into a column of seconds and one of nanoseconds."""
     units = [SPELT_TIMES & {*_words(column)} for column in stamps]
     return len(stamps) == 2 and bool(units[0] & _SECONDS) and bool(units[1] & _NANOSECONDS)
+
+
+def own_names(available: Sequence[str], signal: str, count: int) -> list[str]:
+    """Names of the ``count`` joints for which a file has a signal, in the order of its columns."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for column in available:
+        marks = [k for m in re.finditer(r"[^A-Za-z0-9]", column) for k in m.span()]
+        for start, end in combinations([0, *marks, len(column)], 2):
+            if column[start:end].strip():
+                groups.setdefault((column[:start], column[end:]), []).append(column[start:end])
+    fitting = {
+        key: names
+        for key, names in groups.items()
+        if len(names) == count and Series(*key, False, {}).signal("torque") == signal
+    }
+    return fitting[max(fitting, key=lambda key: len(key[0]) + len(key[1]))] if fitting else []

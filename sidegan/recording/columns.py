@@ -1,17 +1,20 @@
 """Which columns of a file hold which signal, by configured patterns or by their names."""
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
-from sidegan.recording.column_names import Series, is_split, series_of, stamps_of
+from sidegan.recording.column_names import Series, is_split, own_names, series_of, stamps_of
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
 
 _MOST_LEFT = 2  # columns after the arm's last joint that may be a gripper's; more belong to another arm
 _SHOWN = 3  # patterns that a message suggests
+_JOINT = re.compile(r"\s*((joint|axis|motor)([ _]?(name|id|index|number))?|name|id)\s*", re.IGNORECASE)
 
 # numbers of the arm's joints in a file, as places in the chain, and the number of the chain's first joint
 Numbering = tuple[tuple[int, ...], int]
@@ -57,10 +60,8 @@ def _filled(pattern: str, names: Sequence[str], places: Sequence[int]) -> list[s
     """Columns of a pattern for joints of these names and places (from 0); or the array of all joints."""
     if not PLACEHOLDER.search(pattern):
         return [pattern]
-    return [
-        pattern.replace("{joint}", name).replace("{index}", str(place + 1)).replace("{index0}", str(place))
-        for name, place in zip(names, places)
-    ]
+    values = [{"joint": n, "index": str(p + 1), "index0": str(p)} for n, p in zip(names, places)]
+    return [PLACEHOLDER.sub(lambda match, x=x: x[match[1]], pattern) for x in values]  # type: ignore[misc]
 
 
 class Finder:
@@ -84,11 +85,13 @@ class Finder:
         time = self._time()
         where = {"time": time} if time else {}
         patterns: dict[str, str] = {}
+        guessed = []
         for signal in [self.only] if self.only else SIGNALS:
             for pattern in filter(None, (getattr(self.settings, signal) or "").split("|")):
-                columns, found = self._called(signal) if pattern == AUTO else (self._set(pattern), pattern)
+                columns, found = self._called(signal) if pattern == AUTO else self._set(pattern)
                 if columns:
                     where[signal], patterns[signal] = columns, found
+                    guessed += [columns] if pattern == AUTO and "{joint}" not in found else []
                     break
             else:
                 self._refuse_missing(signal)
@@ -97,9 +100,9 @@ class Finder:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
                 f"{self.file} has no torque or current: {like}; it has {self._has()}"
-                f"{self._offers('torque') or self._elsewhere('torque')}"
+                f"{self._offers('torque') or self._another_file('position')}"
             )
-        return where, self._left_over(where, patterns)
+        return where, [*self._shifted(guessed), *self._left_over(where, patterns)]
 
     def _time(self) -> list[str]:
         """Columns of time stamps; none if the file has none but its rate is known."""
@@ -114,20 +117,24 @@ class Finder:
                 "recording.time=NAME, or, without time stamps, state the sampling rate [Hz]: "
                 "recording.rate=1000"
             )
-        if not is_split(stamps):
+        if len(stamps) > 1 and not is_split(stamps):
             self._refuse_several("time", stamps)
         return stamps
 
-    def _set(self, pattern: str) -> list[str]:
-        """Columns of a configured pattern; none unless all exist."""
-        ways = [_filled(pattern, self.joints.names, p) for p in (self.joints.places, range(self.count))]
-        return next((way for way in ways if {*way} <= {*self.available}), [])
+    def _set(self, pattern: str) -> tuple[list[str], str]:
+        """Columns of a configured pattern, none unless all exist, and the pattern."""
+        for places in (self.joints.places, range(self.count)):
+            columns = _filled(pattern, self.joints.names, places)
+            if {*columns} <= {*self.available}:
+                return columns, pattern
+        return [], pattern
 
     def _called(self, signal: str) -> tuple[list[str], str]:
         """Columns named like the signal, or a single one that holds all joints, and their pattern."""
-        ways = self._ways(self._candidates(signal), self.numbering)
+        ways = self._ways(self._own(self._candidates(signal)), self.numbering)
         ways = ways or {(column,): column for column in self._arrays(signal)}
-        self._refuse_several(signal, [*ways.values()])
+        if len(ways) > 1:
+            self._refuse_several(signal, [*ways.values()])
         for columns, pattern in ways.items():
             left = 0 if "{joint}" in pattern else len(self._left(columns, pattern))
             if left > _MOST_LEFT:
@@ -143,13 +150,15 @@ class Finder:
         called = [s for s in self.series if s.signal(self.effort) == signal]
         return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
+    def _own(self, series: Sequence[Series]) -> list[Series]:
+        """Series, without another arm's numbered ones if this arm's joints occur by name."""
+        whole = [s for s in series if s.named and len(s.of(self.joints.places, 0)) == self.count]
+        return [s for s in series if s.named or not any(s.of_another_arm(arms) for arms in whole)]
+
     def _arrays(self, signal: str | None) -> list[str]:
         """Columns of lists with an element per joint that are named like a signal, or like none."""
         called = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
-        widths = {self.count}
-        if called and {*self.joints.names} <= {*self.table.joint_names}:
-            widths.add(len(self.table.joint_names))
-        return [c for c in called if self.table.width(c) in widths]
+        return [c for c in called if self.table.width(c) == self.count]
 
     def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
         """The arm's columns in a series with this numbering, and its pattern."""
@@ -197,6 +206,15 @@ class Finder:
         left = {column for series in numbered if {*columns} <= series for column in series - known}
         return [column for column in self.available if column in left]
 
+    def _shifted(self, guessed: Sequence[Sequence[str]]) -> list[str]:
+        """A remark if joints are counted from 0 but named from 1, so that the columns read may surprise."""
+        named = [(c, place) for s in self.series if s.named for place, c in s.columns.items()]
+        taken = [dict(zip(columns, self.joints.places)) for columns in guessed]
+        first = [next(iter(t)) for t in taken if any(t.get(c, place) != place for c, place in named)]
+        if not first:
+            return []
+        return [f"joints are counted from 0: {self.joints.own[0]} is read from {listed(first)}, etc."]
+
     def _left_over(self, where: Where, patterns: Mapping[str, str]) -> list[str]:
         """A remark on columns of more joints than the arm has."""
         lefts = {signal: self._left(where[signal], pattern) for signal, pattern in patterns.items()}
@@ -220,6 +238,11 @@ class Finder:
         optional = AUTO in patterns and not self.only and signal != "position"
         if patterns == [""] or (optional and len(nearest) * 2 < self.count):
             return
+        if not nearest and (by := next(filter(_JOINT.fullmatch, self.available), None)):
+            raise RecordingError(
+                f"{self.file} seems to have a row for each joint, by {by!r}, expected one a time stamp, "
+                f"with all joints: table.pivot(columns={by!r}, …) of pandas makes that"
+            )
         like = [pattern for pattern in patterns if pattern != AUTO] if not optional else []
         wanted = _filled(pattern or [*like, f"{signal}_{{index}}"][0], self.joints.names, self.numbering[0])
         own = self.joints.own
@@ -235,34 +258,34 @@ class Finder:
         """The end of a message: what to type when joints lack a signal."""
         partial = len(joints) < len(self.joints.own)
         if signal == "position" or not partial:
-            return self._offers(signal) or ("" if partial else self._elsewhere(signal))
+            return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
         if signal in ("torque", "current"):
             return f"; joints that do not move can be left out: 'recording.without=[{','.join(joints)}]'"
         return f"; to derive it instead: recording.{signal}=null"
+
+    def _another_file(self, has: str) -> str:
+        """The end of a message: how to give this file for the signal it has, and others for the rest."""
+        files = {"position": "FILE", "effort": "FILE"} | {has: self.file}
+        paths = ", ".join(f"{signal}: {file}" for signal, file in files.items())
+        return f"; is it in another file? 'recordings=[{{{paths}}}]'"
 
     def _offers(self, signal: str) -> str:
         """The end of a message: settings that would read the signal from other columns of the file."""
         unknown = [s for s in self.series if self.only or s.signal(self.effort) is None]
         ways = [self._ways(unknown, numbering) for numbering in self.numberings]
-        patterns = [*dict.fromkeys(p for way in ways for p in way.values()), *self._arrays(None)]
-        if not patterns:
-            return ""
-        return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
+        patterns = [*dict.fromkeys(p for way in ways for p in way.values())]
+        patterns += self._arrays(None)
+        if patterns:
+            return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
+        names = ",".join(own_names(self.available, signal, self.count))
+        return f"; are its joints, in the arm's order, 'recording.joints=[{names}]'?" if names else ""
 
-    def _elsewhere(self, signal: str) -> str:
-        """The end of a message: how to read a signal that is under other names, or in another file."""
-        named = "; does it name joints otherwise? 'recording.joints=[…]', in the arm's order"
-        if self.only:
-            return named
-        position, effort = ("FILE", self.file) if signal == "position" else (self.file, "FILE")
-        files = f"position: {position}, effort: {effort}"
-        return f"{named}; is it in another file? 'recordings=[{{{files}}}]'"
-
-    def _refuse_several(self, signal: str, ways: Sequence[str]) -> None:
-        """Raise if a signal occurs in several, equally plausible ways."""
-        if len(ways) > 1:
-            each = " and as ".join(map(repr, ways))
-            raise RecordingError(f"{self.file} has {signal} as {each}; choose one: {_typed(signal, ways[0])}")
+    def _refuse_several(self, signal: str, ways: Sequence[str]) -> NoReturn:
+        """Raise because a signal occurs in several, equally plausible ways."""
+        listed_ways = " and as ".join(map(repr, ways))
+        raise RecordingError(
+            f"{self.file} has {signal} as {listed_ways}; choose one: {_typed(signal, ways[0])}"
+        )
 
     def _has(self) -> str:
         return listed([repr(column) for column in self.available]) or "none"

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -14,12 +14,11 @@ from sidegan.errors import RecordingError
 from sidegan.recording import tables
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
-from sidegan.recording.grid import interpolated
 from sidegan.recording.mended import driven, unwrapped
+from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.statistics import clock_of
 from sidegan.recording.tables import Table, Where
 from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
@@ -32,20 +31,10 @@ _PARQUET = b"PAR1"  # first bytes of such files
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), tables.parquet_table),
+    **dict.fromkeys((".jsonl", ".ndjson"), tables.json_table),
     ".npz": tables.npz_table,
     ".mat": tables.mat_table,
 }
-
-
-class _Part(NamedTuple):
-    """Signals of a file, without corrupt rows."""
-
-    file: str
-    stamped: bool  # whether the file has time stamps; otherwise they follow from row numbers and rate
-    time: Array  # stamps [s], (S,)
-    signals: dict[str, Array]  # the others in SI units, (S, J)
-    corrupt: list[tuple[int, str]]  # row numbers and reasons of corrupt rows
-    remarks: list[str]  # on the columns
 
 
 def load_recording(
@@ -57,7 +46,7 @@ def load_recording(
 ) -> Recording:
     """A recording of an arm's joints, from one file or from a file per signal.
 
-    Files are CSV (first line: column names), Parquet, NPZ, MATLAB, ROS 2 bags (folder, .db3,
+    Files are CSV (first line: column names), Parquet, JSON lines, NPZ, MATLAB, ROS 2 bags (folder, .db3,
     .mcap) or LeRobot datasets (folder). ``chain`` names the arm's joints and those locked between them, from
     the base outwards; empty if none are locked. ``sliding`` names prismatic joints. Positions of the others
     are unwrapped where they jump by a turn. Rows at rest with the drives off are removed.
@@ -68,12 +57,9 @@ def load_recording(
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    found = _merged([_read(path, settings, joints, only) for only, path in sources])
-    fields: dict[str, Any] = {
-        **found.signals,
-        "corrupt": tuple(found.corrupt),
-        "remarks": tuple(found.remarks),
-    }
+    found = merged([_read(path, settings, joints, only) for only, path in sources])
+    notes = {"corrupt": tuple(found.corrupt), "remarks": tuple(found.remarks)}
+    fields: dict[str, Any] = found.signals | notes
     return driven(unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides))
 
 
@@ -89,7 +75,7 @@ def files_of(path: Path) -> list[Path]:
     return tables.dataset_files(path) if tables.is_dataset(path) else bag_files(path)
 
 
-def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> _Part:
+def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
     """All signals of a file, or only one, without corrupt rows; signals with their own clocks are merged."""
     with reading(path, "recording", RecordingError):
         if not path.exists():
@@ -100,21 +86,27 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
     stated: list[str] = []
     with reading(path, suffix[1:], RecordingError):
         table, where, remarks = _open(path, suffix, settings, joints, only)
+        rates = sorted(where.keys() & {"velocity", "acceleration"})
+        if settings.units.position is not None and rates:
+            where = {name: columns for name, columns in where.items() if name not in rates}
+            remarks.append(f"{listed(rates)} is derived, since positions are encoder counts")
         for name, columns in where.items():
             if name == "time":
                 signals[name], units, odd = stamps_in_si(path.name, table, columns, settings.units)
-                remarks += odd
+                remarks = [*odd, *remarks]
             else:
                 signals[name], units = _in_si(path.name, table, name, columns, settings.units, joints)
             stated += [f"{name} in {unit}" for unit in dict.fromkeys(units) if unit]
+            table.forget({*columns} - {c for other in where.keys() - signals.keys() for c in where[other]})
     if len({len(x) for x in signals.values()}) > 1:
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
         raise RecordingError(f"{path.name}: the arrays differ in length: {lengths}")
     if stated:
-        read = ", ".join(stated)
-        remarks = [f"{read}, according to the column names; recording.units overrides them", *remarks]
+        source = "row of units" if table.units else "column names"
+        read = f"{', '.join(stated)}, according to the {source}; recording.units overrides them"
+        remarks = [read, *remarks]
     apart = _apart(signals, table.rows)
-    found = _merged([_part(path.name, where, group, rows, settings.rate) for group, rows in apart])
+    found = merged([_part(path.name, where, group, rows, settings.rate) for group, rows in apart])
     return found._replace(
         file=path.name, corrupt=[*table.skipped, *found.corrupt], remarks=[*remarks, *found.remarks]
     )
@@ -135,10 +127,10 @@ def _open(
     if tables.is_dataset(path):
         table = tables.dataset_table(path)
     elif is_bag(path):
-        table, where = bag_table(path, settings, joints.names)
+        table, where, remarks = bag_table(path, settings, joints.names)
         if only and only not in where:
             raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
-        return table, {name: where[name] for name in ("time", only)} if only else where, []
+        return table, {name: where[name] for name in ("time", only)} if only else where, remarks
     elif suffix in _READERS:
         table = _READERS[suffix](path)
     else:
@@ -157,14 +149,16 @@ def _in_si(
         shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, columns))
         raise RecordingError(f"{file}: columns must have one length and one number per row: {shapes}")
     x = np.stack(columns).T if where[1:] else columns[0].reshape(len(columns[0]), -1)
-    order = [] if where[1:] else table.joint_names
-    if len(order) == x.shape[1] and {*joints.names} <= {*order}:
-        x = x[:, [order.index(joint) for joint in joints.names]]
     if x.shape[1] != len(joints.own):
         arm = f"the arm has {counted(len(joints.own), 'joint')}"
         raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
+    if not where[1:] and {*joints.names} <= {*(order := table.joint_names)}:
+        x = x[:, [order.index(joint) for joint in joints.names]]
+    if name == "position" and units.position is not None:
+        return units.position.in_si(x, joints.slides), []
     names = re.compile(rf"[\[(]({'|'.join(map(re.escape, joints.names))})[\])]")  # may look like units
-    headings = [names.sub("", column) for column in where] * (1 if where[1:] else len(joints.own))
+    headings = [names.sub("", table.heading(column)) for column in where]
+    headings *= 1 if where[1:] else len(joints.own)
     stated = [units.of(file, name, *joint) for joint in zip(joints.slides, headings)]
     x = np.multiply(x, [factor for _, factor in stated], out=x if where[1:] else None)
     return x, [unit for unit, _ in stated]
@@ -181,7 +175,7 @@ def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array
     ]
 
 
-def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> _Part:
+def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
     """Signals without corrupt rows, in which a column lacks a plausible number."""
     names, lacks = [], []
     for name, signal in signals.items():
@@ -207,48 +201,4 @@ def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate:
     kept = {name: x[whole] for name, x in signals.items()}
     stamps = kept.pop("time", None)
     time = rows[: len(good)][good] / (rate or 1.0) if stamps is None else stamps[:, 0]
-    return _Part(f"the {listed([*kept])} of {file}", stamps is not None, time, kept, corrupt, [])
-
-
-def _merged(parts: Sequence[_Part]) -> _Part:
-    """Signals at the stamps of the fastest file, with the corrupt rows of all files.
-
-    Only times that all files cover are kept, without interpolation over gaps. A single file is unchanged.
-    """
-    first = parts[0]
-    if len(parts) == 1:
-        return first
-    without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
-    if without and stamped:
-        raise RecordingError(
-            f"{stamped[0]} has time stamps, but {without[0]} has none: add a column of time stamps to "
-            f"{without[0]}"
-        )
-    corrupt = [(row, f"{part.file}: {reason}") for part in parts for row, reason in part.corrupt]
-    remarks = [f"{part.file}: {remark}" for part in parts for remark in part.remarks]
-    if all(np.array_equal(part.time, first.time) for part in parts):
-        signals = {name: x for part in parts for name, x in part.signals.items()}
-        return first._replace(signals=signals, corrupt=corrupt, remarks=remarks)
-    clocks = [clock_of(part.file, part.time) for part in parts]
-    fastest = parts[int(np.argmin([clock.step for clock in clocks]))]
-    begin = max(part.time[0] for part in parts)
-    end = min(part.time[-1] for part in parts)
-    if not begin < end:
-        spans = [f"{part.file} from {part.time[0]:.6g} s to {part.time[-1]:.6g} s" for part in parts]
-        raise RecordingError(
-            f"the files do not overlap in time, expected time stamps of one clock: {'; '.join(spans)}"
-        )
-    time = np.unique(fastest.time[(fastest.time >= begin) & (fastest.time <= end)])
-    signals = {
-        name: interpolated(time, part.time, x, clock.gap)
-        for part, clock in zip(parts, clocks)
-        for name, x in part.signals.items()
-    }
-    whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
-    others = [part.file for part in parts if not np.isin(time[whole], part.time).all()]
-    remarks += [f"{listed(others)}: interpolated at the time stamps of {fastest.file}"] if others else []
-    lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)
-    if lost > max(clock.step for clock in clocks):
-        remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest is left out")
-    signals = {name: x[whole] for name, x in signals.items()}
-    return _Part(first.file, first.stamped, time[whole], signals, corrupt, remarks)
+    return Part(f"the {listed([*kept])} of {file}", stamps is not None, time, kept, corrupt, [])

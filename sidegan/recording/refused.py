@@ -51,13 +51,9 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"
         )
-    message = _angles(position, arm, units) or _lengths(position, arm, units)
-    far = position.largest > _COUNTED * _limit(arm)
-    if not message and 2 * far.sum() > arm.joints:
-        reach = _reaches(position, arm, far)
-        message = f"{reach}, which no unit explains: are these encoder counts? Convert them to rad or m"
-    if message:
-        raise RecordingError(f"{name}: {message}")
+    for doubt in (_angles, _lengths, _counts):
+        if message := doubt(position, arm, units):
+            raise RecordingError(f"{name}: {message}")
 
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
@@ -92,6 +88,23 @@ def _lengths(position: Signal, arm: Arm, units: Units) -> str | None:
     return None
 
 
+def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
+    """Message if positions look like encoder counts."""
+    if units.position is not None:
+        return None
+    far = position.largest > _COUNTED * _limit(arm)
+    if 2 * far.sum() <= arm.joints:
+        return None
+    largest = float(position.upper.max()) * (DEGREES if units.angle == "deg" else 1.0)
+    per_turn = 2 ** math.ceil(math.log2(max(largest, 2)))
+    zero = per_turn // 2 if (position.lower >= 0).all() else 0
+    return (
+        f"{_reaches(position, arm, far)}, which no unit explains: are these encoder counts? If so, give the "
+        "counts per turn and the reading at joint position zero, for example "
+        f"'recording.units.position={{per_turn: {per_turn}, zero: {zero}}}'"
+    )
+
+
 def _limit(arm: Arm) -> Array:
     """Largest absolute joint positions within limits [rad or m], (J,)."""
     return np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
@@ -106,7 +119,7 @@ def _reaches(position: Signal, arm: Arm, far: Array) -> str:
 
 
 def refuse_idle(statistics: Statistics, arm: Arm) -> None:
-    """Refuse a recording without motion or torque."""
+    """Refuse a recording without motion or torque, or with constant rates of moving joints."""
     file, signals = statistics.name, statistics.signals
     span = signals["position"].upper - signals["position"].lower
     if (span < HARDLY).all():
@@ -124,6 +137,13 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
             f"{file}: the {name} of {joints} is constant over the whole recording; a joint that never moves "
             f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
         )
+    for rate in [name for name in ("velocity", "acceleration") if name in signals]:
+        dead = signals[rate].constant & (span >= HARDLY)
+        if dead.any():
+            raise RecordingError(
+                f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
+                f"recording.{rate}=null derives it instead"
+            )
 
 
 def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:

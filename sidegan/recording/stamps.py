@@ -39,7 +39,7 @@ def stamps_in_si(
     if dates is not None:
         return dates[:, None], [], []
     stamps = table.numbers(columns[0])
-    unit, factor = units.of(file, "time", False, columns[0])
+    unit, factor = units.of(file, "time", False, table.heading(columns[0]))
     remarks = []
     if not (units.time or unit) and (since := _since_1970(stamps)):
         factor = SECONDS[since]

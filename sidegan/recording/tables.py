@@ -1,9 +1,9 @@
-"""Tables of columns, read from Parquet, NPZ and MATLAB files, and from LeRobot datasets."""
+"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files, and from LeRobot datasets."""
 
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,10 +29,21 @@ class Table:
     columns: Mapping[str, Any]
     rows: Array  # row numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # row numbers and reasons of unreadable rows
+    units: Mapping[str, str] = field(default_factory=dict)  # of columns, if a row below the header has them
+
+    def heading(self, name: str) -> str:
+        """A column's name with its unit."""
+        return f"{name} [{self.units[name]}]" if name in self.units else name
 
     def first(self, name: str) -> str:
         """A column's first element as text; empty if there is none."""
         return str(next(iter(self.columns[name]), "")).strip()
+
+    def forget(self, names: Iterable[str]) -> None:
+        """Release the memory of columns that are no longer needed."""
+        for name in names:
+            if isinstance(self.columns, dict):
+                self.columns.pop(name, None)
 
     def width(self, name: str) -> int:
         """Number of elements that a column has in each row: 1 unless it holds lists."""
@@ -57,13 +68,8 @@ class Table:
         return [*orders.pop()]
 
     def numbers(self, name: str) -> Array:
-        """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number.
-
-        A column can be read once: its memory is then released.
-        """
+        """A column, (S,), or (S, J) if it holds lists; NaN where it holds no number."""
         values = np.atleast_1d(self.columns[name])
-        if isinstance(self.columns, dict):
-            del self.columns[name]
         if np.iscomplexobj(values):
             raise RecordingError(f"array {name} holds {values.dtype}, expected real numbers")
         if len(values) and isinstance(values[0], list | np.ndarray):
@@ -110,6 +116,34 @@ class _Parquet(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self.names)
+
+
+def json_table(path: Path) -> Table:
+    """Table of JSON lines, an object per row; nested names are joined by dots, lists are numbered."""
+    rows, found, skipped = [], [], []
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        for row, line in enumerate(file, 1):
+            try:
+                found.append(dict(_leaves(json.loads(line), "")))
+                rows.append(row)
+            except ValueError:
+                skipped += [(row, "is not a JSON object")] if line.strip() else []
+    frame = pd.DataFrame(found)
+    return Table({str(name): frame[name] for name in frame}, np.array(rows, dtype=np.int64), skipped)
+
+
+def _leaves(value: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Names and values of all leaves of a JSON value; ValueError if it is not an object."""
+    if isinstance(value, dict):
+        for key, child in value.items():
+            yield from _leaves(child, f"{name}.{key}".lstrip("."))
+    elif not name:
+        raise ValueError("no object")
+    elif isinstance(value, list):
+        for k, child in enumerate(value):
+            yield from _leaves(child, f"{name}[{k}]")
+    else:
+        yield name, value
 
 
 def npz_table(path: Path) -> Table:

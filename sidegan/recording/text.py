@@ -5,8 +5,10 @@ import io
 import re
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice, takewhile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -21,24 +23,28 @@ _DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 _LOOKED_AT = 100  # lines from which separator and decimal mark are inferred
 _SAMPLE = 1 << 16  # bytes from which the encoding is inferred
 _MARKS = "#% "  # before comments and the headers that numpy writes
+_STATE = ("position", "velocity", "effort")  # of a joint state, in its order
 
 
 def text_table(path: Path) -> Table:
     """Table of a text file with columns separated by commas, semicolons, tabs or spaces.
 
-    With semicolons or tabs, numbers may have decimal commas. Units in a row below the header become part of
-    the names.
+    With semicolons or tabs, numbers may have decimal commas. The output of ``ros2 topic echo --csv`` for
+    joint states needs no header.
     """
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
-    comments = _comments(lines)
-    lines = lines[comments:]
+    skipped = _comments(lines)
+    lines = lines[skipped:]
     if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty, or begins with a blank line, expected a header line")
     separator, decimal = _format_of(lines)
     lines[0] = lines[0].lstrip(_MARKS)
     names = _fields(lines[0], separator)
+    form = {"sep": separator, "decimal": decimal, "encoding": encoding}
+    if echoed := _echoed(path, names):
+        return _text_rows(path, echoed, first=skipped + 1, **form)
     if all(_is_number(name.replace(decimal, ".")) for name in names):
         raise RecordingError(
             f"{path} begins with numbers, expected a header line of column names: add one, such as "
@@ -47,34 +53,10 @@ def text_table(path: Path) -> Table:
     if len(set(names)) < len(names):
         raise RecordingError(f"{path}: a column name occurs twice: {', '.join(names)[:100]!r}")
     names = [name or f"column {i + 1}" for i, name in enumerate(names)]
-    units = _fields(lines[1], separator)[: len(names)] if lines[1:] else []
-    if stated := are_units(units):
-        units += [""] * (len(names) - len(units))
-        names = [f"{name} [{unit.strip('[()]')}]" if unit else name for name, unit in zip(names, units)]
-    first = comments + 2 + stated
-    with warnings.catch_warnings(record=True) as messages:
-        warnings.simplefilter("always")
-        frame = pd.read_csv(
-            path,
-            sep=separator,
-            decimal=decimal,
-            header=None,
-            names=names,
-            index_col=False,
-            skiprows=first - 1,
-            skip_blank_lines=False,
-            encoding=encoding,
-            encoding_errors="replace",
-            on_bad_lines="warn",  # with usecols, pandas would not notice lines with too many fields
-        )
-    if decimal == ",":  # pandas leaves a column as text if any field is not a number
-        texts = frame.select_dtypes(exclude="number")
-        frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
-    matches = [match for message in messages for match in _SKIPPED.finditer(str(message.message))]
-    skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
-    numbers = np.arange(len(frame) + len(skipped)) + first  # people count the header as the first
-    rows = np.setdiff1d(numbers, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
-    return Table({name: frame.pop(name) for name in names}, rows, skipped)
+    units = _fields(lines[1], separator) if lines[1:] else []
+    stated = are_units(units)
+    table = _text_rows(path, names, first=skipped + 2 + stated, **form)
+    return replace(table, units=dict(zip(names, units))) if stated else table
 
 
 def _fields(line: str, separator: str) -> list[str]:
@@ -125,3 +107,51 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _echoed(path: Path, fields: Sequence[str]) -> list[str]:
+    """Column names for joint states without a header; empty if the first line is not a joint state.
+
+    Seconds, nanoseconds and frame are followed by the joints' names and values.
+    """
+    numbers = [_is_number(field) for field in fields]
+    if len(fields) < 5 or not (fields[0].isdigit() and fields[1].isdigit()) or numbers[2] or numbers[3]:
+        return []
+    joints = numbers.index(True, 3) - 3 if any(numbers[3:]) else 0
+    signals, rest = divmod(len(fields) - 3 - joints, joints or 1)
+    if not joints or rest or not all(numbers[3 + joints :]):
+        return []
+    kinds = _STATE if signals == len(_STATE) else ("position", "effort")
+    names = [f"{kind}_{k}" for kind in ("name", *kinds) for k in range(joints)]
+    header = ["stamp.sec", "stamp.nanosec", "frame", *names]
+    if signals != len(_STATE):
+        raise RecordingError(
+            f"{path} has joint states of {counted(joints, 'joint')} ({counted(signals, 'value')} each), no "
+            f"header line of column names: add one, such as {','.join(header)}"
+        )
+    return header
+
+
+def _text_rows(path: Path, names: list[str], first: int, decimal: str, **form: Any) -> Table:
+    """Rows of a text from line ``first`` on, under these names."""
+    options: dict[str, Any] = {"header": None, "names": names, "index_col": False, **form}
+    # with usecols, pandas would not notice lines with too many fields
+    with warnings.catch_warnings(record=True) as messages:
+        warnings.simplefilter("always")
+        frame = pd.read_csv(
+            path,
+            decimal=decimal,
+            skiprows=first - 1,
+            skip_blank_lines=False,
+            encoding_errors="replace",
+            on_bad_lines="warn",
+            **options,
+        )
+    if decimal == ",":  # pandas leaves a column as text if any field is not a number
+        texts = frame.select_dtypes(exclude="number")
+        frame[texts.columns] = texts.astype(str).replace(",", ".", regex=True)
+    matches = [match for message in messages for match in _SKIPPED.finditer(str(message.message))]
+    skipped = [(int(m[1]), f"{counted(int(m[3]), 'field')}, expected {m[2]}") for m in matches]
+    lines = np.arange(len(frame) + len(skipped)) + first  # people count the header as the first
+    rows = np.setdiff1d(lines, [row for row, _ in skipped], assume_unique=True)[: len(frame)]
+    return Table({name: frame.pop(name) for name in names}, rows, skipped)

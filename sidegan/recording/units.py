@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Literal
 
+import numpy as np
+
+from sidegan.base.arrays import Array
+from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
@@ -15,7 +19,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a unit of time
 _TIMES = {
     "s": ("s", "sec", "secs", "second", "seconds"),
     "ms": ("ms", "msec", "msecs", "millis", "milliseconds"),
-    "us": ("us", "µs", "usec", "usecs", "micros", "microseconds"),
+    "us": ("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"),
     "ns": ("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds"),
 }
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
@@ -31,21 +35,48 @@ _UNITS = {  # factors to SI units, whose unit is the first; lower-case letters o
     "angle": {
         **{"rad": 1.0, "mrad": 1e-3, "mdeg": _DEGREE / 1e3, "gon": _TURN / 400, "rpm": _TURN / 60},
         **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "dps"), _DEGREE),
-        **dict.fromkeys(("rev", "turn", "rps"), _TURN),
+        **dict.fromkeys(("rev", "revs", "turn", "turns", "rps"), _TURN),
     },
     "length": _LENGTHS,
     "torque": {f + d: x for f, d, x in _PAIRS} | {d + f: x for f, d, x in _PAIRS},
     "current": {"a": 1.0, "ma": 1e-3, "ua": 1e-6, "µa": 1e-6, "ka": 1e3},
 }
+_EXAMPLES = {  # for people
+    "angle": "rad, mrad, deg, gon, rev",
+    "length": "m, cm, mm, in, ft",
+    "torque": "N·m, mNm, N·cm, kN·m, kgf·m, lbf·ft, lbf·in, oz·in",
+    "current": "A, mA",
+}
 SPELT_TIMES = frozenset(_UNITS["time"])
 _WORDS = {*_FORCES, *(word for words in _UNITS.values() for word in words)}
 # words that are units without brackets, too; names of joints may end in rev or turn
-_SHORT = {"m", "mm", "cm", "n", "nm", "a", "ma", "ms", "us", "µs", "ns", "°"}
-_CLEAR = {word for word in _WORDS if len(word) > 2 or word in _SHORT} - {"rev", "turn"}
+_SHORT = {"m", "mm", "cm", "n", "nm", "a", "ma", "ms", "us", "µs", "μs", "ns", "°"}
+_CLEAR = {word for word in _WORDS if len(word) > 2 or word in _SHORT} - {"rev", "revs", "turn", "turns"}
 _BRACKETED = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _PER_SECOND = re.compile(r"(per)?s(ec)?[12]?$")
 _ELSE = re.compile(r"[mµuk]A(rms)?|[mk]?V|[Gg]rad|Hz")  # of other signals, or, as grad, ambiguous
-_RATED = re.compile(r".([%‰]|percent|pct|per_?mille)")  # a share of a value that is unknown
+_RATED = re.compile(r".[%‰]|percent|pct|per_?mille")
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Positions in encoder counts: a value for all joints, or one per joint."""
+
+    per_turn: float | list[float]  # or per metre of a prismatic joint; negative if counted backwards
+    zero: float | list[float] = 0.0  # reading at joint position zero
+
+    def in_si(self, counts: Array, slides: Sequence[bool]) -> Array:
+        """Positions [rad or m], (S, J), from counts (S, J)."""
+        found = []
+        for name, values in vars(self).items():
+            if np.ndim(values) and len(np.atleast_1d(values)) != len(slides):
+                raise RecordingError(
+                    f"recording.units.position.{name} has {counted(len(np.atleast_1d(values)), 'value')}, "
+                    f"the arm has {len(slides)}"
+                )
+            found.append(np.asarray(values, dtype=np.float64))
+        per_turn, zero = found
+        return (counts - zero) / per_turn * np.where(slides, 1.0, _TURN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +91,7 @@ class Units:
     length: Literal["m", "mm"] | None = None
     torque: Literal["N·m", "Nm", "mNm"] | None = None
     current: Literal["A", "mA"] | None = None
+    position: Counts | None = None  # null: positions are in ``angle`` and ``length``
 
     def of(self, file: str, signal: str, slides: bool, heading: str) -> tuple[str, float]:
         """Unit in the heading of a joint's signal, or of ``"time"``, and the factor to SI units.
@@ -73,16 +105,30 @@ class Units:
         kind = signal if signal in ("time", "torque", "current") else angle
         if configured := getattr(self, kind):
             return "", _UNITS[kind][_letters(configured)]
-        known = _UNITS[kind] | (_FORCES if slides and kind == "torque" else {})
+        known = _UNITS[kind]
+        if kind == "torque":
+            known = known | {"mm": 1e-3} | (_FORCES if slides else {})  # the end of N·mm
         unit, factor = _stated(heading, known)
-        rated = _RATED.search(heading.lower())
-        if other := rated[1] if rated else "" if unit else _other(heading):
-            si = "N·m" if kind == "torque" else next(iter(known))
-            raise RecordingError(
-                f"{file}: {heading!r} states {other!r}, which is no known unit of its {signal}: convert the "
-                f"column to {si} and rename it; if it is in {si} already: recording.units.{kind}={si}"
-            )
+        if kind != "time":
+            _refuse_other(file, signal, kind, heading, unit)
         return "" if factor == 1 else unit, factor
+
+
+def _refuse_other(file: str, signal: str, kind: str, heading: str, unit: str) -> None:
+    """Refuse a heading in which another unit than the signal's stands, such as per cent."""
+    examples = _EXAMPLES[kind]
+    si = examples.partition(",")[0]
+    already = f"if it is in {si} already: recording.units.{kind}={si}"
+    if _RATED.search(heading.lower()):
+        raise RecordingError(
+            f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to {si} "
+            f"and rename it; {already}"
+        )
+    if not unit and (other := _other(heading)):
+        raise RecordingError(
+            f"{file}: {heading!r} states {other!r}, which is no known unit of its {signal} (known are "
+            f"{examples}): convert the column to {si} and rename it; {already}"
+        )
 
 
 def _stated(heading: str, known: Mapping[str, float]) -> tuple[str, float]:

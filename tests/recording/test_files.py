@@ -1,6 +1,7 @@
 """Files as programs and people write them are read back row by row; oddities are reported."""
 
 import csv
+import json
 import re
 from dataclasses import replace
 from functools import partial
@@ -21,7 +22,7 @@ from tests.recording import files
 from tests.recording.conftest import of_file, part_of, recorded
 from tests.recording.files import frame, written
 
-JOINTS, NUMBERS = ("shoulder", "elbow"), ("1", "2")
+JOINTS, LEFT, NUMBERS = ("shoulder", "elbow"), ("left_joint_1", "left_joint_2"), ("1", "2")
 DEGREES, EPOCH = 180 / np.pi, 1_690_000_000
 
 
@@ -90,6 +91,22 @@ def test_every_format_reads_back_what_was_written(made, tmp_path, write, changes
     assert_same(found, made, made.signals(), start=int(bag))  # stamps of zero would be none
 
 
+@pytest.mark.parametrize("lag", [0, 2_000_000])
+def test_joints_in_separate_messages_are_merged(made, tmp_path, lag):
+    """Joint states of two drivers on one topic, the second's at the same stamps or 2 ms later."""
+    stamps = (made.time * 1e9).round().astype(int) + 10**9
+    messages = [
+        (int(t) + lag * k, True, [name], made.position[row, [k]], np.empty(0), made.torque[row, [k]])
+        for row, t in enumerate(stamps)
+        for k, name in enumerate(made.joint_names)
+    ]
+    found = load_recording(files.write_messages(tmp_path, messages), of_file(), made.joint_names)
+    assert "joints come in separate messages" in found.remarks[0] and found.velocity is None
+    again = [np.interp(found.time - 1 - lag * 1e-9 * k, made.time, made.position[:, k]) for k in range(2)]
+    np.testing.assert_allclose(found.position, np.transpose(again), atol=1e-4)
+    assert len(found) >= len(made) - 1
+
+
 def at(made):
     """Time stamps of a recording as dates, in whole nanoseconds."""
     return pd.to_datetime((made.time * 1e9).round().astype(np.int64) + EPOCH * 10**9)
@@ -114,6 +131,25 @@ def text(table, path, encoding="utf-8", **options):
     table.to_csv(path / "a.csv", **{"index": False, "encoding": encoding, **options})
 
 
+def lines(made, path):
+    """Joint states as they are nested in messages, and a line that was cut off."""
+    each = zip(made.time.tolist(), made.position.tolist(), made.torque.tolist())
+    said = [
+        json.dumps(
+            {"stamp": {"sec": 1, "nanosec": round(t * 1e9)}, "name": ["b", "a"], "position": q, "effort": x}
+        )
+        for t, q, x in each
+    ]
+    (path / "a.jsonl").write_text("\n".join(said) + '\n{"stamp": {"se')
+
+
+def echoed(made, path, signals=("position", "velocity", "torque")):
+    """What `ros2 topic echo --csv` prints of joint states."""
+    values = np.concatenate([getattr(made, name) for name in signals], 1).tolist()
+    rows = [[1, round(t * 1e9), "base", *JOINTS, *x] for t, x in zip(made.time.tolist(), values)]
+    pd.DataFrame(rows).to_csv(path / "a.csv", index=False, header=False)
+
+
 def matlab(made, path):
     """A structure of arrays with a row for each joint."""
     log = {"t": made.time, "q": made.position.T, "tau": made.torque.T}
@@ -124,6 +160,12 @@ def units_below(made, path):
     """A row of units below the header."""
     rows = headed(made, "t", "q{}", "tau{}").to_csv(index=False).splitlines()
     (path / "a.csv").write_text("\n".join([rows[0], "[ms],deg,deg,N.mm,N.mm", *rows[1:]]))
+
+
+def two_arms(made, path):
+    other = {f"{name}_right_joint_{k}": 9.0 + k for name in ("q", "tau") for k in (1, 2)}
+    names = {f"{name}{k}": f"{name}_left_joint_{k}" for name in ("q", "tau") for k in (1, 2)}
+    text(table(made).rename(columns=names).assign(**other), path)
 
 
 SPOKEN = ("Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)")
@@ -167,10 +209,13 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
     "row of units": (
         units_below,
         0,
-        "time in ms, position in deg, torque in N.mm, according to the column names",
+        "time in ms, position in deg, torque in N.mm, according to the row of units",
     ),
+    "echo --csv": (echoed, 1, ""),
+    "JSON lines": (lines, 1, ""),
     "MATLAB": (matlab, 0, ""),
     "arrays": (lambda m, p: files.arrays(q=m.position.T, pose=np.ones((len(m), 6)))(m, p), 0, ""),
+    "two arms": (two_arms, 0, ""),
 }
 
 
@@ -178,11 +223,12 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
 def test_timestamps_units_and_encodings_are_recognised(made, tmp_path, kind):
     write, start, remark = KINDS[kind]
     write(made, tmp_path)
-    (path,) = tmp_path.iterdir()
-    found = load_recording(path, of_file(), JOINTS)
+    (path,), lines = tmp_path.iterdir(), kind == "JSON lines"
+    settings = of_file(joints=["b", "a"] if lines else None)
+    found = load_recording(path, settings, LEFT if kind == "two arms" else JOINTS)
     assert_same(found, made, start=start, late=1e-3 if "ms " in kind else 2e-6)
     assert remark in "".join(found.remarks) and bool(remark) == bool(found.remarks)
-    assert not found.corrupt
+    assert [row for row, _ in found.corrupt] == ([201] if lines else [])
 
 
 NAMES = [  # of time, positions and torques; {i} counts from 0, {n} from 1
@@ -226,7 +272,7 @@ def test_unused_columns_are_reported(made, tmp_path, names, more, words):
 REFUSED = [
     ({"q": "theta{i}"}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
     ({"tau": "load{n}"}, r"no torque or current.* fit\? 'recording.torque=\"load\{index\}\"'"),
-    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"name joints otherwise\? 'recording.joints="),
+    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"'recording.joints=\[shoulderx,elbowx\]'"),
 ]
 
 
@@ -374,6 +420,20 @@ def test_a_prismatic_joint_in_the_wrong_unit_is_refused(sliding, clock, unit, fa
         check_recording(wrong, sliding, of_file(units={"length": unit}))
 
 
+def test_encoder_counts_are_refused_with_the_setting_that_converts_them(recording, planar, tmp_path):
+    counts = (recording.position / (2 * np.pi) * 4096 + 2048).round()
+    with pytest.raises(RecordingError, match="no unit explains: are these encoder counts") as error:
+        check_recording(replace(recording, velocity=None, position=counts), planar, of_file())
+    per_turn, zero = map(float, re.findall(r"(?:per_turn|zero): (\d+)", str(error.value)))
+    units = {"position": {"per_turn": [per_turn, -per_turn], "zero": zero}}
+    columns = dict(zip(("q1", "q2"), counts.T))
+    found = read(tmp_path, table(recording, **columns, qd1=1.0, qd2=1.0), units=units)
+    np.testing.assert_allclose(found.position, recording.position * [1, -1], atol=np.pi / 4096, rtol=0)
+    assert found.velocity is None and "velocity is derived" in found.remarks[0]
+    with pytest.raises(RecordingError, match=r"units\.position\.zero has 3 values, the arm has 2"):
+        read(tmp_path, table(recording), units={"position": {"per_turn": 4096, "zero": [0, 0, 0]}})
+
+
 def test_wrapped_revolute_positions_are_unwrapped(recording, tmp_path):
     """Prismatic joints are not unwrapped, nor are degrees, which step by more than 2 pi."""
     far = recording.position * [4.0, 1.0] + np.array([3.0, 0.0])
@@ -424,6 +484,15 @@ def test_signals_logged_on_separate_rows_are_interpolated(recording, tmp_path):
     error = np.abs(found.torque - recording.torque[inside]).mean()
     assert error < 0.02 * np.abs(recording.torque).mean()
     assert "the torque of a.csv: interpolated at the time stamps of the position" in found.remarks[0]
+
+
+def test_an_ambiguous_headerless_joint_state_log_is_refused_with_a_header_line(made, tmp_path):
+    echoed(made, tmp_path, ("position", "torque"))
+    with pytest.raises(RecordingError, match=r"2 values each.* such as stamp\.sec,.*") as error:
+        load_recording(tmp_path / "a.csv", of_file(), JOINTS)
+    line = str(error.value).partition("such as ")[2]
+    (tmp_path / "a.csv").write_text(f"{line}\n{(tmp_path / 'a.csv').read_text()}")
+    np.testing.assert_allclose(load_recording(tmp_path / "a.csv", of_file(), JOINTS).torque, made.torque)
 
 
 def several(folder, made, change=lambda same: same):

@@ -33,12 +33,6 @@ def test_invalid_settings_are_refused(words, changes):
         of_file(**changes)
 
 
-def in_turn(made, folder):
-    """A message for each joint."""
-    each = [(k, True, [name], *np.full((3, 1), k)) for k, name in enumerate("1212", 1)]
-    return files.write_messages(folder, each)
-
-
 def of_text(_, folder):
     return files.write_messages(folder, [(1, True, "hello")], "std_msgs/msg/String")
 
@@ -57,6 +51,11 @@ def ragged(made, folder):
     return folder / "a.parquet"
 
 
+def by_joint(table):
+    """A row for each joint, in place of a column."""
+    return pd.wide_to_long(table, ["q", "qd", "tau"], i="t", j="joint").reset_index()
+
+
 def twice(**names):
     """Columns under other names too."""
     return files.written(lambda table: table.assign(**{new: table[old] for new, old in names.items()}))
@@ -70,7 +69,6 @@ def stated(**units):
 
 ARRAYS = {"position": "q", "torque": "tau"}
 STATED = [
-    ("tau", "%", "torque=N·m"),
     ("tau", "V", "torque=N·m"),
     ("tau", "lbf", "torque=N·m"),
     ("tau", "mA", "torque"),
@@ -101,11 +99,13 @@ FILES = [
     ),
     ("number, in column q1", files.written(lambda table: table.assign(q1=table.q1 * 1e300)), {}),
     ("75% of its rows .* tau2", files.written(lambda table: table.assign(tau2=table.tau2[::4])), {}),
+    (r"'tau1 \(%\)' is a share of a rated .*: recording\.units\.torque=N·m", stated(tau="(%)"), {}),
     *(
         (rf"1 .* states '{x}', .* already: recording\.units\.{to}", stated(**{name: f"[{x}]"}), {})
         for name, x, to in STATED
     ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
+    ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
     ("column q must have one list of numbers per row, all equally long", ragged, {}),
     ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
@@ -115,7 +115,6 @@ FILES = [
     ("has no joint 1, 2; it has x, y", partial(files.write_bag, names=["x", "y"]), {}),
     ("has joint states on /joint_states, not on /arm", files.write_bag, {"topic": "/arm"}),
     ("have position, .* not acceleration", lambda made, to: Files("", None, str(bag(made, to)), ""), {}),
-    ("no message with all of the arm's joints", in_turn, {}),
     (r"has no joint states .*; it has /joint_states \(std_msgs/msg/String\)", of_text, {}),
 ]
 
@@ -164,6 +163,12 @@ def shuffled(time):
     return np.where(np.arange(len(time)) == 100, time[90], time)
 
 
+def unpadded(time):
+    """Seconds and nanoseconds of a clock, with a point between them."""
+    stamps = (1e9 * (time + 5)).round().astype(int).tolist()
+    return np.array([float(f"{t // 10**9}.{t % 10**9}") for t in stamps])
+
+
 def spike(torque):
     return torque + 1e6 * (np.arange(len(torque)) == 700)
 
@@ -201,12 +206,13 @@ def lost(samples):
 JUMPS = r"(shoulder|elbow) jumps by .* rad after sample 701, at .*: are rows missing"
 DEGREES, GAINS, TWO = 180 / math.pi, r"are the drive gains \(robot\.gains\)", (2.0, 2.0)
 UNITS = [("ms", "s", 1e3), ("ns", "s", 1e9), ("us", "ms", 1e3)]
+DEAD = "velocity of shoulder, elbow is constant.*velocity=null"
 LOW = r"the cut-off is .* Hz, expected more than 0\.2 Hz"
 CHECKED = [
     ("are these degrees", scaled("position", DEGREES), {}),
     (r"are these degrees\? \(recording\.units\.angle=deg\)", within_a_turn, {}),
-    ("no unit explains: are these encoder counts", scaled("position", 4096 / (2 * math.pi)), {}),
     ("are these radians", scaled("position", 1 / DEGREES), {"units": {"angle": "deg"}}),
+    ("one is in degrees", scaled("velocity", DEGREES), {}),
     *((rf"another unit.*units\.time={x}\)", scaled("time", f), {"units": {"time": y}}) for x, y, f in UNITS),
     (r"resolution of 1 s, 1980 of 2000 .*time=none recording\.rate=100$", but("time", np.floor), {}),
     (r"times its limit: .*\(recording\.units\.current=mA\)", currents(1e3), {"gains": TWO}),
@@ -221,10 +227,12 @@ CHECKED = [
     ("has 1 sample, expected 10 or more", lambda recording: part_of(recording, slice(1)), {}),
     ("too short to identify from", scaled("time", 1e-300), {}),
     ("neither torque nor current", but("torque", lambda _: None), {}),
+    (DEAD, but("velocity", np.ones_like), {}),
     ("all samples have the same time stamp", but("time", np.ones_like), {}),
     ("time runs backwards.* after sample 100: sort its rows by time$", but("time", shuffled), {}),
     ("backwards.*: sort its rows by time", but("time", lambda x: x[::-1]), {}),
     ("after sample 1000: the clock restarts, so split", but("time", lambda x: np.r_[x[:1000], x[:1000]]), {}),
+    ("and so on .* times: were nanoseconds put behind the point", but("time", unpadded), {}),
     (
         r"elbow is 1e\+06 N·m at [67].* s, and beyond .* in only 1 sample of 2000",
         change_elbow("torque", spike),
