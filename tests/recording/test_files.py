@@ -388,7 +388,7 @@ STATED = [  # a signal, headings of its columns, and the factor to SI units of t
     ("torque", "tau1 [N.cm]; tau1_Ncm; tau_Ncm_1; effort[0] (N cm)", 0.01),
     ("torque", "tau1 [kN.m]", 1e3),
     ("torque", "tau1_kgf.cm", 0.0980665),
-    ("torque", "tau1 [N*mm]", 1e-3),
+    ("torque", "tau1 [N*mm]; tau1.N·mm", 1e-3),
     ("torque", "tau1 [Nm] (filtered); tau1 (N·m); tau1 (in); tau1 (MA); tau1 [-]; tau1 [Nm/rad]", 1.0),
     ("torque", "joint_states[0]; effort_lb; tau [left]; tau1 (kg m²); tau (A)", 1.0),
     ("position", "q1 [gon]", np.pi / 200),
@@ -397,10 +397,11 @@ STATED = [  # a signal, headings of its columns, and the factor to SI units of t
     ("position", "q1 (measured); position[3]; q (actual); q_min; q [rad]", 1.0),
     ("position", "q_hip_rev; hip_turn.pos; q_wrist_turn", 1.0),
     ("velocity", "qd1 [mrad/s]", 1e-3),
-    ("velocity", "qd1 [rev/s]", 2 * np.pi),
+    ("velocity", "qd1 [rev/s]; qd1 [revs/s]", 2 * np.pi),
     ("velocity", "qd1 [rad/s]; qd [rad/s^2]; qd (m); qd_in; qd1 [m/s]", 1.0),
-    ("current", "i1 [uA]", 1e-6),
+    ("current", "i1 [uA]; i1 [μA]", 1e-6),
     ("current", "current_mA_a", 1e-3),
+    ("time", "t [μs]; time_usec", 1e-6),
 ]
 
 

@@ -104,6 +104,11 @@ FILES = [
         (rf"1 .* states '{x}', .* already: recording\.units\.{to}", stated(**{name: f"[{x}]"}), {})
         for name, x, to in STATED
     ),
+    (
+        r"known are A, mA.* recording\.units\.current=A$",
+        files.written(lambda table: table.rename(columns={"tau1": "i1 [V]", "tau2": "i2 [V]"})),
+        {},
+    ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
     ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
     ("column q must have one list of numbers per row, all equally long", ragged, {}),
