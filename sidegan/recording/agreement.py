@@ -172,13 +172,12 @@ def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
     load = load_of(body, q, v, a, torque)
     model = body.torque(q, v, a)
     swapped = _swapped(body, q, v, a, torque)
-    columns = _columns(body, swapped, q, v, a, torque) if load.misfit > _UNLIKE else None
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     found = Agreement(
         load=load,
         order=_order(model, v, a, torque),
         swapped=swapped,
-        columns=columns,
+        columns=_columns(body, swapped, q, v, a, torque) if load.misfit > _UNLIKE else None,
         turned=not np.array_equal(load.gravity, body.arm.gravity),
         moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
@@ -206,15 +205,6 @@ def _pace(body: RigidBody, *states: Array) -> float:
     return pace if clear else 1.0
 
 
-def _residual_share(model: Array, v: Array, a: Array, torque: Array) -> Array:
-    """Share of each measured torque that each described one leaves, (J, J), described by measured.
-
-    Arguments are (S, J); the measuring joint's friction and rotor are removed from both.
-    """
-    basis = friction_basis(v, a)
-    return _share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
-
-
 def _share_left(described: Array, measured: Array) -> Array:
     """Share of torques (J, S, K) that described ones, (J, S, 1), leave when scaled to fit, (J, K)."""
     size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
@@ -223,9 +213,13 @@ def _share_left(described: Array, measured: Array) -> Array:
 
 
 def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
-    """Joint whose described torque fits each measured one best, (J,); arguments are (S, J)."""
+    """Joint whose described torque fits each measured one best, (J,); arguments are (S, J).
+
+    Both are without the friction and rotor of the measuring joint.
+    """
     own = np.arange(model.shape[1])
-    share = _residual_share(model, v, a, torque)
+    basis = friction_basis(v, a)
+    share = _share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
     found = scipy.optimize.linear_sum_assignment(np.log(share).T)[1]
     other = found != own
     clear = share[found, own] < _BETTER * share.diagonal()
@@ -238,13 +232,10 @@ def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
     One joint twice if its own motion does so, once reversed.
     """
     *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
-
-    def misfit(*pair: int) -> float:
-        return _misfit(body, _exchanged(pair, motion), torque)
-
-    found = {pair: misfit(*pair) for pair in combinations_with_replacement(range(body.joints), 2)}
+    pairs = combinations_with_replacement(range(body.joints), 2)
+    found = {pair: _misfit(body, _exchanged(pair, motion), torque) for pair in pairs}
     best = min(found, key=found.__getitem__)
-    return best if found[best] < misfit() + 2 * math.log(_BETTER) else None
+    return best if found[best] < _misfit(body, motion, torque) + 2 * math.log(_BETTER) else None
 
 
 def _exchanged(pair: tuple[int, ...], motion: Sequence[Array]) -> list[Array]:
@@ -258,8 +249,7 @@ def _exchanged(pair: tuple[int, ...], motion: Sequence[Array]) -> list[Array]:
 
 def _misfit(body: RigidBody, motion: Sequence[Array], torque: Array) -> float:
     """Sum over joints of the logarithm of the unexplained share of torques in a motion, (S, J) each."""
-    q, v, a = motion
-    return float(np.log(_residual_share(body.torque(q, v, a), v, a, torque).diagonal()).sum())
+    return _misfit_by_order(body, *motion, torque)([*range(body.joints)])
 
 
 def _columns(body: RigidBody, swapped: tuple[int, int] | None, *signals: Array) -> list[int] | None:
@@ -271,8 +261,7 @@ def _columns(body: RigidBody, swapped: tuple[int, int] | None, *signals: Array) 
     if body.joints > _ORDERED:
         return None
     few = [x[:: max(1, len(x) // _SKETCH)] for x in signals]
-    own = [*range(body.joints)]
-    best = min(map(list, permutations(own)), key=_misfit_by_order(body, *few))
+    best = min(map(list, permutations(range(body.joints))), key=_misfit_by_order(body, *few))
     gain = sum(j != k for j, k in enumerate(best)) * math.log(_BETTER)
     halves = zip(*(np.array_split(x[:: max(1, len(x) // _FEW)], 2) for x in signals))
     for x in halves:

@@ -63,14 +63,16 @@ def bag_table(
     fields = [x for x in _FIELDS if all(len(getattr(m, x)) == len(m.name) for m in firsts)]
     if "position" not in fields:
         raise RecordingError(f"{path.name}: its joint states have no positions")
-    signals, _, remarks = merged([_part(own, some, fields, len(groups) > 1) for own, some in groups.items()])
-    found = {"time": signals["time"]}
-    found |= {field: np.concatenate([signals[f"{field} {name}"] for name in names], 1) for field in fields}
+    whole = merged([_part(own, some, fields, len(groups) > 1) for own, some in groups.items()])
+    found = {"time": whole.time}
+    for field in fields:
+        found[field] = np.concatenate([whole.signals[f"{field} {name}"] for name in names], 1)
+    remarks = whole.remarks
     if len(groups) > 1:
         apart = "; ".join(map(listed, groups))
         remarks = [f"joints come in separate messages ({apart}): merged by their time stamps", *remarks]
     where = {settings.effort if field == "effort" else field: [field] for field in fields}
-    return Table(found, np.arange(len(found["time"])) + 1), {"time": ["time"], **where}, remarks
+    return Table(found, np.arange(len(whole.time)) + 1), {"time": ["time"], **where}, remarks
 
 
 def _connections(path: Path, reader: "AnyReader", topic: str | None) -> "list[Connection]":
@@ -117,8 +119,8 @@ def _part(own: tuple[str, ...], some: Sequence[_Stamped], fields: Sequence[str],
     if not len(rows):
         raise RecordingError(f"no message of {listed(own)} has a number for each joint")
     columns = [f"{field} {name}" for field in fields for name in own]
-    signals = dict(zip(["time", *columns], [rows[:, 0], *rows.T[1:, :, None]]))
-    return Part(f"the messages of {listed(own)}", True, signals, [], [])
+    signals = dict(zip(columns, rows.T[1:, :, None]))
+    return Part(f"the messages of {listed(own)}", True, rows[:, 0], signals, [], [])
 
 
 def _row(message: Any, received: int, names: Sequence[str], fields: Sequence[str]) -> list[float]:

@@ -40,18 +40,15 @@ class Joints:
         sliding: Collection[str] = (),
     ) -> "Joints":
         """The arm's joints in a file; ``chain`` also names locked joints between them, if there are any."""
-        own = tuple(joint_names)
-        whole = tuple(chain or joint_names)
+        own, whole = tuple(joint_names), tuple(chain or joint_names)
         named = tuple(settings.joints or whole)
-        slides = tuple(name in sliding for name in own)
-        if len(named) == len(whole):
-            return cls(named, tuple(whole.index(name) for name in own), own, slides)
-        if len(named) == len(own):
-            return cls(named, tuple(range(len(own))), own, slides)
-        raise RecordingError(
-            f"{file}: recording.joints has {counted(len(named), 'name')}, the arm has "
-            f"{counted(len(own), 'joint')}: {', '.join(own)}"
-        )
+        if len(named) not in (len(whole), len(own)):
+            raise RecordingError(
+                f"{file}: recording.joints has {counted(len(named), 'name')}, the arm has "
+                f"{counted(len(own), 'joint')}: {', '.join(own)}"
+            )
+        places = map(whole.index, own) if len(named) == len(whole) else range(len(own))
+        return cls(named, tuple(places), own, tuple(name in sliding for name in own))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,6 +73,7 @@ class Finder:
         self.file, self.table, self.settings, self.joints = file, table, settings, joints
         self.available = [*table.columns]
         self.only = only
+        self.count = len(joints.places)
         self.effort = settings.effort
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
@@ -125,7 +123,7 @@ class Finder:
 
     def _set(self, pattern: str) -> tuple[list[str], str]:
         """Columns of a configured pattern, none unless all exist, and the pattern."""
-        for places in (self.joints.places, range(len(self.joints.places))):
+        for places in (self.joints.places, range(self.count)):
             columns = _filled(pattern, self.joints.names, places)
             if {*columns} <= {*self.available}:
                 return columns, pattern
@@ -154,13 +152,13 @@ class Finder:
 
     def _own(self, series: Sequence[Series]) -> list[Series]:
         """Series, without another arm's numbered ones if this arm's joints occur by name."""
-        whole = [s for s in series if s.named and len(s.of(self.joints.places, 0)) == len(self.joints.places)]
+        whole = [s for s in series if s.named and len(s.of(self.joints.places, 0)) == self.count]
         return [s for s in series if s.named or not any(s.of_another_arm(arms) for arms in whole)]
 
     def _arrays(self, signal: str | None) -> list[str]:
         """Columns of lists with an element per joint that are named like a signal, or like none."""
         called = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
-        return [c for c in called if self.table.width(c) == len(self.joints.places)]
+        return [c for c in called if self.table.width(c) == self.count]
 
     def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:
         """The arm's columns in a series with this numbering, and its pattern."""
@@ -170,7 +168,7 @@ class Finder:
     def _ways(self, series: Sequence[Series], numbering: Numbering) -> dict[tuple[str, ...], str]:
         """Patterns of series with all joints in this numbering, by their columns; names take precedence."""
         found = [self._of(s, numbering) for s in sorted(series, key=lambda s: s.named)]
-        return {columns: pattern for columns, pattern in found if len(columns) == len(self.joints.places)}
+        return {columns: pattern for columns, pattern in found if len(columns) == self.count}
 
     def _numberings(self) -> list[Numbering]:
         """Possible numberings of the arm's joints; locked joints may or may not be counted.
@@ -178,22 +176,22 @@ class Finder:
         A file with columns of joint names states its numbering.
         """
         names = self.joints.names
-        count = len(self.joints.places)
         for series in self.series:
             if not series.named and series.words[-1:] in (["name"], ["names"]):
                 numbers = {self.table.first(column): number for number, column in series.columns.items()}
                 if {*names} <= {*numbers}:
                     return [(tuple(numbers[name] for name in names), 0)]
-        distinct = dict.fromkeys([self.joints.places, tuple(range(count))])
+        distinct = dict.fromkeys([self.joints.places, tuple(range(self.count))])
         return [(places, base) for places in distinct for base in (0, 1)]
 
     def _likeliest(self) -> list[Numbering]:
         """Numberings with which most signals are complete, the likeliest first."""
-        count = len(self.joints.places)
         series = [s for s in self.series if not s.named]
         signals = [s for s in series if s.signal(self.effort)]
         scores = {
-            numbering: tuple(sum(len(s.of(*numbering)) == count for s in kind) for kind in (signals, series))
+            numbering: tuple(
+                sum(len(s.of(*numbering)) == self.count for s in kind) for kind in (signals, series)
+            )
             for numbering in self.numberings
         }
         if (most := max(scores.values())) == (0, 0):
@@ -223,7 +221,7 @@ class Finder:
         left = [*dict.fromkeys(column for columns in lefts.values() for column in columns)]
         if not left:
             return []
-        has = f"the arm has {counted(len(self.joints.places), 'joint')}"
+        has = f"the arm has {counted(self.count, 'joint')}"
         unused = f"not used: {listed(left)}; "
         zero = {s: p for s, p in patterns.items() if lefts[s] and "{index0}" in p}
         if not self.ambiguous or AUTO not in self.settings.position or not zero:
@@ -238,7 +236,7 @@ class Finder:
         ways = [self._of(s, self.numbering) for s in series]
         nearest, pattern = max(ways, key=lambda way: len(way[0]), default=((), ""))
         optional = AUTO in patterns and not self.only and signal != "position"
-        if patterns == [""] or (optional and len(nearest) * 2 < len(self.joints.places)):
+        if patterns == [""] or (optional and len(nearest) * 2 < self.count):
             return
         if not nearest and (by := next(filter(_JOINT.fullmatch, self.available), None)):
             raise RecordingError(
@@ -279,7 +277,7 @@ class Finder:
         patterns += self._arrays(None)
         if patterns:
             return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
-        names = ",".join(own_names(self.available, signal, len(self.joints.places)))
+        names = ",".join(own_names(self.available, signal, self.count))
         return f"; are its joints, in the arm's order, 'recording.joints=[{names}]'?" if names else ""
 
     def _refuse_several(self, signal: str, ways: Sequence[str]) -> NoReturn:

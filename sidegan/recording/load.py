@@ -11,15 +11,15 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import counted, listed
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording import tables
 from sidegan.recording.bags import bag_files, bag_table, is_bag
 from sidegan.recording.columns import Finder, Joints
-from sidegan.recording.lerobot import dataset_files, dataset_table, is_dataset
-from sidegan.recording.mended import driven, unmarked, unwrapped
+from sidegan.recording.mended import driven, unwrapped
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
 from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
-from sidegan.recording.tables import Table, Where, json_table, mat_table, npz_table, parquet_table
+from sidegan.recording.tables import Table, Where
 from sidegan.recording.text import text_table
 from sidegan.recording.units import Units
 
@@ -30,10 +30,10 @@ _APART = 0.1  # of the rows; a signal missing in more has its own time stamps
 _PARQUET = b"PAR1"  # first bytes of such files
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
-    **dict.fromkeys((".parquet", ".pq"), parquet_table),
-    **dict.fromkeys((".jsonl", ".ndjson"), json_table),
-    ".npz": npz_table,
-    ".mat": mat_table,
+    **dict.fromkeys((".parquet", ".pq"), tables.parquet_table),
+    **dict.fromkeys((".jsonl", ".ndjson"), tables.json_table),
+    ".npz": tables.npz_table,
+    ".mat": tables.mat_table,
 }
 
 
@@ -57,9 +57,10 @@ def load_recording(
     if isinstance(files, Files):
         paths = files.signals(settings.effort).items()
         sources = [(signal, Path(path)) for signal, path in paths if getattr(settings, signal)]
-    signals, corrupt, remarks = merged([_read(path, settings, joints, only) for only, path in sources])
-    fields: dict[str, Any] = {**signals, "corrupt": tuple(corrupt), "remarks": tuple(remarks)}
-    return driven(unwrapped(Recording(name, tuple(joint_names), **fields), joints.slides))
+    found = merged([_read(path, settings, joints, only) for only, path in sources])
+    notes = {"corrupt": tuple(found.corrupt), "remarks": tuple(found.remarks)}
+    fields: dict[str, Any] = found.signals | notes
+    return driven(unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides))
 
 
 def recording_name(files: Recorded | Path) -> str:
@@ -71,7 +72,7 @@ def files_of(path: Path) -> list[Path]:
     """Files of a recording: the path itself, or those in its folder."""
     if not path.is_dir():
         return [path]
-    return dataset_files(path) if is_dataset(path) else bag_files(path)
+    return tables.dataset_files(path) if tables.is_dataset(path) else bag_files(path)
 
 
 def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | None) -> Part:
@@ -80,29 +81,87 @@ def _read(path: Path, settings: RecordingSettings, joints: Joints, only: str | N
         if not path.exists():
             raise RecordingError(f"there is no recording {path}")
         files_of(path)
-    table, where, remarks = _open(path, settings, joints, only)
-    if settings.units.position is not None and (rates := where.keys() & {"velocity", "acceleration"}):
-        where = {name: columns for name, columns in where.items() if name not in rates}
-        remarks.append(f"{listed(sorted(rates))} is derived, since positions are encoder counts")
+        suffix = _suffix(path)
     signals: dict[str, Array] = {}
-    with reading(path, _suffix(path)[1:], RecordingError):
-        if "time" in where:
-            signals["time"], odd = stamps_in_si(table, where["time"], settings.units)
-            remarks = [*odd, *remarks]
-        for name in [name for name in where if name != "time"]:
-            signals[name], marked = _in_si(path.name, table, name, where[name], settings, joints)
-            remarks += marked
-            table.forget(
-                {*where[name]} - {c for other in where.keys() - signals.keys() for c in where[other]}
-            )
+    stated: list[str] = []
+    with reading(path, suffix[1:], RecordingError):
+        table, where, remarks = _open(path, suffix, settings, joints, only)
+        rates = sorted(where.keys() & {"velocity", "acceleration"})
+        if settings.units.position is not None and rates:
+            where = {name: columns for name, columns in where.items() if name not in rates}
+            remarks.append(f"{listed(rates)} is derived, since positions are encoder counts")
+        for name, columns in where.items():
+            if name == "time":
+                signals[name], units, odd = stamps_in_si(path.name, table, columns, settings.units)
+                remarks = [*odd, *remarks]
+            else:
+                signals[name], units = _in_si(path.name, table, name, columns, settings.units, joints)
+            stated += [f"{name} in {unit}" for unit in dict.fromkeys(units) if unit]
+            table.forget({*columns} - {c for other in where.keys() - signals.keys() for c in where[other]})
     if len({len(x) for x in signals.values()}) > 1:
         lengths = ", ".join(f"{where[name][0]} has {len(x)}" for name, x in signals.items())
         raise RecordingError(f"{path.name}: the arrays differ in length: {lengths}")
+    if stated:
+        source = "row of units" if table.units else "column names"
+        read = f"{', '.join(stated)}, according to the {source}; recording.units overrides them"
+        remarks = [read, *remarks]
     apart = _apart(signals, table.rows)
-    parts = [_part(path.name, where, group, rows, settings.rate) for group, rows in apart]
-    signals, corrupt, clocks = merged(parts)
-    remarks = [*table.remarks, *_headed(table, where, settings.units, joints), *remarks, *clocks]
-    return Part(path.name, "time" in where, signals, [*table.skipped, *corrupt], remarks)
+    found = merged([_part(path.name, where, group, rows, settings.rate) for group, rows in apart])
+    return found._replace(
+        file=path.name, corrupt=[*table.skipped, *found.corrupt], remarks=[*remarks, *found.remarks]
+    )
+
+
+def _suffix(path: Path) -> str:
+    """Suffix of a file in lower case; also that of a Parquet file without one, as of a stored data frame."""
+    if path.suffix or path.is_dir():
+        return path.suffix.lower()
+    with path.open("rb") as file:
+        return ".parquet" if file.read(len(_PARQUET)) == _PARQUET else ""
+
+
+def _open(
+    path: Path, suffix: str, settings: RecordingSettings, joints: Joints, only: str | None
+) -> tuple[Table, Where, list[str]]:
+    """A file's table, which of its columns hold which signal, and remarks on that."""
+    if tables.is_dataset(path):
+        table = tables.dataset_table(path)
+    elif is_bag(path):
+        table, where, remarks = bag_table(path, settings, joints.names)
+        if only and only not in where:
+            raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
+        return table, {name: where[name] for name in ("time", only)} if only else where, remarks
+    elif suffix in _READERS:
+        table = _READERS[suffix](path)
+    else:
+        raise RecordingError(
+            f"{path} has the suffix {suffix or 'none'}, expected {', '.join(_READERS)} or a bag"
+        )
+    return table, *Finder(path.name, table, settings, joints, only).found()
+
+
+def _in_si(
+    file: str, table: Table, name: str, where: Sequence[str], units: Units, joints: Joints
+) -> tuple[Array, list[str]]:
+    """A signal (S, J) in SI units, from columns (S,) or an array (S, J), and the units in their names."""
+    columns = [table.numbers(column) for column in where]
+    if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
+        shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, columns))
+        raise RecordingError(f"{file}: columns must have one length and one number per row: {shapes}")
+    x = np.stack(columns).T if where[1:] else columns[0].reshape(len(columns[0]), -1)
+    if x.shape[1] != len(joints.own):
+        arm = f"the arm has {counted(len(joints.own), 'joint')}"
+        raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
+    if not where[1:] and {*joints.names} <= {*(order := table.joint_names)}:
+        x = x[:, [order.index(joint) for joint in joints.names]]
+    if name == "position" and units.position is not None:
+        return units.position.in_si(x, joints.slides), []
+    names = re.compile(rf"[\[(]({'|'.join(map(re.escape, joints.names))})[\])]")  # may look like units
+    headings = [names.sub("", table.heading(column)) for column in where]
+    headings *= 1 if where[1:] else len(joints.own)
+    stated = [units.of(file, name, *joint) for joint in zip(joints.slides, headings)]
+    x = np.multiply(x, [factor for _, factor in stated], out=x if where[1:] else None)
+    return x, [unit for unit, _ in stated]
 
 
 def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array], Array]]:
@@ -117,112 +176,29 @@ def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array
 
 
 def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
-    """Signals without corrupt rows."""
-    good, corrupt = _whole_rows(file, rows, where, signals)
-    if not good.any():
-        raise RecordingError(f"{file} holds no samples")
-    kept = signals if good.all() else {name: x[good] for name, x in signals.items()}
-    time = kept["time"][:, 0] if "time" in kept else rows[: len(good)][good] / (rate or 1.0)
-    label = f"the {listed([name for name in signals if name != 'time'])} of {file}"
-    return Part(label, "time" in kept, {**kept, "time": time}, corrupt, [])
-
-
-def _headed(table: Table, where: Where, units: Units, joints: Joints) -> list[str]:
-    """A remark on units taken from column names."""
-    found = []
-    for name, columns in where.items():
-        slides = (False,) if name == "time" else joints.slides
-        headings = _headings(table, columns, joints)
-        found += [(name, units.read(name, *joint)) for joint in zip(slides, headings)]
-    read = ", ".join(f"{signal} in {unit}" for signal, unit in dict.fromkeys(found) if unit)
-    source = "row of units" if table.units else "column names"
-    return [f"{read}, according to the {source}; recording.units overrides them"] if read else []
-
-
-def _suffix(path: Path) -> str:
-    """Suffix of a file in lower case; also that of a Parquet file without one, as of a stored data frame."""
-    if path.suffix or path.is_dir():
-        return path.suffix.lower()
-    with path.open("rb") as file:
-        return ".parquet" if file.read(len(_PARQUET)) == _PARQUET else ""
-
-
-def _headings(table: Table, columns: Sequence[str], joints: Joints) -> list[str]:
-    """Columns' names with their units, without joints' names in brackets, which may look like units."""
-    names = re.compile(rf"[\[(]({'|'.join(map(re.escape, joints.names))})[\])]")
-    return [names.sub("", table.heading(column)) for column in columns]
-
-
-def _open(
-    path: Path, settings: RecordingSettings, joints: Joints, only: str | None
-) -> tuple[Table, Where, list[str]]:
-    """A file's table, which of its columns hold which signal, and remarks on that."""
-    with reading(path, "recording", RecordingError):
-        suffix = _suffix(path)
-    dataset = is_dataset(path)
-    if is_bag(path) and not dataset:
-        table, where, remarks = bag_table(path, settings, joints.names)
-        if only and only not in where:
-            raise RecordingError(f"{path.name}: its joint states have {', '.join([*where][1:])}, not {only}")
-        return table, {name: where[name] for name in ("time", only)} if only else where, remarks
-    if not dataset and suffix not in _READERS:
-        raise RecordingError(
-            f"{path} has the suffix {suffix or 'none'}, expected {', '.join(_READERS)} or a bag"
-        )
-    with reading(path, suffix[1:], RecordingError):
-        table = dataset_table(path) if dataset else _READERS[suffix](path)
-        return table, *Finder(path.name, table, settings, joints, only).found()
-
-
-def _in_si(
-    file: str, table: Table, name: str, where: Sequence[str], settings: RecordingSettings, joints: Joints
-) -> tuple[Array, list[str]]:
-    """A signal (S, J) in SI units, from columns (S,) or from an array (S, J); remarks on markers in it."""
-    columns = [table.numbers(column) for column in where]
-    if columns[0].ndim > 2 or (where[1:] and any(x.shape != (len(columns[0]),) for x in columns)):
-        shapes = ", ".join(f"{column} is {x.shape}" for column, x in zip(where, columns))
-        raise RecordingError(f"{file}: columns must have one length and one number per row: {shapes}")
-    x = np.stack(columns).T if where[1:] else columns[0].reshape(len(columns[0]), -1)
-    if x.shape[1] != len(joints.own):
-        arm = f"the arm has {counted(len(joints.own), 'joint')}"
-        raise RecordingError(f"{file}: {where[0]!r} is {x.shape}, {arm}")
-    if not where[1:] and {*joints.names} <= {*(order := table.joint_names)}:
-        x = x[:, [order.index(joint) for joint in joints.names]]
-    x, marked = unmarked(x, where)
-    if name == "position" and settings.units.position is not None:
-        return settings.units.position.in_si(x, joints.slides), marked
-    headings = _headings(table, where, joints) * (1 if where[1:] else len(joints.own))
-    for joint in zip(joints.slides, headings):
-        settings.units.refuse_unknown(file, name, *joint)
-    factors = [settings.units.factor(name, *joint) for joint in zip(joints.slides, headings)]
-    return np.multiply(x, factors, out=x if where[1:] else None), marked
-
-
-def _whole_rows(
-    file: str, rows: Array, where: Where, signals: dict[str, Array]
-) -> tuple[Array, list[tuple[int, str]]]:
-    """Which rows hold a number in every column, and the number and reason of the others."""
+    """Signals without corrupt rows, in which a column lacks a plausible number."""
     names, lacks = [], []
     for name, signal in signals.items():
+        late = name == "time" and np.count_nonzero(np.abs(signal) > _LARGEST) > len(signal) / 2
         for k, x in enumerate(signal.T):
             separate = signal.shape[1] <= len(where[name])  # a column for each joint
             names.append(where[name][k] if separate else f"{where[name][0]}[{k}]")
-            lacks.append(~(np.abs(x) <= _most(name, x)))
+            lacks.append(~(np.abs(x) <= (_LATEST if late else _LARGEST)))
     missing = np.stack(lacks)  # (C, S)
-    wrong = np.asarray(missing.any(0))
-    if len(wrong) and wrong.mean() > _MOST_CORRUPT:
+    good = np.asarray(~missing.any(0))
+    if len(good) and 1 - good.mean() > _MOST_CORRUPT:
         worst = [name for name, share in zip(names, missing.mean(1)) if share > _MOST_CORRUPT / len(names)]
         raise RecordingError(
-            f"{file}: {wrong.mean():.0%} of its rows lack a number, in column {listed(worst)}"
+            f"{file}: {1 - good.mean():.0%} of its rows lack a number, in column {listed(worst)}"
         )
+    if not good.any():
+        raise RecordingError(f"{file} holds no samples")
     corrupt = []
-    for k in np.flatnonzero(wrong).tolist():
+    for k in np.flatnonzero(~good).tolist():
         lacking = [names[c] for c in np.flatnonzero(missing[:, k])]
         corrupt.append((int(rows[k]), f"no number in {listed(lacking, 3)}"))
-    return ~wrong, corrupt
-
-
-def _most(name: str, column: Array) -> float:
-    """Largest plausible value of a column (S,)."""
-    late = name == "time" and np.count_nonzero(np.abs(column) > _LARGEST) > len(column) / 2
-    return _LATEST if late else _LARGEST
+    whole = slice(None) if good.all() else good  # a view needs no copy
+    kept = {name: x[whole] for name, x in signals.items()}
+    stamps = kept.pop("time", None)
+    time = rows[: len(good)][good] / (rate or 1.0) if stamps is None else stamps[:, 0]
+    return Part(f"the {listed([*kept])} of {file}", stamps is not None, time, kept, corrupt, [])

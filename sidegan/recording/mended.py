@@ -1,4 +1,4 @@
-"""Repairs of a raw recording, with a remark on each: markers, unwrapped positions, rows with drives off."""
+"""Repairs of a raw recording, with a remark on each: unwrapped positions, glitches, rows with drives off."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,31 +20,6 @@ _MANY, _OFTEN = 5.0, 0.95  # times this quantile of the steps between samples, u
 _NEAR = 4  # neighbours on either side, and most samples until a position returns
 _AT_REST = 0.02  # [rad or m] range of encoder readings at rest
 _WITHOUT_DRIVES = 0.5  # [s] of constant torques from which drives are off
-# absolute values by which loggers mark that there is none: 999, 9999, …, and the ends of integers
-_MARKERS = [
-    *(10.0**k - 1 for k in range(3, 10)),
-    *(2.0**k - less for k in (15, 16, 31, 32) for less in (0, 1)),
-]
-_USUAL, _BEYOND = 0.99, 3.0  # quantile of the other values, and how many times it a marker exceeds
-
-
-def unmarked(x: Array, names: Sequence[str]) -> tuple[Array, list[str]]:
-    """A signal (S, J) as in its columns, with NaN in place of markers of missing values; remarks on them."""
-    found: dict[float, list[str]] = {}
-    missing = np.zeros(x.shape, dtype=bool)
-    for k, column in enumerate(x.T):
-        like = np.isin(np.abs(column), _MARKERS)
-        if not like.any():
-            continue
-        others = np.abs(column[~like & np.isfinite(column)])
-        missing[:, k] = like & (np.abs(column) > _BEYOND * np.quantile(np.append(others, 0.0), _USUAL))
-        name = names[k] if len(names) == x.shape[1] else f"{names[0]}[{k}]"
-        values, counts = np.unique(column[missing[:, k]], return_counts=True)
-        for value, count in zip(values.tolist(), counts.tolist()):
-            found.setdefault(value, []).append(f"{name} ({counted(count, 'row')})")
-    said = "looks like a logger's mark for no value"
-    remarks = [f"{value:.0f} {said}, in {listed(where)}: left out" for value, where in found.items()]
-    return np.where(missing, np.nan, x) if remarks else x, remarks
 
 
 def unwrapped(recording: Recording, slides: Sequence[bool]) -> Recording:
@@ -96,9 +71,7 @@ def steadied(recording: Recording, speed: Array) -> Recording:
     remark = (
         f"the position of {joints} jumps and returns at {times} s: {counted(len(rows), 'sample')} left out"
     )
-    kept = np.delete(np.arange(len(time)), rows)
-    signals: dict[str, Any] = {name: x[kept] for name, x in recording.signals().items()}
-    return replace(recording, time=time[kept], remarks=(*recording.remarks, remark), **signals)
+    return _only(recording, np.delete(np.arange(len(time)), rows), remark)
 
 
 def driven(recording: Recording) -> Recording:
@@ -119,11 +92,15 @@ def driven(recording: Recording) -> Recording:
     rows = np.flatnonzero(kept)
     whole = len(rows) == rows[-1] - rows[0] + 1  # a view needs no copy
     part = slice(rows[0], rows[-1] + 1) if whole else rows
-    signals: dict[str, Any] = {name: x[part] for name, x in recording.signals().items()}
     first = time[np.argmin(kept)]
     remark = (
         f"from {first:.6g} s no {recording.load} changes while the arm rests, as if drives were off: "
         f"{counted(int((~kept).sum()), 'row')}, {lost:.3g} s, left out"
     )
-    remarks = (*recording.remarks, remark)
-    return replace(recording, time=recording.time[part], remarks=remarks, **signals)
+    return _only(recording, part, remark)
+
+
+def _only(recording: Recording, rows: Array | slice, remark: str) -> Recording:
+    """Some rows of a recording, with a remark on the others."""
+    signals: dict[str, Any] = {name: x[rows] for name, x in recording.signals().items()}
+    return replace(recording, time=recording.time[rows], remarks=(*recording.remarks, remark), **signals)

@@ -17,23 +17,20 @@ class Part(NamedTuple):
 
     file: str
     stamped: bool  # whether the file has time stamps; otherwise they follow from row numbers and rate
-    signals: dict[str, Array]  # time [s], (S,), and the others in SI units, (S, J)
+    time: Array  # stamps [s], (S,)
+    signals: dict[str, Array]  # the others in SI units, (S, J)
     corrupt: list[tuple[int, str]]  # row numbers and reasons of corrupt rows
     remarks: list[str]  # on the columns
 
-    @property
-    def time(self) -> Array:
-        """Time stamps [s], (S,)."""
-        return self.signals["time"]
 
-
-def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str]], list[str]]:
-    """Time and signals at the stamps of the fastest file, corrupt rows of all files, and remarks.
+def merged(parts: Sequence[Part]) -> Part:
+    """Signals at the stamps of the fastest file, with the corrupt rows of all files.
 
     Only times that all files cover are kept, without interpolation over gaps. A single file is unchanged.
     """
+    first = parts[0]
     if len(parts) == 1:
-        return parts[0].signals, parts[0].corrupt, parts[0].remarks
+        return first
     without, stamped = ([part.file for part in parts if part.stamped == has] for has in (False, True))
     if without and stamped:
         raise RecordingError(
@@ -42,8 +39,9 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
         )
     corrupt = [(row, f"{part.file}: {reason}") for part in parts for row, reason in part.corrupt]
     remarks = [f"{part.file}: {remark}" for part in parts for remark in part.remarks]
-    if all(np.array_equal(part.time, parts[0].time) for part in parts):
-        return {name: x for part in parts for name, x in part.signals.items()}, corrupt, remarks
+    if all(np.array_equal(part.time, first.time) for part in parts):
+        signals = {name: x for part in parts for name, x in part.signals.items()}
+        return first._replace(signals=signals, corrupt=corrupt, remarks=remarks)
     clocks = [clock_of(part.file, part.time) for part in parts]
     fastest = parts[int(np.argmin([clock.step for clock in clocks]))]
     begin = max(part.time[0] for part in parts)
@@ -58,7 +56,6 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
         name: interpolated(time, part.time, x, clock.gap)
         for part, clock in zip(parts, clocks)
         for name, x in part.signals.items()
-        if name != "time"
     }
     whole = np.isfinite(np.concatenate([*signals.values()], 1)).all(1)
     others = [part.file for part in parts if not np.isin(time[whole], part.time).all()]
@@ -66,4 +63,5 @@ def merged(parts: Sequence[Part]) -> tuple[dict[str, Array], list[tuple[int, str
     lost = max(max(begin - part.time[0], part.time[-1] - end) for part in parts)
     if lost > max(clock.step for clock in clocks):
         remarks.append(f"only {begin:.6g} s to {end:.6g} s is in all files; the rest is left out")
-    return {name: x[whole] for name, x in ({"time": time} | signals).items()}, corrupt, remarks
+    signals = {name: x[whole] for name, x in signals.items()}
+    return Part(first.file, first.stamped, time[whole], signals, corrupt, remarks)

@@ -45,7 +45,7 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
             f"give their exact rate instead: recording.time=none recording.rate={rate:.3g}"
         )
     if statistics.step > SLOWEST:
-        raw = statistics.step / units.factor("time")
+        raw = statistics.step / SECONDS[units.time or "s"]
         likely = next((unit for unit in ("ms", "us") if raw * SECONDS[unit] <= _USUAL), "ns")
         raise RecordingError(
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
@@ -95,9 +95,9 @@ def _counts(position: Signal, arm: Arm, units: Units) -> str | None:
     far = position.largest > _COUNTED * _limit(arm)
     if 2 * far.sum() <= arm.joints:
         return None
-    lower, upper = (x / units.factor("position") for x in (position.lower, position.upper))
-    per_turn = 2 ** math.ceil(math.log2(max(float(upper.max()), 2)))
-    zero = per_turn // 2 if (lower >= 0).all() else 0
+    largest = float(position.upper.max()) * (DEGREES if units.angle == "deg" else 1.0)
+    per_turn = 2 ** math.ceil(math.log2(max(largest, 2)))
+    zero = per_turn // 2 if (position.lower >= 0).all() else 0
     return (
         f"{_reaches(position, arm, far)}, which no unit explains: are these encoder counts? If so, give the "
         "counts per turn and the reading at joint position zero, for example "

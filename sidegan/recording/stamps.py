@@ -24,27 +24,27 @@ _LONG = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
 _DATES = 0.5  # least share of dates among the texts of a column of dates
 
 
-def stamps_in_si(table: Table, columns: Sequence[str], units: Units) -> tuple[Array, list[str]]:
-    """Time stamps [s], (S, 1), of a column, or of a pair for seconds and nanoseconds; and remarks on them.
+def stamps_in_si(
+    file: str, table: Table, columns: Sequence[str], units: Units
+) -> tuple[Array, Sequence[str], list[str]]:
+    """Time stamps [s], (S, 1), of a column, or of seconds and nanoseconds; the unit in its name; remarks.
 
     Dates become seconds since 1970. Without a configured unit, numbers are in ms, µs or ns if that makes
     them plausible times since 1970 at a plausible sampling rate.
     """
     if len(columns) > 1:
         seconds, nanoseconds = map(table.numbers, columns)
-        return (seconds + 1e-9 * nanoseconds)[:, None], []
+        return (seconds + 1e-9 * nanoseconds)[:, None], [], []
     dates = _dates(table.columns[columns[0]])
     if dates is not None:
-        return dates[:, None], []
+        return dates[:, None], [], []
     stamps = table.numbers(columns[0])
-    heading = table.heading(columns[0])
-    known = units.time or units.read("time", False, heading)
-    unit = "" if known else _since_1970(stamps)
-    if unit:
-        remark = f"time stamps are {_LONG[unit]} since 1970; recording.units.time overrides it"
-        return (stamps * SECONDS[unit]).reshape(len(stamps), -1), [remark]
-    factor = units.factor("time", heading=heading)
-    return (stamps * factor).reshape(len(stamps), -1), []
+    unit, factor = units.of(file, "time", False, table.heading(columns[0]))
+    remarks = []
+    if not (units.time or unit) and (since := _since_1970(stamps)):
+        factor = SECONDS[since]
+        remarks = [f"time stamps are {_LONG[since]} since 1970; recording.units.time overrides it"]
+    return (stamps * factor).reshape(len(stamps), -1), [unit], remarks
 
 
 def dated(table: Table) -> list[str]:

@@ -186,20 +186,17 @@ def bandwidth_of(name: str, time: Array, position: Array, step: float) -> float:
 
 
 def _signal(x: Array) -> Signal:
-    """Statistics of a signal (S, J)."""
-    return Signal(*np.array([_of_joint(column) for column in x.T]).T)
-
-
-def _of_joint(x: Array) -> tuple[float, float, float, float]:
-    """Statistics of one joint's signal (S,); joint by joint, a long recording takes little memory."""
-    lower = x.min()
-    upper = x.max()
-    steps = np.abs(np.diff(x))
-    quantum = steps.min(where=steps > 0, initial=np.inf)
-    clipped = max(_longest_at(x, lower, quantum), _longest_at(x, upper, quantum)) if upper > lower else 0
-    held = len(x) / (1 + np.count_nonzero(steps))  # mean run of equal samples: held or quantised signals
-    clipped = clipped if clipped >= _CLIPPED * held else 0.0
-    return lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped
+    """Statistics of a signal (S, J); joint by joint, since a long recording then takes little memory."""
+    found = []
+    for column in x.T:
+        lower, upper = column.min(), column.max()
+        steps = np.abs(np.diff(column))
+        quantum = steps.min(where=steps > 0, initial=np.inf)
+        clipped = max(_longest_at(column, end, quantum) for end in (lower, upper)) if upper > lower else 0
+        mean = len(column) / (1 + np.count_nonzero(steps))  # run of equal samples: held or quantised signals
+        clipped = clipped if clipped >= _CLIPPED * mean else 0.0
+        found.append((lower, upper, quantum if np.isfinite(quantum) else 0.0, clipped))
+    return Signal(*np.array(found).T)
 
 
 def _longest_at(x: Array, extreme: float, quantum: float) -> float:

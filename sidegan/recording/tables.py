@@ -1,8 +1,7 @@
-"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files."""
+"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files, and from LeRobot datasets."""
 
 import json
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,10 +12,14 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import Array
+from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
 
 Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 _NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
+_INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"  # of LeRobot datasets, versions 2 and 3
+_TIME, _EPISODE = "timestamp", "episode_index"
+_PAUSE = 10.0  # [s] inserted between episodes, whose clocks start at zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,10 +29,7 @@ class Table:
     columns: Mapping[str, Any]
     rows: Array  # row numbers as people count them, (S,)
     skipped: Sequence[tuple[int, str]] = ()  # row numbers and reasons of unreadable rows
-    units: Mapping[str, str] = field(
-        default_factory=dict
-    )  # of columns, where a row below the header has them
-    remarks: Sequence[str] = ()  # for people, on how it was read
+    units: Mapping[str, str] = field(default_factory=dict)  # of columns, if a row below the header has them
 
     def heading(self, name: str) -> str:
         """A column's name with its unit."""
@@ -87,23 +87,13 @@ class Table:
 def parquet_table(path: Path) -> Table:
     """Table of a Parquet file with a row per sample; columns may hold lists of all joints.
 
-    Names in structures are joined by dots.
+    Binary columns, such as images, are left out.
     """
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    plain = [*_plain(pq.read_schema(path))]
-    return Table(_Parquet(path, plain), np.arange(pq.read_metadata(path).num_rows) + 1)
-
-
-def _plain(fields: Iterable[Any], before: str = "") -> Iterator[str]:
-    """Names of columns and of structures' fields, without binary data, such as images."""
-    import pyarrow as pa
-
-    for part in fields:
-        if pa.types.is_struct(part.type):
-            yield from _plain(part.type, f"{before}{part.name}.")
-        elif not pa.types.is_binary(part.type):
-            yield f"{before}{part.name}"
+    names = [field.name for field in pq.read_schema(path) if not pa.types.is_binary(field.type)]
+    return Table(_Parquet(path, names), np.arange(pq.read_metadata(path).num_rows) + 1)
 
 
 class _Parquet(Mapping[str, Any]):
@@ -166,12 +156,7 @@ def mat_table(path: Path) -> Table:
     """Table of a MATLAB file up to version 7, as of an NPZ file; names in structures are joined by dots."""
     import scipy
 
-    try:
-        content = scipy.io.loadmat(path, simplify_cells=True)
-    except NotImplementedError as error:  # HDF5
-        raise RecordingError(
-            f"{path} is a MATLAB 7.3 file, expected an older version: save(…, '-v7')"
-        ) from error
+    content = scipy.io.loadmat(path, simplify_cells=True)
     return _of_arrays({name: x for name, x in _fields(content) if not name.startswith("__")})
 
 
@@ -184,14 +169,62 @@ def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
             yield f"{prefix}{name}", np.asarray(value)
 
 
-def _of_arrays(found: Mapping[str, Any]) -> Table:
-    """A table of arrays (S,), (S, J), or (J, S), and of structured ones, whose fields are columns."""
-    arrays = {name: x for name, x in found.items() if x.dtype.names is None}
-    parts = [(name, part) for name, x in found.items() for part in x.dtype.names or ()]
-    often = Counter([*arrays, *(part for _, part in parts)])
-    arrays |= {part if often[part] == 1 else f"{name}.{part}": found[name][part] for name, part in parts}
+def _of_arrays(arrays: Mapping[str, Any]) -> Table:
+    """A table of arrays (S,), (S, J), or (J, S)."""
     longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
     upright = {
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()
     }
     return Table(upright, np.arange(max((len(x) for x in upright.values() if x.ndim), default=0)) + 1)
+
+
+def is_dataset(path: Path) -> bool:
+    """Whether a path is a LeRobot dataset's folder."""
+    return (path / _INFO).is_file()
+
+
+def dataset_files(path: Path) -> list[Path]:
+    """A LeRobot dataset's description, and its files of frames in the order of episodes."""
+    frames = sorted(path.glob(_FRAMES))
+    if not frames:
+        raise RecordingError(f"{path} is a LeRobot dataset without frames, expected {_FRAMES}")
+    return [path / _INFO, *frames]
+
+
+def dataset_table(path: Path) -> Table:
+    """The frames of a LeRobot dataset, with all episodes on one clock.
+
+    A vector with named elements becomes a column per element: ``observation.state.shoulder.pos``.
+    """
+    info, *files = dataset_files(path)
+    with reading(info, "JSON", RecordingError):
+        features = json.loads(info.read_text("utf-8")).get("features", {})
+        named = {feature: _names(about) for feature, about in features.items()}
+    parts = []
+    for file in files:
+        with reading(file, "Parquet", RecordingError):
+            parts.append(pd.DataFrame({**parquet_table(file).columns}))
+    frames = pd.concat(parts, ignore_index=True)
+    if missing := [name for name in (_TIME, _EPISODE) if name not in frames]:
+        raise RecordingError(
+            f"{files[0]} has no column {', '.join(missing)}: is it part of a LeRobot dataset?"
+        )
+    steps = frames[_TIME].astype(np.float64).diff().fillna(0.0)
+    frames[_TIME] = steps.mask(frames[_EPISODE].diff().fillna(0) != 0, _PAUSE).cumsum()
+    columns: dict[str, Any] = {}
+    for column, values in frames.items():
+        if names := named.get(str(column)):
+            columns |= {f"{column}.{name}": x for name, x in zip(names, np.stack([*values]).T)}
+        else:
+            columns[str(column)] = values
+    return Table(columns, np.arange(len(frames)) + 1)
+
+
+def _names(about: Any) -> list[str]:
+    """Unique names of a vector's elements; empty if it has none."""
+    names = about.get("names")
+    if isinstance(names, dict) and len(names) == 1:  # under their kind, such as motors
+        (names,) = names.values()
+    if not isinstance(names, list) or len(names) < 2 or [len(names)] != list(about.get("shape", [])):
+        return []  # a feature of one number is not a vector in the file
+    return [str(name) for name in names] if len(set(names)) == len(names) else []

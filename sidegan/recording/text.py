@@ -4,7 +4,6 @@ import csv
 import io
 import re
 import warnings
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice, takewhile
@@ -36,17 +35,11 @@ def text_table(path: Path) -> Table:
     encoding = _encoding_of(path)
     with path.open(encoding=encoding, errors="replace", newline="") as file:
         lines = list(islice(file, _LOOKED_AT))
-    if not lines:
-        raise RecordingError(f"{path} is empty")
     skipped = _comments(lines)
     lines = lines[skipped:]
-    separator, decimal = _format_of(lines)
-    before = _preamble(lines, separator, decimal)
-    header = f"the header is line {skipped + before + 1}: {counted(before, 'line')} before it left out"
-    skipped += before
-    lines = lines[before:]
-    if not lines[0].strip():
+    if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty, or begins with a blank line, expected a header line")
+    separator, decimal = _format_of(lines)
     lines[0] = lines[0].lstrip(_MARKS)
     names = _fields(lines[0], separator)
     form = {"sep": separator, "decimal": decimal, "encoding": encoding}
@@ -63,26 +56,13 @@ def text_table(path: Path) -> Table:
     units = _fields(lines[1], separator) if lines[1:] else []
     stated = are_units(units)
     table = _text_rows(path, names, first=skipped + 2 + stated, **form)
-    return replace(table, units=dict(zip(names, units)) if stated else {}, remarks=[header] if before else [])
+    return replace(table, units=dict(zip(names, units))) if stated else table
 
 
 def _fields(line: str, separator: str) -> list[str]:
     """Fields of a line, without quotes and blanks around them."""
     rows = csv.reader([line], delimiter=separator, skipinitialspace=True)
     return [field.strip() for field in next(rows, [])]
-
-
-def _preamble(lines: Sequence[str], separator: str, decimal: str) -> int:
-    """Number of lines before the first that has as many fields as the rows of numbers below it."""
-    rows = [_fields(line, separator) for line in lines]
-    numbers = [sum(_is_number(field.replace(decimal, ".")) for field in row) for row in rows]
-    full = [2 * count > len(row) for count, row in zip(numbers, rows)]
-    if not any(full):
-        return 0
-    (width, _), *_ = Counter(len(row) for row, has in zip(rows, full) if has).most_common(1)
-    like = [k for k, row in enumerate(rows) if len(row) == width and not are_units(row)]
-    header = like[0]
-    return 0 if full[header] or _is_number(rows[header][0].replace(decimal, ".")) else header
 
 
 def _comments(lines: Sequence[str]) -> int:

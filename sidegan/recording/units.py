@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -14,26 +14,14 @@ from sidegan.base.names import counted
 from sidegan.errors import RecordingError
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a unit of time
-_TO_SI = {  # units of the settings
-    "time": SECONDS,
-    "angle": {"rad": 1.0, "deg": _DEGREE, "rpm": _TURN / 60},
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "torque": {"N·m": 1.0, "Nm": 1.0, "mNm": 1e-3},
-    "current": {"A": 1.0, "mA": 1e-3},
-}
-_SPELT = {  # lower-case spellings of these units other than SI, as words of a heading
-    "time": {
-        **dict.fromkeys(("ms", "msec", "msecs", "millis", "milliseconds"), "ms"),
-        **dict.fromkeys(("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"), "us"),
-        **dict.fromkeys(("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds"), "ns"),
-    },
-    "angle": {**dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"), "rpm": "rpm"},
-    "length": {"mm": "mm", "cm": "cm"},
-    "torque": {"mnm": "mNm", "nmm": "mNm", "mm": "mNm"},  # N·mm
-    "current": {"ma": "mA"},
-}
 _POUND, _KILOGRAM = 4.4482216152605, 9.80665  # [N] weights
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # of a unit of time
+_TIMES = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "msecs", "millis", "milliseconds"),
+    "us": ("us", "µs", "μs", "usec", "usecs", "micros", "microseconds"),
+    "ns": ("ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanos", "nanoseconds"),
+}
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254, "ft": 0.3048}
 _FORCES = {
     **{"n": 1.0, "mn": 1e-3, "cn": 1e-2, "dan": 10.0, "kn": 1e3, "g": _KILOGRAM / 1e3, "gf": _KILOGRAM / 1e3},
@@ -42,15 +30,16 @@ _FORCES = {
     **dict.fromkeys(("oz", "ozf"), _POUND / 16),
 }
 _PAIRS = [(f, d, _FORCES[f] * _LENGTHS[d]) for f, d in product(_FORCES, _LENGTHS)]
-_STATED = {  # other units that headings state, lower-case letters only
-    "time": {},
+_UNITS = {  # factors to SI units, whose unit is the first; lower-case letters only, without "per second"
+    "time": {word: SECONDS[unit] for unit, words in _TIMES.items() for word in words},
     "angle": {
-        **{"mrad": 1e-3, "deg": _DEGREE, "mdeg": _DEGREE / 1e3, "gon": _TURN / 400, "dps": _DEGREE},
+        **{"rad": 1.0, "mrad": 1e-3, "mdeg": _DEGREE / 1e3, "gon": _TURN / 400, "rpm": _TURN / 60},
+        **dict.fromkeys(("deg", "degs", "degree", "degrees", "°", "dps"), _DEGREE),
         **dict.fromkeys(("rev", "revs", "turn", "turns", "rps"), _TURN),
     },
     "length": _LENGTHS,
-    "torque": {d + f: x for f, d, x in _PAIRS} | {f + d: x for f, d, x in _PAIRS},
-    "current": {"ua": 1e-6, "µa": 1e-6, "ka": 1e3},
+    "torque": {f + d: x for f, d, x in _PAIRS} | {d + f: x for f, d, x in _PAIRS},
+    "current": {"a": 1.0, "ma": 1e-3, "ua": 1e-6, "µa": 1e-6, "ka": 1e3},
 }
 _EXAMPLES = {  # for people
     "angle": "rad, mrad, deg, gon, rev",
@@ -58,15 +47,15 @@ _EXAMPLES = {  # for people
     "torque": "N·m, mNm, N·cm, kN·m, kgf·m, lbf·ft, lbf·in, oz·in",
     "current": "A, mA",
 }
-_IN_NAMES = {"rev", "revs", "turn", "turns"}  # names of joints may end like this: units in brackets only
+SPELT_TIMES = frozenset(_UNITS["time"])
+_WORDS = {*_FORCES, *(word for words in _UNITS.values() for word in words)}
+# words that are units without brackets, too; names of joints may end in rev or turn
+_SHORT = {"m", "mm", "cm", "n", "nm", "a", "ma", "ms", "us", "µs", "μs", "ns", "°"}
+_CLEAR = {word for word in _WORDS if len(word) > 2 or word in _SHORT} - {"rev", "revs", "turn", "turns"}
 _BRACKETED = re.compile(r"[(\[]([^()\[\]]*)[)\]]")
 _PER_SECOND = re.compile(r"(per)?s(ec)?[12]?$")
 _ELSE = re.compile(r"[mµuk]A(rms)?|[mk]?V|[Gg]rad|Hz")  # of other signals, or, as grad, ambiguous
 _RATED = re.compile(r".[%‰]|percent|pct|per_?mille")
-_ENDS = {"rad", "m", "nm", "n", "a", *(word for words in _SPELT.values() for word in words)}
-_ENDS |= {word for words in _STATED.values() for word in words if len(word) > 2} - _IN_NAMES
-SPELT_TIMES = frozenset(_SPELT["time"]) | {"s", "sec", "secs", "second", "seconds"}
-_WORDS = {*_ENDS, *SPELT_TIMES, *(word for words in _STATED.values() for word in words)}
 
 
 @dataclass(frozen=True)
@@ -104,60 +93,63 @@ class Units:
     current: Literal["A", "mA"] | None = None
     position: Counts | None = None  # null: positions are in ``angle`` and ``length``
 
-    def factor(self, signal: str, slides: bool = False, heading: str = "") -> float:
-        """Factor from a joint's signal, or ``"time"``, to SI units."""
-        kind = _kind(signal, slides)
-        return _TO_SI[kind].get(getattr(self, kind)) or _headed(kind, slides, heading)[1]
+    def of(self, file: str, signal: str, slides: bool, heading: str) -> tuple[str, float]:
+        """Unit in the heading of a joint's signal, or of ``"time"``, and the factor to SI units.
 
-    def refuse_unknown(self, file: str, signal: str, slides: bool, heading: str) -> None:
-        """Refuse a column in another unit than its signal's, such as per cent, unless one is configured."""
-        kind = _kind(signal, slides)
-        unit = next(iter(_TO_SI[kind]))
-        if getattr(self, kind):
-            return
-        if _RATED.search(heading.lower()):
-            raise RecordingError(
-                f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to "
-                f"{unit} and rename it; if it is in {unit} already: recording.units.{kind}={unit}"
-            )
-        if not _headed(kind, slides, heading)[0] and (other := _other(heading)):
-            raise RecordingError(
-                f"{file}: {heading!r} states {other!r}, which is no known unit of its {signal} (known are "
-                f"{_EXAMPLES[kind]}): convert the column to {unit} and rename it; if it is in {unit} "
-                f"already: recording.units.{kind}={unit}"
-            )
+        The unit is empty if it is configured, SI, or not stated.
 
-    def read(self, signal: str, slides: bool, heading: str) -> str:
-        """The non-SI unit in a column's name; empty if there is none or a unit is configured."""
-        kind = _kind(signal, slides)
-        name, factor = ("", 1.0) if getattr(self, kind) else _headed(kind, slides, heading)
-        return "" if factor == 1 else name
+        Raises:
+            RecordingError: when the heading states another unit than its signal's, such as per cent.
+        """
+        angle = "length" if slides else "angle"
+        kind = signal if signal in ("time", "torque", "current") else angle
+        if configured := getattr(self, kind):
+            return "", _UNITS[kind][_letters(configured)]
+        known = _UNITS[kind]
+        if kind == "torque":
+            known = known | {"mm": 1e-3} | (_FORCES if slides else {})  # the end of N·mm
+        unit, factor = _stated(heading, known)
+        if kind != "time":
+            _refuse_other(file, signal, kind, heading, unit)
+        return "" if factor == 1 else unit, factor
 
 
-def _kind(signal: str, slides: bool) -> str:
-    if signal in ("time", "torque", "current"):
-        return signal
-    return "length" if slides else "angle"
+def _refuse_other(file: str, signal: str, kind: str, heading: str, unit: str) -> None:
+    """Refuse a heading in which another unit than the signal's stands, such as per cent."""
+    examples = _EXAMPLES[kind]
+    si = examples.partition(",")[0]
+    already = f"if it is in {si} already: recording.units.{kind}={si}"
+    if _RATED.search(heading.lower()):
+        raise RecordingError(
+            f"{file}: {heading!r} is a share of a rated value, which is unknown: convert the column to {si} "
+            f"and rename it; {already}"
+        )
+    if not unit and (other := _other(heading)):
+        raise RecordingError(
+            f"{file}: {heading!r} states {other!r}, which is no known unit of its {signal} (known are "
+            f"{examples}): convert the column to {si} and rename it; {already}"
+        )
 
 
-def _headed(kind: str, slides: bool, heading: str) -> tuple[str, float]:
-    """The last unit of a kind in a heading, and its factor to SI units; empty and 1 if there is none."""
-    stated = _STATED[kind] | (_FORCES if slides and kind == "torque" else {})
-    ends = [" ".join(re.split(r"[_\s]+", heading)[-n:]) for n in (1, 2)]
-    for text in [*reversed(_BRACKETED.findall(heading)), *ends]:
-        whole = _letters(text)
-        for word in (whole, _PER_SECOND.sub("", whole)):
-            if word in stated and (text not in ends or (len(word) > 2 and word not in _IN_NAMES)):
-                name = _SPELT[kind].get(word, text.strip())
-                return name, stated[word]
-    words = re.findall(r"[a-zµμ°]+", heading.lower())
-    name = next((_SPELT[kind][word] for word in reversed(words) if word in _SPELT[kind]), "")
-    return name, _TO_SI[kind].get(name, 1.0)
+def _stated(heading: str, known: Mapping[str, float]) -> tuple[str, float]:
+    """The last of the known units in a heading, and its factor; empty and 1 if there is none.
+
+    Units in brackets precede others.
+    """
+    words = re.split(r"[_\s]+", heading)
+    loose = [" ".join(words[-2:]), *words[::-1], *re.findall(r"[a-zµμ°]+", heading.lower())[::-1]]
+    for bracketed, texts in ((True, _BRACKETED.findall(heading)[::-1]), (False, loose)):
+        for text in texts:
+            whole = _letters(text)
+            for word in (whole, _PER_SECOND.sub("", whole)):
+                if word in known and (bracketed or (word in _CLEAR and known[word] != 1)):
+                    return text.strip(), known[word]
+    return "", 1.0
 
 
 def _letters(text: str) -> str:
     """Lower-case letters and digits of a unit: ``"ncm"`` for ``"N·cm"``."""
-    return re.sub(r"[^a-zµ°0-9]", "", text.lower().replace("²", "2"))
+    return re.sub(r"[^a-zµ°0-9]", "", text.lower().replace("²", "2").replace("μ", "µ"))
 
 
 def _other(heading: str) -> str:
@@ -165,7 +157,7 @@ def _other(heading: str) -> str:
     for text in map(str.strip, _BRACKETED.findall(heading)):
         word = _letters(text)
         force = len(word) > 1 and word in _FORCES
-        if force or word in _STATED["torque"] or _ELSE.fullmatch(text):
+        if force or word in _UNITS["torque"] or _ELSE.fullmatch(text):
             return text
     return ""
 
@@ -180,4 +172,4 @@ def are_units(texts: Sequence[str]) -> bool:
 def without_unit(text: str) -> str:
     """The end of a heading without its unit: ``" Pos"`` for ``" Pos (deg)"``, empty for ``"_rad"``."""
     name, _, last = text.rpartition("_")
-    return name if last.lower() in _ENDS else re.sub(r"\s*[(\[][^\d)\]]+[)\]]\s*$", "", text)
+    return name if last.lower() in _CLEAR else re.sub(r"\s*[(\[][^\d)\]]+[)\]]\s*$", "", text)

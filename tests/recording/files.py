@@ -54,14 +54,6 @@ def write_lists(recording, folder, names=None):
     return folder / "a.parquet"
 
 
-def write_structures(recording, folder):
-    """A Parquet file with a structure of all joints a signal, and a picture of each sample."""
-    signals = {LETTERS[name]: pd.DataFrame(x).add_prefix("j") for name, x in recording.signals().items()}
-    columns = {name: x.to_dict("records") for name, x in signals.items()}
-    pd.DataFrame({"t": recording.time, "camera": b"picture", **columns}).to_parquet(folder / "a.parquet")
-    return folder / "a.parquet"
-
-
 def write_messages(folder, messages, kind="sensor_msgs/msg/JointState", plugin=StoragePlugin.SQLITE3):
     """A bag of messages: nanoseconds, byte order, and for a joint state its names and arrays."""
     store = get_typestore(Stores.ROS2_HUMBLE)

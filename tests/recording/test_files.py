@@ -72,7 +72,6 @@ WRITTEN = [
     (written(lambda t: t.rename(columns={"q1": "x1", "q2": "x2"})), {"position": "x{joint}"}),
     (written(lambda t: t.rename(columns=lambda c: c.translate(OTHER))), {"joints": ["a", "b"]}),
     (written(scaled), {"units": {"time": "ms", "angle": "deg", "torque": "mNm"}}),
-    (files.write_structures, {}),
     *((write, ARRAYS) for write in (files.arrays(), files.write_lists)),
     (partial(files.write_lists, names=["a", "b"]), {**ARRAYS, "joints": ["a", "b"]}),
     (files.write_csv, {"rate": 3.0}),  # a clock counts more than a rate
@@ -157,16 +156,6 @@ def matlab(made, path):
     scipy.io.savemat(path / "a.mat", {"log": log})
 
 
-def structured(made, path):
-    fields = {name: x.to_numpy() for name, x in table(made).items()}
-    np.savez(path / "a.npz", log=np.rec.fromarrays([*fields.values()], names=[*fields]))
-
-
-def preamble(made, path):
-    before = "Robot;planar2\nDate;2026-11-03\n200\n\n"
-    (path / "a.csv").write_text(before + table(made).to_csv(index=False, sep=";"))
-
-
 def units_below(made, path):
     """A row of units below the header."""
     rows = headed(made, "t", "q{}", "tau{}").to_csv(index=False).splitlines()
@@ -179,6 +168,7 @@ def two_arms(made, path):
     text(table(made).rename(columns=names).assign(**other), path)
 
 
+SPOKEN = ("Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)")
 KINDS = {  # how it is written, its first stamp beyond that of the recording [s], and what is remarked
     "ns since 1970": (lambda m, p: text(table(m, t=since_1970(m, 1e9)), p), EPOCH, "nanoseconds since 1970"),
     "ms since 1970": (lambda m, p: text(table(m, t=since_1970(m, 1e3)), p), EPOCH, "milliseconds since 1970"),
@@ -201,35 +191,26 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
     "units and blanks": (
         lambda m, p: text(headed(m, "Time (ms)", "J{} Pos (deg)", "J{} Torque (N·mm)"), p),
         0,
-        "time in ms, position in deg, torque in mNm, according to the column names",
+        "time in ms, position in deg, torque in N·mm, according to the column names",
     ),
     "units": (lambda m, p: text(headed(m, "time_ms", "q{}_deg", "tau_{}_mNm"), p), 0, "position in deg"),
     "UTF-16": (lambda m, p: text(table(m), p, "utf-16", sep="\t"), 0, ""),
     "cp1252": (
         lambda m, p: text(headed(m, "Zeit t [ms]", "Pos {} [°]", "tau{} [mNm]"), p, "cp1252", sep=";"),
         0,
+        "position in °",
+    ),
+    "quotes": (lambda m, p: text(headed(m, *SPOKEN), p, quoting=csv.QUOTE_ALL), 0, "position in deg"),
+    "quotes and decimal commas": (
+        lambda m, p: text(headed(m, *SPOKEN), p, quoting=csv.QUOTE_ALL, sep=";", decimal=","),
+        0,
         "position in deg",
     ),
-    **{
-        f"quotes, separated by {sep}": (
-            lambda m, p, form=form: text(
-                headed(m, "Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)"), p, **form
-            ),
-            0,
-            "position in deg",
-        )
-        for sep, form in {
-            "commas": {"quoting": csv.QUOTE_ALL},
-            "semicolons": {"quoting": csv.QUOTE_ALL, "sep": ";", "decimal": ","},
-        }.items()
-    },
     "row of units": (
         units_below,
         0,
-        "time in ms, position in deg, torque in mNm, according to the row of units",
+        "time in ms, position in deg, torque in N.mm, according to the row of units",
     ),
-    "preamble": (preamble, 0, "the header is line 5: 4 lines before it left out"),
-    "structured array": (structured, 0, ""),
     "echo --csv": (echoed, 1, ""),
     "JSON lines": (lines, 1, ""),
     "MATLAB": (matlab, 0, ""),
@@ -307,7 +288,6 @@ def garbled(lines):
     lines[9] = "garbage" + lines[9][lines[9].index(",") :]
     lines[12] = lines[12].rsplit(",", 2)[0]
     lines[20] = lines[20].replace(",", ",nan,", 1).rsplit(",", 1)[0]
-    lines[30] = lines[30].rsplit(",", 1)[0] + ",-9999"  # a logger's "no value"
     lines[-1] = lines[-1][:-30]
 
 
@@ -317,7 +297,6 @@ GARBLED = {
     10: "in t",
     13: "in tau1, tau2",
     21: "",
-    31: "in tau2",
     201: "",
 }
 
@@ -330,7 +309,6 @@ def test_corrupt_rows_are_dropped_and_listed(made, tmp_path):
     read = load_recording(path, of_file(), NUMBERS)
     found = dict(read.corrupt)
     assert sorted(found) == sorted(GARBLED) and all(GARBLED[row] in found[row] for row in found)
-    assert "-9999 looks like a logger's mark for no value, in tau2 (1 row)" in read.remarks[0]
     kept = [k for k in range(200) if k + 2 not in GARBLED]
     np.testing.assert_allclose(read.time, made.time[kept])
 
@@ -403,52 +381,35 @@ def test_degrees_apply_to_revolute_and_millimetres_to_prismatic_joints(made, tmp
     np.testing.assert_allclose(found.position, made.position)
 
 
-STATED = [
-    *(("torque", f"tau1 [{unit}]", 1.3558179483) for unit in ("lbf.ft", "ft-lb", "lb ft")),
-    *(("torque", heading, 0.1129848290) for heading in ("Torque 1 (lbf·in)", "tau_1_in-lb")),
-    *(("torque", f"tau1 {unit}", 0.00706155181423) for unit in ("[oz-in]", "(ozf.in) (filtered)")),
-    *(("torque", heading, 0.01) for heading in ("tau1 [N.cm]", "tau1_Ncm", "effort[0] (N cm)")),
-    *(("torque", "tau1 [kN.m]", 1e3), ("torque", "tau1_kgf.cm", 0.0980665), ("torque", "tau1 [N*mm]", 1e-3)),
-    *(
-        ("position", "q1 [gon]", np.pi / 200),
-        ("position", "q1_mrad", 1e-3),
-        ("position", "q (rev)", 2 * np.pi),
-    ),
-    *(
-        ("velocity", "qd1 [mrad/s]", 1e-3),
-        ("velocity", "qd1 [rev/s]", 2 * np.pi),
-        ("current", "i1 [uA]", 1e-6),
-    ),
-    *(
-        ("torque", f"tau1 {what}", 1)
-        for what in ("[Nm] (filtered)", "(N·m)", "(in)", "(MA)", "[-]", "[Nm/rad]")
-    ),
-    *(
-        ("torque", name, 1)
-        for name in ("joint_states[0]", "effort_lb", "tau [left]", "tau1 (kg m²)", "tau (A)")
-    ),
-    *(
-        ("position", name, 1)
-        for name in (
-            "q1 (measured)",
-            "position[3]",
-            "q (actual)",
-            "q_min",
-            "q [rad]",
-            "q_hip_rev",
-            "hip_turn.pos",
-            "q_wrist_turn",
-        )
-    ),
-    *(("velocity", name, 1) for name in ("qd1 [rad/s]", "qd [rad/s^2]", "qd (m)", "qd_in", "qd1 [m/s]")),
+STATED = [  # a signal, headings of its columns, and the factor to SI units of the unit in them
+    ("torque", "tau1 [lbf.ft]; tau1 [ft-lb]; tau1 [lb ft]", 1.3558179483),
+    ("torque", "Torque 1 (lbf·in); tau_1_in-lb", 0.1129848290),
+    ("torque", "tau1 [oz-in]; tau1 (ozf.in) (filtered)", 0.00706155181423),
+    ("torque", "tau1 [N.cm]; tau1_Ncm; tau_Ncm_1; effort[0] (N cm)", 0.01),
+    ("torque", "tau1 [kN.m]", 1e3),
+    ("torque", "tau1_kgf.cm", 0.0980665),
+    ("torque", "tau1 [N*mm]; tau1.N·mm", 1e-3),
+    ("torque", "tau1 [Nm] (filtered); tau1 (N·m); tau1 (in); tau1 (MA); tau1 [-]; tau1 [Nm/rad]", 1.0),
+    ("torque", "joint_states[0]; effort_lb; tau [left]; tau1 (kg m²); tau (A)", 1.0),
+    ("position", "q1 [gon]", np.pi / 200),
+    ("position", "q1_mrad; q_mrad_1", 1e-3),
+    ("position", "q (rev)", 2 * np.pi),
+    ("position", "q1 (measured); position[3]; q (actual); q_min; q [rad]", 1.0),
+    ("position", "q_hip_rev; hip_turn.pos; q_wrist_turn", 1.0),
+    ("velocity", "qd1 [mrad/s]", 1e-3),
+    ("velocity", "qd1 [rev/s]; qd1 [revs/s]", 2 * np.pi),
+    ("velocity", "qd1 [rad/s]; qd [rad/s^2]; qd (m); qd_in; qd1 [m/s]", 1.0),
+    ("current", "i1 [uA]; i1 [μA]", 1e-6),
+    ("current", "current_mA_a", 1e-3),
+    ("time", "t [μs]; time_usec", 1e-6),
 ]
 
 
-@pytest.mark.parametrize(("signal", "heading", "factor"), STATED)
-def test_headings_state_units_and_other_things(signal, heading, factor):
-    Units().refuse_unknown("a.csv", signal, False, heading)
-    assert Units().factor(signal, heading=heading) == pytest.approx(factor, rel=1e-9)
-    assert bool(Units().read(signal, False, heading)) == (factor != 1)
+@pytest.mark.parametrize(("signal", "headings", "factor"), STATED)
+def test_headings_state_units_and_other_things(signal, headings, factor):
+    for heading in headings.split("; "):
+        unit, found = Units().of("a.csv", signal, False, heading)
+        assert found == pytest.approx(factor, rel=1e-9) and bool(unit) == (factor != 1), heading
 
 
 @pytest.mark.parametrize(("unit", "factor", "words"), [("m", 1e3, "millimetres"), ("mm", 1e-3, "metres")])
@@ -575,18 +536,3 @@ def test_a_joint_without_torque_is_locked_at_its_position(recording, tmp_path, p
     np.testing.assert_allclose(found.statistics.signals["position"].upper, recording.position[:, 1:].max(0))
     with pytest.raises(RecordingError, match=r"elbow is left out \(recording\.without\), but moves"):
         stationary_positions(planar, [path], of_file(without=["elbow"]))
-
-
-def test_fields_of_two_structured_arrays_are_told_apart(recording, tmp_path):
-    structured(recording, tmp_path)
-    log = np.load(tmp_path / "a.npz")["log"]
-    np.savez(tmp_path / "a.npz", measured=log, commanded=log)
-    with pytest.raises(RecordingError, match=r"time as 'measured\.t' and as 'commanded\.t'"):
-        load_recording(tmp_path / "a.npz", of_file(), JOINTS)
-
-
-def test_a_first_row_without_numbers_is_no_header(recording, tmp_path):
-    rows = table(recording).to_csv(index=False).splitlines()
-    (tmp_path / "a.csv").write_text("\n".join([rows[0], "0.0,,,,,", *(f"{row}," for row in rows[2:])]))
-    found = load_recording(tmp_path / "a.csv", of_file(), JOINTS)
-    assert [row for row, _ in found.corrupt] == [2] and len(found.time) == len(recording.time) - 1

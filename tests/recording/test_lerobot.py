@@ -8,20 +8,18 @@ import pandas as pd
 import pytest
 import yaml
 
-from sidegan.base.typed import build
 from sidegan.errors import RecordingError
 from sidegan.pipeline.places import CONF
 from sidegan.recording.load import files_of, load_recording
-from sidegan.recording.settings import RecordingSettings
-from tests.recording.conftest import recorded
+from tests.recording.conftest import of_file, recorded
 
 FPS, CUTS = 100, (0, 700, 1200, 2000)  # frames at which episodes begin
 
 
-def of_dataset(**changes):
-    kept = yaml.safe_load((CONF / "recording" / "lerobot.yaml").read_text(encoding="utf-8"))
-    del kept["defaults"]
-    return build(RecordingSettings, kept | changes)
+def read(folder, made):
+    settings = yaml.safe_load((CONF / "recording" / "lerobot.yaml").read_text(encoding="utf-8"))
+    del settings["defaults"]
+    return load_recording(folder, of_file(**settings), made.joint_names)
 
 
 @pytest.fixture
@@ -37,21 +35,18 @@ def written(made, folder, version="v3.0", named=True):
         vectors = {"observation.state": np.concatenate([made.position, gripper, made.torque, gripper], 1)}
         names = [f"{joint}.{kind}" for kind in ("pos", "effort") for joint in (*made.joint_names, "gripper")]
         names = {"motors": names} if version == "v2.1" else names
-    about = {name: {"dtype": "float32", "shape": [x.shape[1]], "names": names} for name, x in vectors.items()}
-    about |= {"timestamp": {"dtype": "float32", "shape": [1], "names": None}}
-    frames = np.concatenate([np.arange(b - a) for a, b in pairwise(CUTS)])
+    about = {name: {"shape": [x.shape[1]], "names": names} for name, x in vectors.items()}
     columns = {name: [*x] for name, x in {**vectors, "action": made.position}.items()}
-    columns |= {"timestamp": (frames / FPS).astype(np.float32)}
-    columns |= {"episode_index": np.repeat(np.arange(3), np.diff(CUTS))}
-    table, files = pd.DataFrame(columns), {"file-000": (0, CUTS[2]), "file-001": CUTS[2:]}
-    if version == "v2.1":
-        files = {f"episode_{k:06d}": ends for k, ends in enumerate(pairwise(CUTS))}
+    columns["timestamp"] = np.concatenate(
+        [np.arange(b - a) / FPS for a, b in pairwise(CUTS)], dtype=np.float32
+    )
+    columns["episode_index"] = np.repeat(np.arange(3), np.diff(CUTS))
+    ends = [*pairwise(CUTS)] if version == "v2.1" else [(0, CUTS[2]), CUTS[2:]]
     (folder / "data" / "chunk-000").mkdir(parents=True)
+    for k, (a, b) in enumerate(ends):
+        pd.DataFrame(columns)[a:b].to_parquet(folder / "data" / "chunk-000" / f"file-{k:03d}.parquet")
     (folder / "meta").mkdir()
-    for name, (a, b) in files.items():
-        table[a:b].to_parquet(folder / "data" / "chunk-000" / f"{name}.parquet")
-    info = {"codebase_version": version, "fps": FPS, "features": about}
-    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    (folder / "meta" / "info.json").write_text(json.dumps({"codebase_version": version, "features": about}))
     return folder
 
 
@@ -60,14 +55,13 @@ def written(made, folder, version="v3.0", named=True):
 def test_both_versions_are_read(made, tmp_path, version, named):
     folder = written(made, tmp_path / "set", version, named)
     assert len(files_of(folder)) == (4 if version == "v2.1" else 3)
-    loaded = load_recording(folder, of_dataset(), made.joint_names)
+    loaded = read(folder, made)
     assert set(loaded.signals()) == {"position", "torque"}
     for name in loaded.signals():
         np.testing.assert_allclose(getattr(loaded, name), getattr(made, name), rtol=1e-6, atol=1e-6)
-    steps = np.diff(loaded.time)
-    breaks = np.flatnonzero(steps > 1).tolist()
-    assert [k + 1 for k in breaks] == [*CUTS[1:-1]] and steps[breaks].tolist() == pytest.approx([10.0, 10.0])
-    assert steps[steps < 1].tolist() == pytest.approx([1 / FPS] * (len(made) - 3), abs=1e-5)
+    steps = np.full(len(made) - 1, 1 / FPS)
+    steps[np.array(CUTS[1:-1]) - 1] = 10.0
+    np.testing.assert_allclose(np.diff(loaded.time), steps, atol=1e-5)
 
 
 def test_an_incomplete_dataset_is_refused(made, tmp_path):
@@ -81,4 +75,4 @@ def test_an_incomplete_dataset_is_refused(made, tmp_path):
     ):
         fault()
         with pytest.raises(RecordingError, match=words):
-            load_recording(folder, of_dataset(), made.joint_names)
+            read(folder, made)

@@ -11,8 +11,7 @@ from tests.recording.conftest import moved, part_of
 
 
 def made(planar, seed):
-    still = np.zeros(2)
-    return moved(planar, np.arange(3000) / 200, still, still, np.random.default_rng(seed))
+    return moved(planar, np.arange(3000) / 200, 0.0, 0.0, np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="module")

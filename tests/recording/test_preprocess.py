@@ -7,7 +7,10 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from sidegan.recording.grid import runs
 from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
 from sidegan.recording.segments import preprocess
@@ -106,3 +109,25 @@ def test_the_bandwidth_ignores_rest_and_noise(planar):
     noise = 3e-4 * np.random.default_rng(0).standard_normal(q.shape)
     recording = Recording("waits", planar.joint_names, time, q + noise, torque=q)
     assert 0.3 < statistics_of(recording, of_file()).bandwidth < 0.7
+
+
+def wave(time):
+    return np.stack([np.sin(2 * time), np.cos(3 * time)], 1)
+
+
+@settings(max_examples=30)
+@given(st.integers(10, 380), st.integers(0, 20))
+def test_the_grid_is_uniform_and_crosses_no_gap(at, duplicates):
+    time = np.arange(400) * 0.01 + np.random.default_rng(0).uniform(-0.003, 0.003, 400)
+    time[at:] += 1.0
+    once, again = (
+        [(run.grid(0, run.points), run.at([wave(t)], 0, run.points)) for run in runs(t, 0.01, 0.1)]
+        for t in (time, np.sort([*time, *time[:duplicates]]))
+    )
+    assert len(once) == len(again) == 2
+    for (grid, x), (same, y), ends in zip(once, again, (time[:at], time[at:])):
+        assert grid[0] == ends[0] and ends[-1] - 0.01 < grid[-1] <= ends[-1] + 1e-9
+        np.testing.assert_array_equal(grid, same)
+        np.testing.assert_array_equal(x, y)
+        np.testing.assert_allclose(np.diff(grid), 0.01, atol=1e-12)
+        np.testing.assert_allclose(x, wave(grid), atol=5e-4)

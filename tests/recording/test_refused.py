@@ -51,11 +51,6 @@ def ragged(made, folder):
     return folder / "a.parquet"
 
 
-def matlab_7_3(_, folder):
-    (folder / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + bytes(512))
-    return folder / "a.mat"
-
-
 def by_joint(table):
     """A row for each joint, in place of a column."""
     return pd.wide_to_long(table, ["q", "qd", "tau"], i="t", j="joint").reset_index()
@@ -109,10 +104,14 @@ FILES = [
         (rf"1 .* states '{x}', .* already: recording\.units\.{to}", stated(**{name: f"[{x}]"}), {})
         for name, x, to in STATED
     ),
+    (
+        r"known are A, mA.* recording\.units\.current=A$",
+        files.written(lambda table: table.rename(columns={"tau1": "i1 [V]", "tau2": "i2 [V]"})),
+        {},
+    ),
     ("occurs twice", files.written(lambda table: table.rename(columns={"q2": "q1"})), {}),
     ("a row for each joint, by 'joint', expected .*columns='joint'", files.written(by_joint), {}),
     ("column q must have one list of numbers per row, all equally long", ragged, {}),
-    (r"MATLAB 7\.3.*-v7", matlab_7_3, {}),
     ("differ in length: t has 200, q has 3", files.arrays(q=np.ones((3, 2))), ARRAYS),
     ("the arm has 2 joints", files.arrays(q=np.ones((200, 3))), ARRAYS),
     ("one number per row: q is .200, 2, 2", files.arrays(q=np.zeros((200, 2, 2))), ARRAYS),
