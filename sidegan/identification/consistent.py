@@ -13,8 +13,7 @@ from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import InfeasibleError
 from sidegan.identification.fit import LEAST, Fit, reweighted, torque_errors
 from sidegan.identification.gather import Gathered
-from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import scales
+from sidegan.identification.model import TorqueModel, scales
 from sidegan.identification.sums import rows_of, solve
 from sidegan.robot import Arm, possible_links
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
@@ -32,7 +31,7 @@ _BELIEVED = 1.0  # parameters' worth of prior belief that a link's strength is t
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0, 1e-6, 1e-8)
 
 
-def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fit:
+def consistent(model: TorqueModel, data: Gathered, strength: float | None = None) -> Fit:
     """The most likely physically consistent parameters; links and terms are in ``standard``.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
@@ -41,6 +40,7 @@ def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fi
     counts the pull's second derivative as information; it neglects the bounds, which would only reduce it.
 
     Args:
+        model: the model to fit.
         data: the samples.
         strength: weight of the pull relative to the log-likelihood of the samples; it decides the parameters
             that no motion identifies. None: the most probable strength of each link, which pulls a link less
@@ -49,9 +49,8 @@ def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fi
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
     """
-    model = data.model
     first = reweighted(data.sums)
-    errors = torque_errors(data, first)
+    errors = torque_errors(model, data, first)
     weights = first.weights / np.sqrt(errors.inflation)  # as independent samples, to compare with the pull
     information, moment = data.sums.weighted(weights)
     standard, pull = pulled(model, information, moment, strength)

@@ -15,9 +15,9 @@ from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
 # Fit of samples, with the strength of the pull towards the description for methods that have one.
-METHODS: dict[str, Callable[[Gathered[TorqueModel], float | None], Fit]] = {
-    "ols": lambda data, _: least_squares(data.sums),
-    "weighted": lambda data, _: reweighted(data.sums),
+METHODS: dict[str, Callable[[TorqueModel, Gathered, float | None], Fit]] = {
+    "ols": lambda _model, data, _strength: least_squares(data.sums),
+    "weighted": lambda _model, data, _strength: reweighted(data.sums),
     "consistent": consistent,
 }
 
@@ -63,8 +63,8 @@ def estimate(
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
     data = gather(model, measurements)
-    fit = METHODS[method](data, strength)
-    errors = fit.errors or torque_errors(data, fit)
+    fit = METHODS[method](model, data, strength)
+    errors = fit.errors or torque_errors(model, data, fit)
     return Estimate(
         method=method,
         names=tuple(model.names),

@@ -7,7 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
-from sidegan.identification.gather import Gathered, Model, residual_of
+from sidegan.identification.gather import Gathered, Linear, residual_of
 from sidegan.identification.sums import Sums, solve
 
 LEAST = 1e-6  # prior information on each parameter: directions without excitation stay at zero
@@ -76,14 +76,14 @@ def least_residual(sums: Sums) -> Array:
     return _LEAST_RESIDUAL * np.where(torque > 0, torque, torque.max())
 
 
-def torque_errors(data: Gathered[Model], fit: Fit) -> TorqueErrors:
+def torque_errors(model: Linear, data: Gathered, fit: Fit) -> TorqueErrors:
     """Variance and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, since the fit minimises them: the parameters' share of each joint's
     degrees of freedom is deducted.
     """
     sums = data.sums
-    inflation = inflation_of(residual_of(data.model, x, fit.parameters) for x in data.pieces)
+    inflation = inflation_of(residual_of(model, x, fit.parameters) for x in data.pieces)
     share = np.einsum("pq,jpq->j", fit.inverse, sums.information)
     spent = np.square(fit.weights) * share * inflation
     variance = sums.squares(fit.parameters) / (sums.weight - np.minimum(spent, _MOST_SPENT * sums.weight))

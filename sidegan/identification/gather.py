@@ -1,7 +1,8 @@
 """Samples of a model, piece by piece: their sums, residuals and reach."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -29,20 +30,31 @@ class Linear(Protocol):
         """Regressor, (S, J, P), of states (S, J); see ``TorqueModel``."""
 
 
-Model = TypeVar("Model", bound=Linear)
+class Extended:
+    """A model with further columns, which come last: ``columns(q, dq, ddq, sign)``, (S, J, K)."""
+
+    def __init__(self, model: TorqueModel, count: int, columns: Callable[..., Array]) -> None:
+        self._model = model
+        self._columns = columns
+        self.joints = model.joints
+        self.count = model.count + count
+
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
+        """Regressor, (S, J, P + K), of states (S, J)."""
+        y = self._model.regressor(q, dq, ddq, sign)
+        return np.concatenate([y, self._columns(q, dq, ddq, sign)], 2)
 
 
 @dataclass(frozen=True)
-class Gathered(Generic[Model]):
+class Gathered:
     """Samples and the sums over them that methods fit parameters to."""
 
-    model: Model  # to be fitted
     sums: Sums  # over all samples
     pieces: list[Measurements]  # without gaps
     reach: Reach  # of the motion
 
 
-def gather(model: Model, measurements: Samples) -> Gathered[Model]:
+def gather(model: Linear, measurements: Samples) -> Gathered:
     """Sums over the measurements of one or several recordings.
 
     Raises:
@@ -62,7 +74,7 @@ def gather(model: Model, measurements: Samples) -> Gathered[Model]:
     low = np.min([x.position.min(0) for x in parts], 0)
     high = np.max([x.position.max(0) for x in parts], 0)
     fastest = np.max([np.abs(x.velocity).max(0) for x in parts], 0)
-    return Gathered(model, sums, parts, Reach(high - low, fastest))
+    return Gathered(sums, parts, Reach(high - low, fastest))
 
 
 def residual_of(model: Linear, part: Measurements, parameters: Array) -> Array:

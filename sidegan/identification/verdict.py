@@ -8,8 +8,6 @@ from statistics import NormalDist
 from string import ascii_letters
 from typing import NamedTuple
 
-import numpy as np
-
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate
@@ -38,8 +36,6 @@ _NAMED = 6  # parameters that a reason names at most
 _LITTLE = 0.25  # share of a limit below which a motion is small or slow
 _MOST = 10.0  # shares above are reported as "more than"
 _CLEAR = 2.0  # deviations below zero at which a single parameter is negative; corrected for their number
-_MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
-_NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 _FRICTION = ("fv", "fc", "Ia")  # prefixes of the parameters that cannot be negative
 
 
@@ -239,32 +235,6 @@ def _advice(quality: Quality, j: int) -> str:
     if not wishes:
         wishes.append("has several frequencies at once and is out of step with other joints")
     return f"; excite it with a motion that {' and '.join(wishes)}"
-
-
-def implausible_mass(found: float, described: float) -> list[Finding]:
-    """Finding on a total mass [kg] of a different order of magnitude than the description's."""
-    if not described > 0 or described / _MASSES <= found <= described * _MASSES:
-        return []
-    units = "recording.units.torque or recording.units.current, robot.gains"
-    text = f"the links weigh {found:.3g} kg, {described:.3g} kg in the description"
-    return [Finding(USABLE, f"{text}: are the torques in another unit? ({units})")]
-
-
-def implausible_links(arm: Arm, links: Array) -> list[Finding]:
-    """Findings on links (J, 10) with an implausible mass or centre of mass."""
-    described = arm.inertial_parameters[:, 0]
-    whole = described.sum()
-    reach = np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
-    found = []
-    for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
-        away = math.hypot(*moment) / mass if mass > 0 else 0.0
-        if mass > max(_MASSES * described[j], whole) > 0:
-            text = f"{arm.link_names[j]} weighs {mass:.3g} kg, {described[j]:.3g} kg in the description"
-            found.append(Finding(USABLE, text, j))
-        if away > reach > 0 and mass > _NOTABLE * whole:
-            text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m away, beyond the arm's reach"
-            found.append(Finding(BAD, text, j))
-    return found
 
 
 def joint_of(name: str) -> int:

@@ -5,21 +5,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from sidegan.base.arrays import geometric_mean
+from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
-from sidegan.identification.estimate import estimate
+from sidegan.identification.estimate import Estimate, estimate
+from sidegan.identification.fit import LEAST, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
+from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.noise import is_noise
-from sidegan.identification.quality import quality
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.settings import EstimationSettings
+from sidegan.identification.sums import solve
+from sidegan.identification.verdict import Quality
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
 
 _AS_GOOD = 1.1  # largest ratio of nMSE to the other model's at which the consistent model is preferred
+_EFFECT = 0.1  # share of a joint's torque that one standard deviation of a weak parameter exceeds
 _PERFECT = 1e-4  # differences between nMSE below this do not count
 
 
@@ -55,7 +59,7 @@ def identify_arm(
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
     noise = [is_noise(model, used.parameters, used.covariance, recordings) for recordings in sets]
-    judged = quality(
+    judged = quality_of(
         model,
         estimates[settings.method],
         held_out or samples,
@@ -77,6 +81,51 @@ def identify_arm(
     )
     causes, gravity = causes_of(found)
     return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
+
+
+def quality_of(
+    model: TorqueModel,
+    estimate: Estimate,
+    samples: list[Measurements],
+    *,
+    train: Score,
+    validation: Score | None,
+    folds: Score | None,
+    noise: Array,
+) -> Quality:
+    """Quality of an estimate, from which its verdict follows.
+
+    ``samples`` are those of the validation, or else of the training; the description's links are tested on
+    them. The other arguments are as in ``Quality``.
+    """
+    y = model.regressor(*model.usual_states())
+    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
+    share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
+    effect = share.max(0) * estimate.deviation
+    weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
+    return Quality(
+        arm=model.arm,
+        estimate=estimate,
+        train=train,
+        validation=validation,
+        nominal_score=score(model, _nominal_fit(model, estimate), samples),
+        folds=folds,
+        torque_deviation=np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
+        usual=usual,
+        weak=tuple(estimate.names[i] for i in weak),
+        noise=noise,
+    )
+
+
+def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Array:
+    """The description's link parameters with all other terms fitted, (P,)."""
+    r = model.rigid
+    nominal = model.nominal.copy()
+    information, moment = estimate.sums.weighted(estimate.weights)
+    rest = moment[r:] - information[r:, :r] @ nominal[:r]
+    if len(rest):
+        nominal[r:], _ = solve(information[r:, r:], rest, LEAST)
+    return nominal
 
 
 def preferred(method: str, errors: Mapping[str, Score]) -> str:

@@ -15,9 +15,8 @@ from sidegan.identification import (
     estimate,
     score,
 )
-from sidegan.identification.quality import quality
 from sidegan.identification.settings import GoalSettings, StudySettings
-from sidegan.identification.workflow import identify_arm
+from sidegan.identification.workflow import identify_arm, quality_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import moved, of_file
@@ -85,12 +84,12 @@ def half_still(arm, noise, elbow=1e-2):
     return model, estimate("weighted", model, data), data
 
 
-def quality_of(model, found, data, validation=None):
+def judged(model, found, data, validation=None):
     """Quality of an estimate from data, on measurements that were held out, where nothing is noise."""
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
     noise = np.zeros(model.joints, dtype=bool)
-    return quality(
+    return quality_of(
         model, found, validation or [data], train=train, validation=tested, folds=None, noise=noise
     )
 

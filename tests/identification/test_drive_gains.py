@@ -6,7 +6,7 @@ import pytest
 
 from sidegan.errors import RecordingError
 from sidegan.identification import Measurements
-from sidegan.identification.drive_gains import drive_gains
+from sidegan.identification.payload import drive_gains
 from tests.identification.recordings import model_of, white
 from tests.identification.test_payload import CENTRE, INERTIA, MASS, runs
 

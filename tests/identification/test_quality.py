@@ -7,7 +7,7 @@ import pytest
 from sidegan.identification import estimate
 from sidegan.identification.score import Score, folds, score
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
-from tests.identification.recordings import half_still, model_of, quality_of, recorded
+from tests.identification.recordings import half_still, judged, model_of, recorded
 
 NOISE = 0.3
 
@@ -41,12 +41,12 @@ class TestScore:
 def test_an_arm_at_rest_identifies_nothing(good):
     model, *_, data = good
     still = replace(data, velocity=0 * data.velocity, acceleration=0 * data.acceleration)
-    result = quality_of(model, estimate("ols", model, still), still)
+    result = judged(model, estimate("ols", model, still), still)
     assert result.verdict == BAD and any("some parameters have no effect" in x for x in result.reasons)
 
 
 def test_a_joint_that_hardly_moves_is_not_identifiable(planar):
-    result = quality_of(*half_still(planar, NOISE, 1e-3))
+    result = judged(*half_still(planar, NOISE, 1e-3))
     words = r"^joint 2 \(elbow\).*not identifiable.*fv2.*covers more than .* is faster than"
     assert result.verdict == BAD and any(re.search(words, reason) for reason in result.reasons)
 
@@ -60,7 +60,7 @@ def score_of(*nmse):
 def flawless(good):
     """A good model of the planar arm, in which everything may be replaced."""
     model, found, data, validation = good
-    result = quality_of(model, found, data, [validation])
+    result = judged(model, found, data, [validation])
     small = np.full(2, 0.01)
     errors = {"train": score_of(0.01, 0.01), "validation": score_of(0.01, 0.01)}
     planted = replace(result, **errors, nominal_score=score_of(1.0, 1.0), torque_deviation=small, weak=())

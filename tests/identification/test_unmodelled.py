@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from sidegan.identification import Measurements, estimate
 from sidegan.identification.unmodelled import BIASED, KINDS, find_unmodelled, unmodelled
-from tests.identification.recordings import model_of, multisine, quality_of, truth_of
+from tests.identification.recordings import judged, model_of, multisine, truth_of
 
 SAMPLES = 6000
 SIZE = 4.0  # [N·m] of a planted misfit
@@ -81,7 +81,7 @@ def test_noise_is_not_taken_for_misfit(model, keep):
 
 def test_bias_and_noise_are_reported_separately(model, flawed):
     data, fitted, found = flawed
-    noise = quality_of(model, fitted, data).torque_deviation
+    noise = judged(model, fitted, data).torque_deviation
     first, *others = found.sentences(NAMES, noise)
     assert re.match(r"joint 1: \d+% of the residual is friction near rest, ", first)
     assert len(others) == 6 and all(said.endswith(BIASED) for said in (first, *others))

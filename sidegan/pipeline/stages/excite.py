@@ -13,7 +13,7 @@ from sidegan.controllers import approach, require_exportable
 from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError
-from sidegan.identification.uncertain import Uncertain
+from sidegan.identification.goals import Uncertain
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
