@@ -7,11 +7,10 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.identification.estimate import estimate
+from sidegan.identification.estimate import estimate, score, shown
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.refits import change_between, moved, shifted_zeros, tilted_gravity
-from sidegan.identification.score import score, shown
 from sidegan.identification.sums import scaled_inverse
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
 from sidegan.motion.dynamics import RigidBody

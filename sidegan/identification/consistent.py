@@ -11,8 +11,7 @@ import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import LEAST, Fit, reweighted, torque_errors
-from sidegan.identification.gather import Gathered
+from sidegan.identification.fit import LEAST, Fit, Gathered, reweighted, torque_errors
 from sidegan.identification.model import TorqueModel, scales
 from sidegan.identification.sums import rows_of, solve
 from sidegan.robot import Arm, possible_links

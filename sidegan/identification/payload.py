@@ -8,8 +8,17 @@ import scipy  # its parts are imported when they are used
 from sidegan.base.arrays import Array
 from sidegan.errors import ConfigError, RecordingError
 from sidegan.identification.consistent import Pull, most_likely
-from sidegan.identification.fit import LEAST, TorqueErrors, covariance_of, inflation_of, reweighted
-from sidegan.identification.gather import Extended, Gathered, gather, residual_of
+from sidegan.identification.fit import (
+    LEAST,
+    Extended,
+    Gathered,
+    TorqueErrors,
+    covariance_of,
+    gather,
+    inflation_of,
+    residual_of,
+    reweighted,
+)
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import rows_of, solve

@@ -8,8 +8,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.identification.fit import covariance_of, reweighted, torque_errors
-from sidegan.identification.gather import Extended, gather
+from sidegan.identification.fit import Extended, covariance_of, gather, reweighted, torque_errors
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements, thinned
 from sidegan.identification.model import Terms, TorqueModel
@@ -182,7 +181,7 @@ def _changes(
             continue
         name = recordings[k].name
         if load:
-            errors = torque_errors(extended, replace(data[k], sums=sums), fit)
+            errors = torque_errors(extended, data[k]._replace(sums=sums), fit)
             mass, deviation = fit.parameters[count], np.sqrt(covariance_of(sums, fit, errors)[count, count])
             least = _NOTABLE_LOAD * arm.inertial_parameters[:, 0].sum()
             if abs(mass) <= max(_SURE * deviation, least):

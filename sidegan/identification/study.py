@@ -15,11 +15,10 @@ import pandas as pd
 from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
-from sidegan.identification.fit import least_residual, least_squares, reweighted
-from sidegan.identification.gather import gather
+from sidegan.identification.estimate import score
+from sidegan.identification.fit import gather, least_residual, least_squares, reweighted
 from sidegan.identification.measurements import Measurements, Noise, disturbed, measure, pieces
 from sidegan.identification.model import RIGID, TorqueModel
-from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
 from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
 from sidegan.motion.dynamics import RigidBody, gram

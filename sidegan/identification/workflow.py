@@ -1,20 +1,20 @@
 """Identification of a real arm: from checked recordings to estimates, their errors and a verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
-from sidegan.identification.estimate import Estimate, estimate
+from sidegan.identification.estimate import Estimate, Score, estimate, score
 from sidegan.identification.fit import LEAST, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
-from sidegan.identification.noise import is_noise
-from sidegan.identification.score import Score, folds, score
+from sidegan.identification.residuals import is_noise
 from sidegan.identification.settings import EstimationSettings
 from sidegan.identification.sums import solve
 from sidegan.identification.verdict import Quality
@@ -44,17 +44,16 @@ def identify_arm(
     methods = dict.fromkeys((settings.method, EQUAL_WEIGHTS, CONSISTENT))
     estimates = {method: estimate(method, model, samples, strength) for method in methods}
     trained = {method: score(model, fit.parameters, samples) for method, fit in estimates.items()}
-    kind = "in sample: nothing was held out"
+    kind, where = "in sample: nothing was held out", "training data"
     tested = trained
-    turns: dict[str, Score] = {}
     if held_out:
-        kind = "held out"
+        kind, where = "held out", "validation data"
         tested = {method: score(model, fit.parameters, held_out) for method, fit in estimates.items()}
     elif len(training) > 1:
         kind = f"each of {len(training)} recordings, predicted from the others"
+        where = "each recording by the others"
         each = [measurements_of([recording]) for recording in training]
-        turns = {method: folds(method, model, each, strength) for method in estimates}
-        tested = {method: errors.pooled for method, errors in turns.items()}
+        tested = {method: cross_validated(method, model, each, strength) for method in estimates}
     use = CONSISTENT if tested is trained else preferred(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
@@ -64,8 +63,8 @@ def identify_arm(
         estimates[settings.method],
         held_out or samples,
         train=trained[use],
-        validation=tested[use] if held_out else None,
-        folds=turns.get(use),
+        held_out=None if tested is trained else tested[use],
+        where=where,
         noise=np.all(noise, 0),
     )
     found = IdentifiedArm(
@@ -83,14 +82,26 @@ def identify_arm(
     return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
 
 
+def cross_validated(
+    method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
+) -> Score:
+    """Errors, (J,), of predicting each recording with the model identified from the others, over all."""
+    rows = []
+    for k, held_out in enumerate(recordings):
+        others = chain(*recordings[:k], *recordings[k + 1 :])
+        rows.append(score(model, estimate(method, model, others, strength).parameters, held_out))
+    nmse, rmse = (np.stack(column) for column in zip(*rows))
+    return Score(nmse.mean(0), np.sqrt(np.square(rmse).mean(0)))
+
+
 def quality_of(
     model: TorqueModel,
     estimate: Estimate,
     samples: list[Measurements],
     *,
     train: Score,
-    validation: Score | None,
-    folds: Score | None,
+    held_out: Score | None,
+    where: str,
     noise: Array,
 ) -> Quality:
     """Quality of an estimate, from which its verdict follows.
@@ -107,9 +118,9 @@ def quality_of(
         arm=model.arm,
         estimate=estimate,
         train=train,
-        validation=validation,
+        held_out=held_out,
+        where=where,
         nominal_score=score(model, _nominal_fit(model, estimate), samples),
-        folds=folds,
         torque_deviation=np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
         usual=usual,
         weak=tuple(estimate.names[i] for i in weak),

@@ -1,6 +1,6 @@
 """Nonlinear friction and torque ripple, which identified models lack.
 
-The law differs in form from the smooth basis with which ``identification.unmodelled`` explains residuals.
+The law differs in form from the smooth basis with which ``identification.residuals`` explains residuals.
 """
 
 from dataclasses import dataclass

@@ -1,17 +1,16 @@
 """Tables as files and on the terminal."""
 
 import re
+import shutil
 import sys
-from collections.abc import Hashable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Protocol
 
 import pandas as pd
 
 from sidegan.base.storage import write_bytes
 
 _NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells that are aligned on the right
-_LONGEST = 20  # letters of a word that a narrow table does not break
 _PRINTED = 150  # letters of a line in a file or a pipe
 
 
@@ -57,59 +56,9 @@ def show(table: pd.DataFrame, caption: str) -> None:
 
     A table wider than the terminal is printed in parts, each with the rows' names.
     """
-    from rich.console import Console
-    from rich.table import Table
-
-    width = None if sys.stdout.isatty() else _PRINTED
-    console = Console(file=sys.stdout, width=width, markup=False)  # "[s]" is a unit, not a style
-    console.print(caption, style="bold", soft_wrap=True, highlight=False)  # paths stay whole
-    names = table.index.nlevels
-    rows = _cells(table.reset_index())
-    for widths in _parts([_Width.of(name, rows[name]) for name in rows], names, console.width):
-        drawn = Table()
-        for i, wide in widths.items():
-            side: Literal["left", "right"] = "left" if i < names else "right"
-            drawn.add_column(str(rows.columns[i]), justify=side, width=wide, overflow="fold")
-        for row in rows.iloc[:, list(widths)].to_numpy().tolist():
-            drawn.add_row(*row)
-        console.print(drawn)
-
-
-class _Width(NamedTuple):
-    """Letters that a column needs, with and without line breaks between words."""
-
-    least: int
-    most: int
-
-    @classmethod
-    def of(cls, name: Hashable, cells: Iterable[str]) -> "_Width":
-        """Of a column; numbers with their spread are never broken."""
-        texts = [*str(name).splitlines(), *(line for cell in cells for line in cell.splitlines())]
-        words = [word for text in texts for word in ([text] if _NUMBER.fullmatch(text) else text.split())]
-        longest = max(map(len, texts), default=0)
-        return cls(min(_LONGEST, max(map(len, words), default=0)), longest)
-
-
-def _parts(columns: Sequence[_Width], names: int, width: int) -> Iterator[dict[int, int]]:
-    """Columns of each part of a table, and their widths, to fit a terminal; names are in every part."""
-    first, left = list(range(names)), list(range(names, len(columns)))
-    while left:
-        count = 1
-        while count < len(left) and _framed(columns[i].least for i in first + left[: count + 1]) <= width:
-            count += 1
-        shown, left = first + left[:count], left[count:]
-        widths = {i: columns[i].most for i in shown}
-        while _framed(widths.values()) > width:
-            widest = max(shown, key=lambda i: widths[i] - columns[i].least)
-            if widths[widest] == columns[widest].least:
-                break
-            widths[widest] -= 1
-        yield widths
-
-
-def _framed(widths: Iterable[int]) -> int:
-    """Letters of a row with its frame and padding."""
-    return sum(width + 3 for width in widths) + 1
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _PRINTED
+    cells = _cells(table).map(lambda cell: " ".join(cell.split()))
+    sys.stdout.write(f"{caption}\n{cells.to_string(line_width=width)}\n\n")
 
 
 def read_tables(text: str) -> list[pd.DataFrame]:

@@ -89,8 +89,9 @@ def judged(model, found, data, validation=None):
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
     noise = np.zeros(model.joints, dtype=bool)
+    where = "validation data"
     return quality_of(
-        model, found, validation or [data], train=train, validation=tested, folds=None, noise=noise
+        model, found, validation or [data], train=train, held_out=tested, where=where, noise=noise
     )
 
 

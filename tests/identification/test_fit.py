@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from sidegan.identification.fit import least_squares, reweighted
-from sidegan.identification.gather import gather
+from sidegan.identification.fit import gather, least_squares, reweighted
 from tests.identification.recordings import Fixed, assert_close, at_once, noisy_rows
 
 ROWS = noisy_rows(200)

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from sidegan.identification import RIGID, TorqueModel, disturbed, measure, study
-from sidegan.identification.gather import gather
+from sidegan.identification.fit import gather
 from sidegan.motion.trajectory import Trajectory
 from tests.identification.recordings import NOISE, study_settings
 

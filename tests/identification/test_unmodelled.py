@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from sidegan.identification import Measurements, estimate
-from sidegan.identification.unmodelled import BIASED, KINDS, find_unmodelled, unmodelled
+from sidegan.identification.residuals import BIASED, KINDS, find_unmodelled, unmodelled
 from tests.identification.recordings import judged, model_of, multisine, truth_of
 
 SAMPLES = 6000

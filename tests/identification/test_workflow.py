@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sidegan.errors import RecordingError
+from sidegan.identification.estimate import Score
 from sidegan.identification.identified import CONSISTENT
-from sidegan.identification.score import Score
 from sidegan.identification.workflow import preferred
 from sidegan.report.identification.content import advice
 from tests.identification.recordings import checked, identified
@@ -32,7 +32,7 @@ def test_without_validation_recordings_are_cross_validated(planar, recordings):
     result = identified(planar, recordings)
     assert result.kind == "each of 3 recordings, predicted from the others"
     assert result.tested["weighted"].nmse.mean() < 2e-3
-    assert result.quality.folds is not None
+    assert result.quality.held_out is result.tested["consistent"]
 
 
 def test_a_single_recording_is_tested_in_sample_and_says_so(planar, recordings):
