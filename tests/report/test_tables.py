@@ -4,7 +4,6 @@ import pandas as pd
 import pytest
 
 from sidegan.report import tables
-from sidegan.report.style import seconds
 
 SETS = ["single long, 6 harmonics", "seeds", "seeds + vanilla"]
 KNOWN = {"success": 0.5, "condition": 100.0, "condition_valid": 90.0, "distance": 2.0, "nearest": 1.0}
@@ -23,9 +22,8 @@ def raw():
     frame = pd.DataFrame(rows, columns=["seed", "set", "repeat", "weighted", "joint", "nmse"])
     frame.nmse *= 1 + frame.repeat
     frame.loc[frame.weighted, "nmse"] = 77.0
-    return frame.assign(
-        training=0, duration=16.0, samples=321, condition=1234.5, covariance_norm=frame.repeat + 1.0
-    )
+    facts = {"training": 0, "duration": 16.0, "samples": 321, "condition": 1234.5}
+    return frame.assign(**facts, covariance_norm=frame.repeat + 1.0)
 
 
 def test_sets_follow_the_papers_order_unknown_ones_last():
@@ -67,32 +65,12 @@ def test_set_facts_are_averaged(raw):
 
 def test_generators_show_known_values():
     eigen = KNOWN | {"name": "eigen", "valid_share": 0.9, "gain": 12.3456, "rank_uncentred": None}
-    seeds = {
-        "name": "seeds",
-        "valid": 1.0,
-        "condition": 80.0,
-        "distance": 3.0,
-        "told_apart": 0.5,
-        "gain": 1.0,
-    }
-    rows = [
-        seeds | {"rank_uncentred": 5.0},
-        eigen,
-        eigen | {"condition": 300.0},
-        seeds | {"name": "search-40"},
-    ]
-    frame = pd.DataFrame(rows)
+    seeds = {"name": "seeds", "valid": 1.0, "condition": 80.0, "distance": 3.0, "rank_uncentred": 5.0}
+    seeds |= {"told_apart": 0.5, "gain": 1.0}
+    frame = pd.DataFrame([seeds, eigen, eigen | {"condition": 300.0}, seeds | {"name": "search-40"}])
     table = tables.generators(frame)
     assert list(table.index) == ["search-40", "seeds", "eigen"]
     assert table.loc["eigen"].tolist()[:4] == ["0.9 ± 0", "200 ± 140", "90 ± 0", "12.3 ± 0"]
     assert table.loc["eigen"].tolist()[-1] == "—"
     assert table.loc["seeds"].tolist() == ["1", "80", "80", "1", "3", "5"]
     assert tables.likeness(frame)[tables.LIKENESS["told_apart"]].tolist() == ["0.5", "0.5", "—"]
-
-
-DURATIONS = {4e-5: "40 µs", 1.4e-3: "1.4 ms", 2: "2 s", 360: "6 min", 14 * 3600: "14 h"}
-
-
-@pytest.mark.parametrize(("duration", "expected"), DURATIONS.items())
-def test_durations_are_formatted_for_people(duration, expected):
-    assert seconds(duration) == expected

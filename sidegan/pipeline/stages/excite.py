@@ -81,8 +81,10 @@ def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Track
     rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="quantity"))
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
-    planned = ", at full speed" if _slow(run) else ""
-    return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, given {of}"
+    planned = ", executed with and without the tool" if aim.purpose.goal.runs > 1 else ""
+    planned += ", at full speed" if _slow(run) else ""
+    left = plain(100 * aim.left, ".2g")
+    return f"with the set the expected deviations fall to {left}% (geometric mean){planned}, given {of}"
 
 
 def _slow(run: RunContext) -> str:
