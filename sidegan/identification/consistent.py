@@ -14,7 +14,7 @@ from sidegan.errors import InfeasibleError
 from sidegan.identification.fit import LEAST, Fit, Gathered, reweighted, torque_errors
 from sidegan.identification.model import TorqueModel, scales
 from sidegan.identification.sums import rows_of, solve
-from sidegan.robot import Arm, possible_links
+from sidegan.robot import possible_links
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ def pulled(
     Links and terms are in ``TorqueModel.standard_names``' order, (F,).
     """
     rows, right = rows_of(information, moment)
-    unit = _units(model.arm)
+    mass, length = scales(model.arm)
+    unit = np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
     signed = [model.standard_slice(name) for name in model.kinds if name != "offset"]
     pull = Pull(unit, _scaled(possible_links(model.arm), unit), np.full(model.joints, strength or 1.0))
     found = most_likely(rows @ model.mapping, right, pull, signed)
@@ -82,7 +83,7 @@ def pulled(
 class Pull(NamedTuple):
     """A penalty that pulls K bodies towards nominal ones."""
 
-    unit: Array  # D as in ``_units``, (K, 4)
+    unit: Array  # diagonals √m (l, l, l, 1) of D: D⁻¹ P D⁻¹ is a pseudo-inertia in typical units, (K, 4)
     nominal: Array  # pseudo-inertias in these units, (K, 4, 4)
     strength: Array  # weight of each body's penalty, (K,)
 
@@ -154,12 +155,6 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
     if not (np.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].reshape(-1, 10), unit)) > 0).all():
         raise InfeasibleError("the solver left a physically impossible link: a stronger pull may help")
     return found
-
-
-def _units(arm: Arm) -> Array:
-    """Diagonals √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
-    mass, length = scales(arm)
-    return np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
 
 
 def _scaled(links: Array, unit: Array) -> Array:

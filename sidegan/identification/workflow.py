@@ -3,10 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
-from sidegan.base.arrays import Array, geometric_mean
+from sidegan.base.arrays import geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import Estimate, Score, estimate, score
@@ -58,14 +59,14 @@ def identify_arm(
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
     noise = [is_noise(model, used.parameters, used.covariance, recordings) for recordings in sets]
-    judged = quality_of(
-        model,
-        estimates[settings.method],
-        held_out or samples,
+    judged = Quality(
+        arm=arm,
+        estimate=estimates[settings.method],
         train=trained[use],
         held_out=None if tested is trained else tested[use],
         where=where,
         noise=np.all(noise, 0),
+        **compared(model, estimates[settings.method], held_out or samples),
     )
     found = IdentifiedArm(
         model=model,
@@ -94,49 +95,28 @@ def cross_validated(
     return Score(nmse.mean(0), np.sqrt(np.square(rmse).mean(0)))
 
 
-def quality_of(
-    model: TorqueModel,
-    estimate: Estimate,
-    samples: list[Measurements],
-    *,
-    train: Score,
-    held_out: Score | None,
-    where: str,
-    noise: Array,
-) -> Quality:
-    """Quality of an estimate, from which its verdict follows.
+def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:
+    """Effects of an estimate's errors on torques, and errors of the description's links on samples.
 
-    ``samples`` are those of the validation, or else of the training; the description's links are tested on
-    them. The other arguments are as in ``Quality``.
+    As the fields of ``Quality``; friction, rotors and offsets are fitted to the description's links.
     """
     y = model.regressor(*model.usual_states())
     usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
     share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
     effect = share.max(0) * estimate.deviation
     weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
-    return Quality(
-        arm=model.arm,
-        estimate=estimate,
-        train=train,
-        held_out=held_out,
-        where=where,
-        nominal_score=score(model, _nominal_fit(model, estimate), samples),
-        torque_deviation=np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
-        usual=usual,
-        weak=tuple(estimate.names[i] for i in weak),
-        noise=noise,
-    )
-
-
-def _nominal_fit(model: TorqueModel, estimate: Estimate) -> Array:
-    """The description's link parameters with all other terms fitted, (P,)."""
     r = model.rigid
     nominal = model.nominal.copy()
     information, moment = estimate.sums.weighted(estimate.weights)
     rest = moment[r:] - information[r:, :r] @ nominal[:r]
     if len(rest):
         nominal[r:], _ = solve(information[r:, r:], rest, LEAST)
-    return nominal
+    return {
+        "nominal_score": score(model, nominal, samples),
+        "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
+        "usual": usual,
+        "weak": tuple(estimate.names[i] for i in weak),
+    }
 
 
 def preferred(method: str, errors: Mapping[str, Score]) -> str:

@@ -16,7 +16,8 @@ from sidegan.identification import (
     score,
 )
 from sidegan.identification.settings import GoalSettings, StudySettings
-from sidegan.identification.workflow import identify_arm, quality_of
+from sidegan.identification.verdict import Quality
+from sidegan.identification.workflow import compared, identify_arm
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import moved, of_file
@@ -88,11 +89,9 @@ def judged(model, found, data, validation=None):
     """Quality of an estimate from data, on measurements that were held out, where nothing is noise."""
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
-    noise = np.zeros(model.joints, dtype=bool)
-    where = "validation data"
-    return quality_of(
-        model, found, validation or [data], train=train, held_out=tested, where=where, noise=noise
-    )
+    given = {"train": train, "held_out": tested, "where": "validation data"}
+    given |= {"noise": np.zeros(model.joints, dtype=bool), **compared(model, found, validation or [data])}
+    return Quality(arm=model.arm, estimate=found, **given)
 
 
 class Fixed:
