@@ -170,7 +170,7 @@ def _changes(
     arm, count, recordings = found.model.arm, found.model.count, found.recordings
     data = [gather(extended, measurements_of([recording])) for recording in recordings]
     same = [_only(x.sums, count) for x in data]
-    # the data cannot say which of two recordings it is: the second
+    # the data cannot say which of two recordings it is: the second is named, and of one none
     for k in range(1 if len(data) < 3 else 0, len(data)):
         sums = reduce(Sums.plus, [*same[:k], data[k].sums, *same[k + 1 :]])
         fit = reweighted(sums)
