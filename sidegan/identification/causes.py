@@ -7,6 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate, score, shown
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
@@ -46,8 +47,12 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
     faults = [Finding(USABLE, f"{x.name}: {text}") for x in found.recordings for text in x.faults]
-    if unexplained and (change := change_between(found)):
-        return [Finding(USABLE, change), *faults, *repairs], False
+    if unexplained:
+        because = change_between(found)
+        if not (because or faults):  # which look like disturbances
+            because = disturbances(found)
+        if because:
+            return [*(Finding(USABLE, text) for text in because), *faults, *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     if exchanged:

@@ -143,8 +143,8 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
     return turned(found) if np.linalg.norm(found) > _NOTABLE_TILT and better else None
 
 
-def change_between(found: IdentifiedArm) -> str | None:
-    """Remark on a recording whose load or friction differs, if that explains most of the residuals."""
+def change_between(found: IdentifiedArm) -> list[str]:
+    """A remark on a recording whose load or friction differs, if that explains most of the residuals."""
     model = found.model
     plain = gather(model, measurements_of(found.recordings)).sums
     before = np.maximum(plain.squares(reweighted(plain).parameters), _TINY)
@@ -157,7 +157,7 @@ def change_between(found: IdentifiedArm) -> str | None:
             return np.concatenate([x[..., None] * np.eye(model.joints) for x in signals], 2)
 
         changes += _changes(found, Extended(model, 2 * model.joints, columns), before, load=False)
-    return min(changes)[1] if changes else None
+    return [remark for _, remark in sorted(changes)[:1]]
 
 
 def _changes(

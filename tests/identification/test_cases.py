@@ -64,6 +64,18 @@ def swapped(made):
 
 
 @of_torques
+def touching(made):
+    """A push for a second, in the middle."""
+    pushed = np.abs(made.time - 6.5) < 0.5
+    return made.torque + 10.0 * pushed[:, None] * [0, 1, 1, 1, 1, 0, 0]
+
+
+@of_torques
+def drifting(made):
+    return made.torque + np.outer(made.time, [0, 0, 0, 1.0, 0, 0, 0])
+
+
+@of_torques
 def of_motors(made):
     """Torques that accelerate rotors too, which the model of joint torques lacks."""
     rotors = np.array([3.0, 3, 2, 2, 0.5, 0.5, 0.2])
@@ -81,6 +93,8 @@ def colder(made):
 
 
 OFF = "^the encoder zero looks off: joint_2 by \\+0\\.3 rad"
+TOUCHED = r"^from 6\.\S+ s to 7\S* s of changed the residual of .*joint_3.* did the arm touch something"
+DRIFTS = r"^through changed the torque drifts, of joint_4 by 1[45] N·m or N: does a sensor warm up"
 # What is made of both recordings, the verdict, and its first reason.
 CASES = [
     (None, GOOD, "the description is right"),
@@ -94,6 +108,8 @@ CASES = [
     (scaled(*[1] * 6, -1), BAD, r"^the friction of joint_7 would drive .* \(recording.reverse=\[joint_7\]\)"),
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
+    (touching, BAD, TOUCHED),
+    (drifting, USABLE, DRIFTS),
     (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
     (zeros(0, 0.3, 0, 0, 0, 0, 0), BAD, OFF + r"; .* be 0\.000\d+ instead of 0\.0"),
     (zeros(0, 0.3, 0, -0.2, 0, 0, 0), BAD, OFF + r", joint_4 by -0\.2\d* rad; "),
