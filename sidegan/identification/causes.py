@@ -1,6 +1,7 @@
 """Causes of a model's misfit: faults found when checking the recordings, and faults that would explain it."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,17 +14,18 @@ from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.refits import change_between, moved, shifted_zeros, tilted_gravity
 from sidegan.identification.sums import scaled_inverse
-from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
+from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of, to_reverse
 from sidegan.robot import Arm
 
 _ROUNDING = 1e-10
 _EXPLAINED = 0.5  # share of the error that may remain if rotors are to explain it
-_SURE = 5.0  # standard deviations below zero at which friction drives the motion
+_SURE = 5.0  # standard deviations from zero at which negative friction or an offset is significant
 _CLEAR = 3.0  # standard deviations from one at which a torque scale is, if the description agrees
 _ALIKE = 0.98  # correlation with the description's torque that counts as agreement
 _SCALE = 0.03  # smallest scale error of a joint's torque that is reported
+_OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # smallest offset reported: share of the usual torque, and of its limit
 _MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
 _NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 
@@ -83,7 +85,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, found.links) if identifiable[finding.joint]]
-    return [*causes, *repairs], gravity is not None
+    return [*causes, *repairs, *_offsets(found)], gravity is not None
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
@@ -173,6 +175,24 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> str:
         "torques and the description imply: wrong gain or unit? (robot.gains, or divide the column by this "
         "factor)"
     )
+
+
+def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
+    """Large torque offsets: the model includes them, but a tared sensor has none."""
+    chosen, arm = found.chosen, found.model.arm
+    for name, value, deviation in zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist()):
+        if not name.startswith("fo"):
+            continue
+        j = joint_of(name)
+        usual, limit = found.quality.usual[j], arm.torque_limit[j]
+        least = max(_OFFSET * usual, _SURE * deviation, _OFFSET_LIMIT * limit if math.isfinite(limit) else 0)
+        if abs(value) > least:
+            unit = "N" if arm.prismatic[j] else "N·m"
+            text = (
+                f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, for a usual torque of "
+                f"{usual:.2g} {unit}: the model includes it, but was the sensor tared?"
+            )
+            yield Finding(GOOD, text, j)
 
 
 def implausible_mass(found: float, described: float) -> list[Finding]:

@@ -64,6 +64,11 @@ def swapped(made):
 
 
 @of_torques
+def offset(made):
+    return made.torque + np.array([0, 0, 9.0, 0, 0, 0, 0])
+
+
+@of_torques
 def touching(made):
     """A push for a second, in the middle."""
     pushed = np.abs(made.time - 6.5) < 0.5
@@ -108,6 +113,7 @@ CASES = [
     (scaled(*[1] * 6, -1), BAD, r"^the friction of joint_7 would drive .* \(recording.reverse=\[joint_7\]\)"),
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
+    (offset, GOOD, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
     (touching, BAD, TOUCHED),
     (drifting, USABLE, DRIFTS),
     (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
