@@ -91,7 +91,7 @@ def estimate(
 
 
 class Score(NamedTuple):
-    """Errors of predicted torques of each joint, (J,)."""
+    """Errors of predicted torques of each joint, (J,), or of each recording and joint, (K, J)."""
 
     nmse: Array  # mean((τ − τ̂)²) / var(τ); predicting the mean gives 1
     rmse: Array  # root mean square of τ − τ̂ [N·m or N]
@@ -100,6 +100,11 @@ class Score(NamedTuple):
     def nmse_mean(self) -> float:
         """Mean over joints."""
         return float(self.nmse.mean())
+
+    @property
+    def pooled(self) -> "Score":
+        """Errors over all K recordings, (J,)."""
+        return Score(self.nmse.mean(0), np.sqrt(np.square(self.rmse).mean(0)))
 
 
 def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score:

@@ -46,6 +46,7 @@ class Quality:
     train: Score  # training errors
     held_out: Score | None  # errors on the validation, or else on each recording by the others
     where: str  # data that the errors which count are on
+    folds: Score | None  # of each recording predicted from the others; None if not computed
     nominal_score: Score  # of the description's links with fitted friction, on the same samples
     torque_deviation: Array  # standard deviation of predicted torques, relative to the usual torque, (J,)
     usual: Array  # usual torque: root mean square within the limits [N·m or N], (J,)
@@ -101,7 +102,7 @@ class Quality:
 
     def mean(self, errors: Score) -> float:
         """Mean nMSE over the joints above their noise."""
-        return float(errors.nmse[~self.drowned].mean())
+        return float(errors.nmse[..., ~self.drowned].mean())
 
     @property
     def judged(self) -> Score:
@@ -126,6 +127,10 @@ def _held_out(quality: Quality) -> Iterator[Finding]:
     if quality.described and not quality.faulty and error > _GOOD_NMSE:
         text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
         yield Finding(USABLE, text)
+    if quality.folds and quality.mean(quality.folds) > _GOOD_NMSE:
+        errors = quality.folds.nmse[:, ~quality.drowned].mean(1)
+        bad = f"recording {errors.argmax() + 1} is predicted by the others with mean nMSE {errors.max():.3f}"
+        yield Finding(USABLE, bad)
 
 
 def _misfits(quality: Quality) -> Iterator[Finding]:

@@ -47,6 +47,7 @@ def identify_arm(
     trained = {method: score(model, fit.parameters, samples) for method, fit in estimates.items()}
     kind, where = "in sample: nothing was held out", "training data"
     tested = trained
+    turns: dict[str, Score] = {}
     if held_out:
         kind, where = "held out", "validation data"
         tested = {method: score(model, fit.parameters, held_out) for method, fit in estimates.items()}
@@ -54,7 +55,8 @@ def identify_arm(
         kind = f"each of {len(training)} recordings, predicted from the others"
         where = "each recording by the others"
         each = [measurements_of([recording]) for recording in training]
-        tested = {method: cross_validated(method, model, each, strength) for method in estimates}
+        turns = {method: cross_validated(method, model, each, strength) for method in estimates}
+        tested = {method: errors.pooled for method, errors in turns.items()}
     use = CONSISTENT if tested is trained else preferred(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
@@ -65,6 +67,7 @@ def identify_arm(
         train=trained[use],
         held_out=None if tested is trained else tested[use],
         where=where,
+        folds=turns.get(use),
         noise=np.all(noise, 0),
         **compared(model, estimates[settings.method], held_out or samples),
     )
@@ -86,13 +89,12 @@ def identify_arm(
 def cross_validated(
     method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
 ) -> Score:
-    """Errors, (J,), of predicting each recording with the model identified from the others, over all."""
+    """Errors, (K, J), of predicting each of K recordings with the model identified from the others."""
     rows = []
     for k, held_out in enumerate(recordings):
         others = chain(*recordings[:k], *recordings[k + 1 :])
         rows.append(score(model, estimate(method, model, others, strength).parameters, held_out))
-    nmse, rmse = (np.stack(column) for column in zip(*rows))
-    return Score(nmse.mean(0), np.sqrt(np.square(rmse).mean(0)))
+    return Score(*(np.stack(column) for column in zip(*rows)))
 
 
 def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:

@@ -89,7 +89,7 @@ def judged(model, found, data, validation=None):
     """Quality of an estimate from data, on measurements that were held out, where nothing is noise."""
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
-    given = {"train": train, "held_out": tested, "where": "validation data"}
+    given = {"train": train, "held_out": tested, "where": "validation data", "folds": None}
     given |= {"noise": np.zeros(model.joints, dtype=bool), **compared(model, found, validation or [data])}
     return Quality(arm=model.arm, estimate=found, **given)
 

@@ -42,7 +42,8 @@ class TestScore:
             parameters = estimate("weighted", model, recordings[:k] + recordings[k + 1 :]).parameters
             each.append(score(model, parameters, held_out).nmse)
         found = cross_validated("weighted", model, [[recording] for recording in recordings])
-        np.testing.assert_allclose(found.nmse, np.mean(each, 0))
+        np.testing.assert_allclose(found.nmse, each)
+        np.testing.assert_allclose(found.pooled.nmse, np.mean(each, 0))
 
 
 def test_an_arm_at_rest_identifies_nothing(good):
@@ -77,6 +78,11 @@ def flawless(good):
 
 def errors(*nmse, train=1.0):
     return {"held_out": score_of(*nmse), "train": score_of(*(train * x for x in nmse))}
+
+
+def folded(*means):
+    """Errors of recordings by the others."""
+    return {"folds": Score(np.array([[x, x] for x in means]), np.ones((len(means), 2)))}
 
 
 def uncertain(*shares):
@@ -120,6 +126,8 @@ BOUNDARIES = [
     (errors(0.0099, 0.0099, train=1e-3), GOOD, ""),  # both are good
     ({"held_out": None}, USABLE, "^no recording was held out"),
     ({"where": "each recording by the others"}, GOOD, "^mean nMSE 0.0100 on each recording by the others"),
+    (folded(0.01, 0.01), GOOD, "no predicted by the others"),
+    (folded(0.01, 0.05), USABLE, "^recording 2 is predicted by the others with mean nMSE 0.05"),
     ({"nominal_score": score_of(0.011, 0.011)}, GOOD, "no the description is right"),
     ({"nominal_score": score_of(0.009, 0.009)}, GOOD, "the description is right"),
     (errors(0.04, 0.04) | {"nominal_score": score_of(0.041, 0.041)}, USABLE, "no " + NOMINAL),
@@ -176,6 +184,7 @@ def test_without_validation_recordings_are_cross_validated(planar, recordings):
     assert result.kind == "each of 3 recordings, predicted from the others"
     assert result.tested["weighted"].nmse.mean() < 2e-3
     assert result.quality.held_out is result.tested["consistent"]
+    assert result.quality.folds is not None
 
 
 def test_a_single_recording_is_tested_in_sample_and_says_so(planar, recordings):
