@@ -1,8 +1,8 @@
 """Tables as files and on the terminal."""
 
 import re
-import shutil
 import sys
+from collections.abc import Hashable, Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
 
@@ -11,6 +11,8 @@ import pandas as pd
 from sidegan.base.storage import write_bytes
 
 _NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells that are aligned on the right
+_LONGEST = 20  # letters of a word that a narrow table does not break
+_FRAME = 3  # letters of a column's frame and padding; a row has one more
 _PRINTED = 150  # letters of a line in a file or a pipe
 
 
@@ -56,9 +58,47 @@ def show(table: pd.DataFrame, caption: str) -> None:
 
     A table wider than the terminal is printed in parts, each with the rows' names.
     """
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else _PRINTED
-    cells = _cells(table).map(lambda cell: " ".join(cell.split()))
-    sys.stdout.write(f"{caption}\n{cells.to_string(line_width=width)}\n\n")
+    from rich.console import Console
+    from rich.table import Table
+
+    width = None if sys.stdout.isatty() else _PRINTED
+    console = Console(file=sys.stdout, width=width, markup=False)  # "[s]" is a unit, not a style
+    console.print(caption, style="bold", soft_wrap=True, highlight=False)  # paths stay whole
+    names = table.index.nlevels
+    rows = _cells(table.reset_index())
+    for widths in _parts(rows, names, console.width):
+        drawn = Table()
+        for i, wide in widths.items():
+            name = str(rows.columns[i])
+            drawn.add_column(name, justify="left" if i < names else "right", width=wide, overflow="fold")
+        for row in rows.iloc[:, list(widths)].to_numpy().tolist():
+            drawn.add_row(*row)
+        console.print(drawn)
+
+
+def _parts(rows: pd.DataFrame, names: int, width: int) -> Iterator[dict[int, int]]:
+    """Columns of each part of a table, and their widths, to fit a terminal; names are in every part."""
+    least, most = zip(*(_letters(name, rows[name]) for name in rows))
+    left = [*range(names, len(most))]
+    while left:
+        shown = [*range(names), left.pop(0)]
+        while left and sum(least[i] + _FRAME for i in [*shown, left[0]]) < width:
+            shown.append(left.pop(0))
+        widths = {i: most[i] for i in shown}
+        while sum(wide + _FRAME for wide in widths.values()) >= width:
+            widest = max(shown, key=lambda i: widths[i] - least[i])
+            if widths[widest] == least[widest]:
+                break
+            widths[widest] -= 1
+        yield widths
+
+
+def _letters(name: Hashable, cells: Iterable[str]) -> tuple[int, int]:
+    """Letters that a column needs, with and without line breaks; numbers with their spread have none."""
+    texts = [line for text in (str(name), *cells) for line in text.splitlines()]
+    words = [word for text in texts for word in ([text] if _NUMBER.fullmatch(text) else text.split())]
+    longest, whole = (max(map(len, x), default=0) for x in (words, texts))
+    return min(_LONGEST, longest), whole
 
 
 def read_tables(text: str) -> list[pd.DataFrame]:

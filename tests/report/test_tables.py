@@ -142,12 +142,15 @@ def test_a_table_is_printed_in_full(capsys):
     assert not err and "\x1b" not in out
 
 
-def test_a_wide_table_is_printed_in_parts_with_the_rows_names(capsys):
-    cells = {f"column of set {k}": ["1.234 ± 0.56", f"word\n{k}"] for k in range(12)}
+def test_a_wide_table_is_printed_in_parts_with_whole_numbers_and_words(capsys):
+    cells = {f"column of set {k}": ["1.234 ± 0.56", f"word {k} " * 9] for k in range(12)}
     show(pd.DataFrame(cells, index=pd.Index(["first-row", "second-row"], name="name")), "Wide")
-    lines = capsys.readouterr().out.splitlines()
-    assert max(map(len, lines)) <= 150
+    lines = capsys.readouterr().out.splitlines()[1:]
+    assert max(map(len, lines)) <= 150 and all(
+        line[0] + line[-1] in ("┏┓", "┃┃", "┡┩", "││", "└┘") for line in lines
+    )
     parts = sum("first-row" in line for line in lines)
     assert parts > 1 and sum("second-row" in line for line in lines) == parts
-    text = "\n".join(lines)
-    assert text.count("1.234 ± 0.56") == 12 and all(f"word {k}" in text for k in range(12))
+    words = " ".join(lines).split()
+    assert words.count("±") == 12 and words.count("1.234") == words.count("0.56") == 12
+    assert {f"{k}" for k in range(12)} <= {*words}
