@@ -17,8 +17,7 @@ from sidegan.base.threads import one_thread
 from sidegan.design.problem import Problem
 from sidegan.design.selection import Selection, choose
 from sidegan.identification import RIGID, Measurements, TorqueModel
-from sidegan.identification.fit import least_squares
-from sidegan.identification.gather import gather
+from sidegan.identification.fit import gather, least_squares
 from sidegan.library.draw import Expansion, draw_valid
 from sidegan.library.measure import measured
 from sidegan.motion.dynamics import gram

@@ -22,8 +22,7 @@ from sidegan.gan.scaling import Scaling
 from sidegan.gan.tensors import tensor
 from sidegan.gan.training import Run, train
 from sidegan.identification import RIGID, Measurements, TorqueModel
-from sidegan.identification.fit import least_squares
-from sidegan.identification.gather import gather
+from sidegan.identification.fit import gather, least_squares
 from sidegan.motion.dynamics import gram
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.pipeline.compose import composed

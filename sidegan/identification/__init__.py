@@ -1,9 +1,8 @@
 """Identify an arm's model and its uncertainty from simulated or recorded measurements."""
 
-from sidegan.identification.estimate import estimate
+from sidegan.identification.estimate import estimate, score
 from sidegan.identification.measurements import Measurements, Noise, disturbed, measure
 from sidegan.identification.model import FULL, RIGID, Terms, TorqueModel
-from sidegan.identification.score import score
 from sidegan.identification.settings import (
     EstimationSettings,
     GoalSettings,

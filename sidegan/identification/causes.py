@@ -1,5 +1,6 @@
 """Causes of a model's misfit: faults found when checking the recordings, and faults that would explain it."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -7,35 +8,26 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.identification.changed import change_in
 from sidegan.identification.disturbances import disturbances
-from sidegan.identification.estimate import estimate
+from sidegan.identification.estimate import estimate, score, shown
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.score import score, shown
+from sidegan.identification.refits import change_between, moved, shifted_zeros, tilted_gravity
 from sidegan.identification.sums import scaled_inverse
-from sidegan.identification.tilt import tilted_gravity
-from sidegan.identification.verdict import (
-    BAD,
-    GOOD,
-    USABLE,
-    Finding,
-    implausible_links,
-    implausible_mass,
-    joint_of,
-)
-from sidegan.identification.zeros import moved, shifted_zeros
+from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of, to_reverse
+from sidegan.robot import Arm
 
 _ROUNDING = 1e-10
-_EXPLAINED = 0.5  # share of the error that may remain if a fault in the recordings is to explain it
-_SURE = 5.0  # standard deviations from zero at which a mass or an offset is significant
+_EXPLAINED = 0.5  # share of the error that may remain if rotors are to explain it
+_SURE = 5.0  # standard deviations from zero at which negative friction or an offset is significant
 _CLEAR = 3.0  # standard deviations from one at which a torque scale is, if the description agrees
 _ALIKE = 0.98  # correlation with the description's torque that counts as agreement
 _SCALE = 0.03  # smallest scale error of a joint's torque that is reported
-_NOTABLE = 0.02  # smallest load that is reported, as a share of the arm's mass
 _OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # smallest offset reported: share of the usual torque, and of its limit
+_MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
+_NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 
 
 def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
@@ -43,40 +35,34 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
 
     A fault that would cause the others is reported alone.
     """
-    model = found.model
-    arm = found.model.arm
-    links = found.links
+    model, arm = found.model, found.model.arm
     unused: dict[str, str] = {}
     for recording in found.recordings[::-1]:  # reversed: the first recording's remark on a signal wins
         unused |= recording.remarks
     level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
     repairs = [Finding(level, text) for text in unused.values()]
-    segments = [segment for recording in found.training for segment in recording.segments]
-    agreement = agreement_of(model.body, segments)
+    agreement = agreement_of(model.body, [x for recording in found.training for x in recording.segments])
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     now = error = found.quality.judged.nmse_mean
     if gravity and (error := _error_with(found, agreement.load.gravity)) > now:
         gravity = None  # other faults look like it to the description, but not to a model
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
-    faults = [f"{x.name}: {text}" for x in found.recordings for text in x.faults]
+    faults = [Finding(USABLE, f"{x.name}: {text}") for x in found.recordings for text in x.faults]
     if unexplained:
-        because = change_in(found) or _odd_validation(found, agreement)
+        because = change_between(found)
         if not (because or faults):  # which look like disturbances
             because = disturbances(found)
         if because:
-            return [*(Finding(USABLE, text) for text in [*because, *faults]), *repairs], False
+            return [*(Finding(USABLE, text) for text in because), *faults, *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:
         return [Finding(USABLE, late[0]), *repairs], False
     if exchanged:
         return [Finding(BAD, exchanged), *repairs], False
-    causes = [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
-    driven = _driven_by_friction(found)
-    named = agreement.runs_against(driven=True) if against else np.zeros_like(driven)
-    if others := arm.named(driven & ~named):
-        causes.insert(0, Finding(BAD, _driven(others)))
-    if against:
-        causes.insert(0, Finding(BAD, against))
+    named = agreement.runs_against(driven=True) if against else np.zeros(arm.joints, dtype=bool)
+    reversals = [against, _driving_friction(found, named)]
+    causes = [Finding(BAD, text) for text in reversals if text]
+    causes += [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
     if not causes and unexplained:
         tilted = tilted_gravity(model, measurements_of(found.training))
         if tilted is not None and (error := _error_with(found, tilted)) < now:
@@ -85,34 +71,21 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if not causes and gravity is None and (shifted := _shifted(found)):
         causes.append(Finding(USABLE, shifted))
     if unexplained:
-        causes += [Finding(USABLE, text) for text in faults]
+        causes += faults
     if not causes and gravity is None and not faults:
-        remarks = _odd_scale(found, agreement)
-        if not remarks and found.quality.verdict != GOOD:
-            remarks = _rotors(found)
-        causes += [Finding(USABLE, text) for text in remarks]
-    identifiable = (model.mapping[:, : links.size : links.shape[1]] != 0).any(0)  # masses of links, (J,)
+        remark = _odd_scale(found, agreement)
+        if not remark and found.quality.verdict != GOOD:
+            remark = _rotors(found)
+        causes += [Finding(USABLE, remark)] if remark else []
+    identifiable = (model.mapping[:, : 10 * arm.joints : 10] != 0).any(0)  # masses of links, (J,)
     if not causes:
-        masses = (float(x[identifiable, 0].sum()) for x in (links, arm.inertial_parameters))
+        masses = (float(x[identifiable, 0].sum()) for x in (found.links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
     if gravity is not None:
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
-    causes += [finding for finding in implausible_links(arm, links) if identifiable[finding.joint]]
+    causes += [finding for finding in implausible_links(arm, found.links) if identifiable[finding.joint]]
     return [*causes, *repairs, *_offsets(found)], gravity is not None
-
-
-def _odd_validation(found: IdentifiedArm, training: Agreement) -> list[str]:
-    """A contradiction between the description and a validation recording, where training has none."""
-    arm = found.model.arm
-
-    def contradictions(agreement: Agreement) -> list[str]:
-        texts = [agreement.exchanged(arm), agreement.gravity(arm), agreement.reversed(arm)]
-        return [*filter(None, texts), *agreement.doubts(arm)]
-
-    if contradictions(training):
-        return []
-    return [f"{x.name}: {text}" for x in found.validation for text in contradictions(x.agreement)][:1]
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
@@ -144,46 +117,42 @@ def _shifted(found: IdentifiedArm) -> str:
     )
 
 
-def _rotors(found: IdentifiedArm) -> list[str]:
-    """Remark that rotor inertias, which the model lacks, explain most of the misfit."""
+def _rotors(found: IdentifiedArm) -> str:
+    """Remark that rotor inertias, which the model lacks, explain most of the misfit; empty if not."""
     terms = found.model.terms
     now = found.quality.mean(found.quality.judged)
     if terms.rotor_inertia:
-        return []
+        return ""
     error = _error_of(found, TorqueModel(found.model.body, replace(terms, rotor_inertia=True)))
     if error >= _EXPLAINED * now:
-        return []
-    return [
+        return ""
+    return (
         f"rotors explain the residuals: with model=motor_current the mean nMSE is {shown(error)} "
         f"instead of {shown(now)}; are these torques measured at the motors?"
-    ]
+    )
 
 
-def _driven_by_friction(found: IdentifiedArm) -> Array:
-    """Whether each joint's friction of both kinds is clearly negative, (J,)."""
+def _driving_friction(found: IdentifiedArm, named: Array) -> str:
+    """Remark on joints, other than the named ones, (J,), whose friction of both kinds is clearly negative."""
     chosen = found.chosen
     clear = chosen.parameters < -_SURE * chosen.deviation
     negative = {name for name, x in zip(chosen.names, clear.tolist()) if x}
-    return np.array([{f"fv{j}", f"fc{j}"} <= negative for j in range(1, found.model.joints + 1)])
-
-
-def _driven(names: str) -> str:
-    """Remark on joints with such friction."""
-    return (
+    driven = [{f"fv{j}", f"fc{j}"} <= negative for j in range(1, found.model.joints + 1)]
+    names = found.model.arm.named(np.array(driven) & ~named)
+    return names and (
         f"the friction of {names} would drive the motion: is the sign of the torque reversed? "
         f"{to_reverse(names)}"
     )
 
 
-def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
+def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> str:
     """Remark on the joint whose torque is scaled differently from the others', by parameters they share.
 
     If two joints disagree, either torque may be wrong: the description decides. It is not enough on its own,
     since its masses may be wrong.
     """
     chosen = found.chosen
-    arm = found.model.arm
-    sums = found.chosen.sums
+    sums = chosen.sums
     squares = np.square(chosen.weights)
     moments = squares[:, None] * sums.moment
     turned = moments @ scaled_inverse(sums.weighted(chosen.weights)[0], _ROUNDING)
@@ -199,28 +168,54 @@ def _odd_scale(found: IdentifiedArm, agreement: Agreement) -> list[str]:
     as_described = (np.abs(scale - agreement.load.scale) < _SCALE) & (agreement.sign > _ALIKE)
     odd = (off > np.maximum(_CLEAR * deviation, _SCALE)) & as_described
     if not odd.any():
-        return []
+        return ""
     j = int(np.where(odd, off, 0.0).argmax())
-    return [
-        f"the torque of {arm.joint_names[j]} is {scale[j]:.2f} times what the other joints' torques and "
-        "the description imply: wrong gain or unit? (robot.gains, or divide the column by this factor)"
-    ]
+    return (
+        f"the torque of {found.model.arm.joint_names[j]} is {scale[j]:.2f} times what the other joints' "
+        "torques and the description imply: wrong gain or unit? (robot.gains, or divide the column by this "
+        "factor)"
+    )
 
 
 def _offsets(found: IdentifiedArm) -> Iterator[Finding]:
     """Large torque offsets: the model includes them, but a tared sensor has none."""
-    chosen = found.chosen
-    arm = found.model.arm
-    limits = np.where(np.isfinite(arm.torque_limit), arm.torque_limit, 0.0)
+    chosen, arm = found.chosen, found.model.arm
     for name, value, deviation in zip(chosen.names, chosen.parameters.tolist(), chosen.deviation.tolist()):
         if not name.startswith("fo"):
             continue
         j = joint_of(name)
-        usual = found.quality.usual[j]
-        unit = "N" if arm.prismatic[j] else "N·m"
-        if abs(value) > max(_OFFSET * usual, _OFFSET_LIMIT * limits[j], _SURE * deviation):
+        usual, limit = found.quality.usual[j], arm.torque_limit[j]
+        least = max(_OFFSET * usual, _SURE * deviation, _OFFSET_LIMIT * limit if math.isfinite(limit) else 0)
+        if abs(value) > least:
+            unit = "N" if arm.prismatic[j] else "N·m"
             text = (
                 f"its torque has an offset of {value:.2g} ± {deviation:.1g} {unit}, for a usual torque of "
                 f"{usual:.2g} {unit}: the model includes it, but was the sensor tared?"
             )
             yield Finding(GOOD, text, j)
+
+
+def implausible_mass(found: float, described: float) -> list[Finding]:
+    """Finding on a total mass [kg] of a different order of magnitude than the description's."""
+    if not described > 0 or described / _MASSES <= found <= described * _MASSES:
+        return []
+    units = "recording.units.torque or recording.units.current, robot.gains"
+    text = f"the links weigh {found:.3g} kg, {described:.3g} kg in the description"
+    return [Finding(USABLE, f"{text}: are the torques in another unit? ({units})")]
+
+
+def implausible_links(arm: Arm, links: Array) -> list[Finding]:
+    """Findings on links (J, 10) with an implausible mass or centre of mass."""
+    described = arm.inertial_parameters[:, 0]
+    whole = described.sum()
+    reach = np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
+    found = []
+    for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
+        away = math.hypot(*moment) / mass if mass > 0 else 0.0
+        if mass > max(_MASSES * described[j], whole) > 0:
+            text = f"{arm.link_names[j]} weighs {mass:.3g} kg, {described[j]:.3g} kg in the description"
+            found.append(Finding(USABLE, text, j))
+        if away > reach > 0 and mass > _NOTABLE * whole:
+            text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m away, beyond the arm's reach"
+            found.append(Finding(BAD, text, j))
+    return found

@@ -11,12 +11,10 @@ import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
 from sidegan.errors import InfeasibleError
-from sidegan.identification.fit import LEAST, Fit, reweighted, torque_errors
-from sidegan.identification.gather import Gathered
-from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import scales
+from sidegan.identification.fit import LEAST, Fit, Gathered, reweighted, torque_errors
+from sidegan.identification.model import TorqueModel, scales
 from sidegan.identification.sums import rows_of, solve
-from sidegan.robot import Arm, possible_links
+from sidegan.robot import possible_links
 from sidegan.robot.consistency import FROM_PSEUDO_INERTIA, pseudo_inertia
 
 if TYPE_CHECKING:
@@ -32,7 +30,7 @@ _BELIEVED = 1.0  # parameters' worth of prior belief that a link's strength is t
 _OBJECTIVE_SCALES = (1e-2, 1e-4, 1.0, 1e-6, 1e-8)
 
 
-def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fit:
+def consistent(model: TorqueModel, data: Gathered, strength: float | None = None) -> Fit:
     """The most likely physically consistent parameters; links and terms are in ``standard``.
 
     min over links' pseudo-inertias P_i and terms x of ½ θᵀ A θ − bᵀ θ + Σ strength_i d(P_i, P_i⁰) with θ the
@@ -41,6 +39,7 @@ def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fi
     counts the pull's second derivative as information; it neglects the bounds, which would only reduce it.
 
     Args:
+        model: the model to fit.
         data: the samples.
         strength: weight of the pull relative to the log-likelihood of the samples; it decides the parameters
             that no motion identifies. None: the most probable strength of each link, which pulls a link less
@@ -49,9 +48,8 @@ def consistent(data: Gathered[TorqueModel], strength: float | None = None) -> Fi
     Source: Wensing et al. 2018; Sousa, Cortesão 2014; Lee, Wensing, Park 2020, Geometric robot dynamic
     identification: a convex programming approach, eq. 22.
     """
-    model = data.model
     first = reweighted(data.sums)
-    errors = torque_errors(data, first)
+    errors = torque_errors(model, data, first)
     weights = first.weights / np.sqrt(errors.inflation)  # as independent samples, to compare with the pull
     information, moment = data.sums.weighted(weights)
     standard, pull = pulled(model, information, moment, strength)
@@ -68,7 +66,8 @@ def pulled(
     Links and terms are in ``TorqueModel.standard_names``' order, (F,).
     """
     rows, right = rows_of(information, moment)
-    unit = _units(model.arm)
+    mass, length = scales(model.arm)
+    unit = np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
     signed = [model.standard_slice(name) for name in model.kinds if name != "offset"]
     pull = Pull(unit, _scaled(possible_links(model.arm), unit), np.full(model.joints, strength or 1.0))
     found = most_likely(rows @ model.mapping, right, pull, signed)
@@ -84,7 +83,7 @@ def pulled(
 class Pull(NamedTuple):
     """A penalty that pulls K bodies towards nominal ones."""
 
-    unit: Array  # D as in ``_units``, (K, 4)
+    unit: Array  # diagonals √m (l, l, l, 1) of D: D⁻¹ P D⁻¹ is a pseudo-inertia in typical units, (K, 4)
     nominal: Array  # pseudo-inertias in these units, (K, 4, 4)
     strength: Array  # weight of each body's penalty, (K,)
 
@@ -156,12 +155,6 @@ def most_likely(rows: Array, right: Array, pull: Pull, signed: Sequence[slice] =
     if not (np.linalg.eigvalsh(_scaled(found[: 10 * len(bodies)].reshape(-1, 10), unit)) > 0).all():
         raise InfeasibleError("the solver left a physically impossible link: a stronger pull may help")
     return found
-
-
-def _units(arm: Arm) -> Array:
-    """Diagonals √m (l, l, l, 1) of D, (J, 4): D⁻¹ P D⁻¹ is a pseudo-inertia in its link's typical units."""
-    mass, length = scales(arm)
-    return np.sqrt(mass)[:, None] * np.stack([length, length, length, np.ones_like(length)], 1)
 
 
 def _scaled(links: Array, unit: Array) -> Array:

@@ -1,23 +1,35 @@
-"""Estimate a model's parameters and their errors from measurements, by a named method."""
+"""Estimate a model's parameters from measurements by a named method, and score the torques they predict."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.errors import ConfigError
+from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification.consistent import consistent
-from sidegan.identification.fit import Fit, covariance_of, least_squares, reweighted, torque_errors
-from sidegan.identification.gather import Gathered, Reach, gather
-from sidegan.identification.measurements import Samples
+from sidegan.identification.fit import (
+    Fit,
+    Gathered,
+    covariance_of,
+    gather,
+    least_squares,
+    residual_of,
+    reweighted,
+    torque_errors,
+)
+from sidegan.identification.measurements import Samples, pieces
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.sums import Sums, condition
 
+_CONSTANT = 1e-12  # of the largest torque: a smaller deviation is rounding, not a signal
+_LEAST_SHOWN = 1e-3  # smallest error with four decimals
+
 # Fit of samples, with the strength of the pull towards the description for methods that have one.
-METHODS: dict[str, Callable[[Gathered[TorqueModel], float | None], Fit]] = {
-    "ols": lambda data, _: least_squares(data.sums),
-    "weighted": lambda data, _: reweighted(data.sums),
+METHODS: dict[str, Callable[[TorqueModel, Gathered, float | None], Fit]] = {
+    "ols": lambda _model, data, _strength: least_squares(data.sums),
+    "weighted": lambda _model, data, _strength: reweighted(data.sums),
     "consistent": consistent,
 }
 
@@ -34,7 +46,6 @@ class Estimate:
     inflation: Array  # samples per independent sample, (J,)
     condition: float  # of the weighted, scaled regressor; infinite if some direction is not excited
     samples: int  # number of samples, each of all joints
-    reach: Reach  # how far and how fast the joints moved
     sums: Sums  # over the samples; allow a fit with other weights
     standard: Array | None = None  # in ``TorqueModel.standard_names``' order, (F,); consistent method only
 
@@ -63,8 +74,8 @@ def estimate(
     if method not in METHODS:
         raise ConfigError(f"estimator is {method!r}, expected one of {', '.join(METHODS)}")
     data = gather(model, measurements)
-    fit = METHODS[method](data, strength)
-    errors = fit.errors or torque_errors(data, fit)
+    fit = METHODS[method](model, data, strength)
+    errors = fit.errors or torque_errors(model, data, fit)
     return Estimate(
         method=method,
         names=tuple(model.names),
@@ -74,7 +85,48 @@ def estimate(
         inflation=errors.inflation,
         condition=condition(data.sums.weighted(fit.weights)[0]),
         samples=int(data.sums.weight),
-        reach=data.reach,
         sums=data.sums,
         standard=fit.standard,
     )
+
+
+class Score(NamedTuple):
+    """Errors of predicted torques of each joint, (J,), or of each recording and joint, (K, J)."""
+
+    nmse: Array  # mean((τ − τ̂)²) / var(τ); predicting the mean gives 1
+    rmse: Array  # root mean square of τ − τ̂ [N·m or N]
+
+    @property
+    def nmse_mean(self) -> float:
+        """Mean over joints."""
+        return float(self.nmse.mean())
+
+    @property
+    def pooled(self) -> "Score":
+        """Errors over all K recordings, (J,)."""
+        return Score(self.nmse.mean(0), np.sqrt(np.square(self.rmse).mean(0)))
+
+
+def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score:
+    """Errors of the torques that parameters (P,) predict for measurements.
+
+    Raises:
+        ShapeError: when shapes do not fit the model, there are no samples, or a joint's torque is constant.
+    """
+    if parameters.shape != (len(model.names),):
+        raise ShapeError(f"parameters are {parameters.shape}, the model has {len(model.names)}")
+    parts = [(part.torque, residual_of(model, part, parameters)) for part in pieces(measurements)]
+    if not sum(len(torque) for torque, _ in parts):
+        raise ShapeError("there are no samples to test with")
+    torque, residual = (np.concatenate(x) for x in zip(*parts))
+    variance = torque.var(0)
+    squares = np.square(residual).mean(0)
+    constant = np.flatnonzero(np.sqrt(variance) <= _CONSTANT * np.abs(torque).max())
+    if len(constant):
+        raise ShapeError(f"the torque of joints {(constant + 1).tolist()} is constant: nMSE is not defined")
+    return Score(squares / variance, np.sqrt(squares))
+
+
+def shown(nmse: float) -> str:
+    """A mean nMSE as text: four decimals, or two significant digits if it is small."""
+    return f"{nmse:.4f}" if nmse >= _LEAST_SHOWN else f"{nmse:.2g}"

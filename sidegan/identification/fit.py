@@ -1,14 +1,15 @@
-"""Weighted least squares on sums, and the errors of its parameters."""
+"""Weighted least squares on sums over samples, and the errors of its parameters."""
 
-from collections.abc import Iterable
-from typing import NamedTuple
+from collections.abc import Callable, Iterable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.errors import ShapeError
-from sidegan.identification.gather import Gathered, Model, residual_of
-from sidegan.identification.sums import Sums, solve
+from sidegan.identification.measurements import Measurements, Samples, pieces
+from sidegan.identification.model import TorqueModel, torques_of
+from sidegan.identification.sums import Sums, no_sums, solve, sums_of
 
 LEAST = 1e-6  # prior information on each parameter: directions without excitation stay at zero
 
@@ -17,6 +18,78 @@ _REPETITIONS = 20
 _SETTLED = 1e-3  # relative change at which weights have converged
 _MOST_SPENT = 0.5  # largest share of the degrees of freedom deducted for parameters; beyond, it is a guess
 _LAGS = 0.25  # longest lag, as a share of a piece: longer lags have too few pairs
+
+
+class Linear(Protocol):
+    """A model of J joints whose torques are linear in its P parameters."""
+
+    joints: int
+    count: int  # P
+
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
+        """Regressor, (S, J, P), of states (S, J); see ``TorqueModel``."""
+
+
+class Extended:
+    """A model with further columns, which come last: ``columns(q, dq, ddq, sign)``, (S, J, K)."""
+
+    def __init__(self, model: TorqueModel, count: int, columns: Callable[..., Array]) -> None:
+        self._model = model
+        self._columns = columns
+        self.joints = model.joints
+        self.count = model.count + count
+
+    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
+        """Regressor, (S, J, P + K), of states (S, J)."""
+        y = self._model.regressor(q, dq, ddq, sign)
+        return np.concatenate([y, self._columns(q, dq, ddq, sign)], 2)
+
+
+class Gathered(NamedTuple):
+    """Samples and the sums over them that methods fit parameters to."""
+
+    sums: Sums  # over all samples
+    pieces: list[Measurements]  # without gaps
+
+
+def gather(model: Linear, measurements: Samples) -> Gathered:
+    """Sums over the measurements of one or several recordings.
+
+    Raises:
+        ShapeError: when there are no samples, or they do not fit the model or are too large.
+    """
+    parts = list(pieces(measurements))
+    if not parts:
+        raise ShapeError("there are no samples to identify from")
+    sums = no_sums(model.joints, model.count)
+    with np.errstate(over="ignore"):  # the check below refuses it
+        for part in parts:
+            sums = sums.plus(_sums(model, part))
+    if not all(np.isfinite(x).all() for x in sums):
+        raise ShapeError(
+            "the regressor or the torque holds a value that is not finite or too large to square"
+        )
+    return Gathered(sums, parts)
+
+
+def residual_of(model: Linear, part: Measurements, parameters: Array) -> Array:
+    """Residual τ − Y θ [N·m or N], (S, J), of a piece."""
+    return part.torque - torques_of(_regressor(model, part), parameters)
+
+
+def _sums(model: Linear, part: Measurements) -> Sums:
+    if not isinstance(model, TorqueModel) or model.kinds or part.joints != model.joints:
+        return sums_of(_regressor(model, part), part.torque)
+    # For rigid bodies alone the same sums need no regressor in memory.
+    products = model.body.sums(*part.states, part.torque)
+    information, moment, energy = products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
+    return Sums(information, moment, energy, part.torque.sum(0), np.array(float(len(part))))
+
+
+def _regressor(model: Linear, part: Measurements) -> Array:
+    if part.joints != model.joints:
+        raise ShapeError(f"measurements have {part.joints} joints, the model has {model.joints}")
+    return model.regressor(*part.inputs)
 
 
 class TorqueErrors(NamedTuple):
@@ -76,14 +149,14 @@ def least_residual(sums: Sums) -> Array:
     return _LEAST_RESIDUAL * np.where(torque > 0, torque, torque.max())
 
 
-def torque_errors(data: Gathered[Model], fit: Fit) -> TorqueErrors:
+def torque_errors(model: Linear, data: Gathered, fit: Fit) -> TorqueErrors:
     """Variance and correlation over time of each joint's torque errors, from the residuals of a fit.
 
     Residuals are smaller than errors, since the fit minimises them: the parameters' share of each joint's
     degrees of freedom is deducted.
     """
     sums = data.sums
-    inflation = inflation_of(residual_of(data.model, x, fit.parameters) for x in data.pieces)
+    inflation = inflation_of(residual_of(model, x, fit.parameters) for x in data.pieces)
     share = np.einsum("pq,jpq->j", fit.inverse, sums.information)
     spent = np.square(fit.weights) * share * inflation
     variance = sums.squares(fit.parameters) / (sums.weight - np.minimum(spent, _MOST_SPENT * sums.weight))

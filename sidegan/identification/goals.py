@@ -1,4 +1,4 @@
-"""Goals of a set of trajectories: all parameters, those of some links, a tool, or torques in other motions.
+"""What a set of trajectories is designed for: parameters, a tool, or torques, given what is already known.
 
 Information matrices (P, P) are in units of the parameters' prior deviations: ``known`` is the information
 before the set, ``motion`` that of the set, G = Σ Yᵀ Y over the noise variance.
@@ -6,25 +6,27 @@ before the set, ``motion`` that of the set, G = Σ Yᵀ Y over the noise varianc
 
 import itertools
 from collections.abc import Sequence
-from typing import TypeAlias
+from dataclasses import replace
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.base.names import listed, plain
+from sidegan.base.names import listed
 from sidegan.design.objective import Goal
 from sidegan.errors import ConfigError
-from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import POWERS
+from sidegan.identification.model import POWERS, Terms, TorqueModel, typical
+from sidegan.identification.settings import GoalSettings
 from sidegan.identification.verdict import joint_of
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
+from sidegan.motion.trajectory import Trajectory
 from sidegan.plant.varied import torque_scale
 
 _TOOL, _ARM = 1.0, 0.1  # mass [kg] and lever arm [m] of a typical tool
 _DOUBT = 10.0  # prior deviation of a tool's parameters, in units of the typical ones
-_IDENTIFIED = 0.5  # largest ratio of deviations after and before at which a parameter counts as identified
 _FLOOR = 0.02  # lower bound of a joint's usual torque, as a share of the largest joint's
-_UNITS = ("kg", "kg·m", "kg·m²")
+_SAMPLES = 160  # samples of a trajectory for its information
+_LEAST = 1e-9  # relative lower bound of prior variance and information: keeps factors of singular ones finite
 
 
 class Parameters:
@@ -40,7 +42,6 @@ class Parameters:
             )
         selected = [links is None or place in links for place in places]
         self._selected = np.array(selected)
-        self._links = links
         self.names = tuple(itertools.compress(model.names, selected))
         self._unit = unit[self._selected]
         self.goal = Goal("volume", targets=np.eye(model.count)[self._selected])
@@ -49,13 +50,6 @@ class Parameters:
         """Standard deviation of each parameter, (K,)."""
         variances = np.linalg.inv(known + motion).diagonal()[self._selected]
         return np.sqrt(np.maximum(variances, 0)) * self._unit
-
-    def summary(self, deviations: Array, before: Array) -> str:
-        """Sentence on how far the deviations fall."""
-        share = geometric_mean(deviations / before)
-        whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
-        percent = plain(100 * share, ".2g")
-        return f"{whose} the parameters' deviations fall to {percent}% (geometric mean)"
 
 
 class Tool:
@@ -82,16 +76,6 @@ class Tool:
         variances = np.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._doubt).diagonal()
         return np.sqrt(np.maximum(variances, 0)) * self._typical
 
-    def summary(self, deviations: Array, before: Array) -> str:
-        """Sentence on the errors of mass, mass times centre and inertia, as far as they are identified."""
-        found = deviations < _IDENTIFIED * before
-        groups = zip(_UNITS, np.split(deviations, [1, 4]), np.split(found, [1, 4]))
-        sizes = [f"± {np.sqrt(np.square(x[ok]).mean()):.2g} {unit}" for unit, x, ok in groups if ok.any()]
-        missing = [name.removeprefix("tool ") for name in itertools.compress(self.names, ~found)]
-        runs = "" if self._runs == 1 else ", executed with and without it"
-        but = f" except for {', '.join(missing)}" if missing else ""
-        return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
-
 
 class Prediction:
     """Expected squared error of torques within the limits, relative to the joints' usual torques."""
@@ -101,7 +85,9 @@ class Prediction:
         y = model.regressor(*model.usual_states()) / usual[:, None]
         rows = y.transpose(1, 2, 0)
         squares = rows @ rows.mT / len(y)
-        self.goal = Goal("variance", targets=_root_of(squares.mean(0)).T)
+        eigenvalues, vectors = np.linalg.eigh(squares.mean(0))
+        kept = eigenvalues > 0
+        self.goal = Goal("variance", targets=(vectors[:, kept] * np.sqrt(eigenvalues[kept])).T)
         self._squares = squares * unit * unit[:, None]
 
     def deviations(self, known: Array, motion: Array) -> Array:
@@ -109,22 +95,82 @@ class Prediction:
         covariance = np.linalg.inv(known + motion)
         return np.sqrt(np.maximum((self._squares * covariance).sum((1, 2)), 0))
 
-    def summary(self, deviations: Array, before: Array) -> str:
-        """Sentence on the mean error."""
-        now, then = (float(np.sqrt(np.square(x).mean())) for x in (deviations, before))
-        return f"torques of other motions are uncertain by {now:.2%} of their usual size, {then:.2%} before"
+
+class Uncertain:
+    """The uncertainty of a model with friction and rotor inertias, as far as an objective depends on it.
+
+    A ``design.search.SetGoal``: trajectories are designed one after another, each given those before it.
+
+    Args:
+        model: the model to identify.
+        covariance: of its parameters before the set, (P, P).
+        certainty: inverse standard deviation of an independent sample's torque, (J,).
+        rate: rate of independent samples [Hz].
+        objective: as in ``GoalSettings``.
+        identified: whether the arm was already identified, from recordings without a tool.
+
+    Raises:
+        ConfigError: when the objective does not fit the arm.
+    """
+
+    def __init__(
+        self,
+        model: TorqueModel,
+        covariance: Array,
+        certainty: Array,
+        rate: float,
+        objective: str | list[str] = "parameters",
+        identified: bool = False,
+    ) -> None:
+        self._model = model
+        self._certainty = certainty
+        self._rate = rate
+        self._scale, self._before = _known(covariance)
+        self._motion = np.zeros_like(self._before)
+        self.purpose: Parameters | Tool | Prediction
+        if objective == "payload":
+            self.purpose = Tool(model, self._scale, identified)
+        elif objective == "prediction":
+            self.purpose = Prediction(model, self._scale, usual_torque(model.body))
+        else:
+            self.purpose = Parameters(model, self._scale, objective if isinstance(objective, list) else None)
+
+    def take(self, trajectory: Trajectory, c: Array) -> None:
+        """Add a trajectory with coefficients [rad/s], (J, H, 2), to the set."""
+        times = trajectory.grid(_SAMPLES)
+        states = [x[0] for x in trajectory.roll_out(c[None], times)[1:]]
+        y = self._model.regressor(*states) * self._certainty[:, None] * self._scale
+        rows = y.transpose(1, 2, 0)
+        self._motion = self._motion + self._rate * trajectory.period / len(times) * (rows @ rows.mT).sum(0)
+
+    def next(self) -> Goal:
+        """The goal of the next trajectory."""
+        prior = (self._before + self._motion) / self._scale / self._scale[:, None]
+        goal = self.purpose.goal
+        return replace(goal, prior=prior, certainty=self._certainty, rate=self._rate, model=self._model)
+
+    @property
+    def before(self) -> Array:
+        """Deviations of the objective's K quantities before the set, (K,)."""
+        return self.purpose.deviations(self._before, np.zeros_like(self._motion))
+
+    @property
+    def deviations(self) -> Array:
+        """Deviations of the objective's K quantities after the set, (K,)."""
+        return self.purpose.deviations(self._before, self._motion)
+
+    @property
+    def left(self) -> float:
+        """Geometric mean of the ratios of deviations after and before the set."""
+        return geometric_mean(self.deviations / self.before)
 
 
-Purpose: TypeAlias = Parameters | Tool | Prediction
-
-
-def purpose_of(objective: str | list[str], model: TorqueModel, unit: Array, identified: bool) -> Purpose:
-    """Goal by its name, or by names of links, for a model with these parameter units (P,)."""
-    if objective == "payload":
-        return Tool(model, unit, identified)
-    if objective == "prediction":
-        return Prediction(model, unit, usual_torque(model.body))
-    return Parameters(model, unit, objective if isinstance(objective, list) else None)
+def unmeasured(body: RigidBody, terms: Terms, goal: GoalSettings) -> Uncertain:
+    """Uncertainty of an arm with a description but no recordings."""
+    model = TorqueModel(body, terms)
+    usual = usual_torque(body)
+    covariance = np.linalg.inv(belief(model, usual))
+    return Uncertain(model, covariance, 1 / goal.deviation(usual), goal.rate, goal.objective)
 
 
 def usual_torque(body: RigidBody) -> Array:
@@ -138,8 +184,21 @@ def usual_torque(body: RigidBody) -> Array:
     return torque_scale(body, _FLOOR)
 
 
-def _root_of(target: Array) -> Array:
-    """Factor F, (q, r), with F Fᵀ = target, of a symmetric positive semidefinite target (q, q)."""
-    eigenvalues, vectors = np.linalg.eigh(target)
-    kept = eigenvalues > 0
-    return vectors[:, kept] * np.sqrt(eigenvalues[kept])
+def belief(model: TorqueModel, scale: Array) -> Array:
+    """Prior information (P, P): base parameters are described to within the links' typical sizes.
+
+    The deviation of terms is ``scale``, their joint's torque, (J,). Grouped rotor inertias have no prior.
+    """
+    rows = model.body.base.mapping * typical(model.arm).ravel()
+    terms = scale[model.extras % model.joints] ** -2.0
+    return scipy.linalg.block_diag(np.linalg.inv(rows @ rows.T), np.diag(terms))
+
+
+def _known(covariance: Array) -> tuple[Array, Array]:
+    """Standard deviations, (P,), and positive definite information in units of them, (P, P)."""
+    variance = covariance.diagonal()
+    least = np.maximum(variance, _LEAST * variance.max())
+    unit = np.sqrt(least)
+    scaled = (covariance + np.diag(least - variance)) / unit / unit[:, None]
+    known = np.linalg.pinv(scaled, rtol=len(unit) * np.finfo(float).eps, hermitian=True)
+    return unit, (known + known.T) / 2 + _LEAST * np.eye(len(unit))

@@ -6,12 +6,10 @@ from functools import cached_property
 import numpy as np
 
 from sidegan.base.arrays import Array
-from sidegan.identification.estimate import Estimate
+from sidegan.identification.estimate import Estimate, Score
 from sidegan.identification.measurements import Measurements
-from sidegan.identification.model import TorqueModel
-from sidegan.identification.prior import typical
-from sidegan.identification.score import Score
-from sidegan.identification.unmodelled import Unmodelled, find_unmodelled
+from sidegan.identification.model import TorqueModel, typical
+from sidegan.identification.residuals import Unmodelled, find_unmodelled
 from sidegan.identification.verdict import Quality
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Drives

@@ -10,7 +10,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.typed import Positive
 from sidegan.errors import ShapeError
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
-from sidegan.robot import Arm
+from sidegan.robot import Arm, possible_links
 
 # A column is dependent if less than this share of its length is new. The share is 4e-6 for a right angle
 # written as 1.5708, 1e-3 for an angle calibrated to 0.5 mrad, and 0.5 for a parameter of its own: no motion
@@ -23,6 +23,8 @@ _USUAL = 400  # random states that represent the model's range of use
 _PACE = 0.5  # share of the velocity limits, and of ``_ACCELERATION``, in that range
 _ACCELERATION = 5.0  # [rad/s²] largest acceleration of the states that groupings are found with
 _DIGITS = 4  # of a coefficient in a formula
+_LIGHT, _SMALL = 0.02, 0.05  # least typical mass, as a share of the heaviest link's, and length [m]
+POWERS = np.array([0.0, 1, 1, 1, 2, 2, 2, 2, 2, 2])  # of length in each link parameter
 _LETTERS = {"rotor_inertia": "Ia", "viscous": "fv", "coulomb": "fc", "offset": "fo"}
 
 
@@ -182,3 +184,17 @@ def formula(shares: Array, names: Sequence[str]) -> str:
     for size, share, name in sorted(parts, key=lambda part: part[0] != "1" or part[1] < 0):
         words += ["-" if share < 0 else "+", name if size == "1" else f"{size} {name}"]
     return " ".join(words).removeprefix("+ ")
+
+
+def scales(arm: Arm) -> tuple[Array, Array]:
+    """Typical mass [kg] and length [m] of each link, (J,) each, from the description."""
+    x = possible_links(arm)
+    mass = np.maximum(x[:, 0], _LIGHT * x[:, 0].max())
+    gyration = np.sqrt(np.maximum(x[:, 4] + x[:, 6] + x[:, 9], 0) / 2 / mass)
+    return mass, np.maximum(gyration, _SMALL)
+
+
+def typical(arm: Arm) -> Array:
+    """Typical size of each link parameter, (J, 10): m, m l and m l²."""
+    mass, length = scales(arm)
+    return mass[:, None] * length[:, None] ** POWERS

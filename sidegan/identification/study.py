@@ -5,9 +5,9 @@ Least-squares sums are additive, so that combinations of sets and replications c
 Source: Jegorova et al. 2020, experiments 1 and 2.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -15,11 +15,10 @@ import pandas as pd
 from sidegan.base.arrays import Array, split
 from sidegan.base.parallel import Report
 from sidegan.design.excitation import excitation_of
-from sidegan.identification.fit import least_residual, least_squares, reweighted
-from sidegan.identification.gather import gather
-from sidegan.identification.measurements import Measurements, Noise, disturbed, measure, pieces
+from sidegan.identification.estimate import score
+from sidegan.identification.fit import gather, least_residual, least_squares, reweighted
+from sidegan.identification.measurements import Measurements, disturbed, measure, pieces
 from sidegan.identification.model import RIGID, TorqueModel
-from sidegan.identification.score import score
 from sidegan.identification.settings import StudySettings
 from sidegan.identification.sums import Sums, no_sums, sums_of, sums_of_draws
 from sidegan.motion.dynamics import RigidBody, gram
@@ -49,11 +48,14 @@ def drawn_errors(
         Results (columns set, repeat, weighted, joint, nmse) and facts (set, repeat, covariance_norm,
         samples, condition of the stacked YᵀY, duration [s]).
     """
-    judge = _Judge(body, tests, settings)
     draws = measured_sums(body, family, settings, random.spawn(settings.repeats), progress)
-    results, facts = _joined([judge(sums, set=name, repeat=k) for k, sums in enumerate(draws)])
-    duration = family[0].period * len(family[1])
-    return results, facts.assign(condition=_stacked_condition(body, family), duration=duration)
+    each = ({"set": name, "repeat": k} for k in range(settings.repeats))
+    results, facts = _judged(body, zip(each, draws), tests, settings)
+    trajectory, coefficients = family
+    samples = max(round(trajectory.period * _RATE), 4 * trajectory.harmonics)
+    stacked = gram(body, trajectory, coefficients, samples).mean(0, keepdims=True)
+    condition = float(excitation_of(body, stacked).eigenvalue_fitness[0])
+    return results, facts.assign(condition=condition, duration=trajectory.period * len(coefficients))
 
 
 def measured_sums(
@@ -86,8 +88,8 @@ def combined(
     body: RigidBody, sets: Mapping[str, Sequence[Sums]], tests: MotionSet, settings: StudySettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """As ``drawn_errors``, for named lists of sums to add up; without repeat, condition and duration."""
-    judge = _Judge(body, tests, settings)
-    return _joined([judge(reduce(Sums.plus, parts), set=name) for name, parts in sets.items()])
+    each = [({"set": name}, reduce(Sums.plus, parts)) for name, parts in sets.items()]
+    return _judged(body, each, tests, settings)
 
 
 def expected_errors(
@@ -104,7 +106,13 @@ def expected_errors(
     noise = settings.noise
     exact = _measured(body, family, settings.rate)
     sums = gather(model, exact).sums
-    spread = _noise(model, exact, noise)
+    # over equations scaled by their noise's standard deviation; the energy sums its variance
+    spread = no_sums(model.joints, model.count)
+    share = noise.level**2 / 3 * noise.torque
+    for part in pieces(exact):
+        variance = share * np.square(part.torque)
+        scaled = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
+        spread = spread.plus(scaled._replace(energy=variance.sum(0)))
     judged = gather(model, _measured(body, tests, settings.rate)).sums
     rows: list[tuple[object, ...]] = []
     for weighted in () if noise.state and noise.level else (False, True):
@@ -119,52 +127,28 @@ def expected_errors(
     return pd.DataFrame(rows, columns=["weighted", "joint", "nmse"])
 
 
-def _noise(model: TorqueModel, exact: Measurements, noise: Noise) -> Sums:
-    """Sums over equations scaled by their noise's standard deviation; the energy sums its variance."""
-    sums = no_sums(model.joints, model.count)
-    share = noise.level**2 / 3 * noise.torque
-    for part in pieces(exact):
-        variance = share * np.square(part.torque)
-        scaled = sums_of(model.regressor(*part.states) * np.sqrt(variance)[..., None], part.torque)
-        sums = sums.plus(scaled._replace(energy=variance.sum(0)))
-    return sums
-
-
 def _measured(body: RigidBody, family: MotionSet, rate: float) -> Measurements:
     """Exact measurements along all trajectories of a set, one after another."""
     trajectory, coefficients = family
     return measure(body, trajectory.roll_out(coefficients, trajectory.times(rate)))
 
 
-class _Judge:
-    """Identifies from sums and tabulates errors on the exact torques of test trajectories."""
+def _judged(
+    body: RigidBody, each: Iterable[tuple[dict[str, Any], Sums]], tests: MotionSet, settings: StudySettings
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors on exact test torques of models identified from sums, and facts about these; with their keys.
 
-    def __init__(self, body: RigidBody, tests: MotionSet, settings: StudySettings) -> None:
-        self.model = TorqueModel(body, RIGID)
-        self._least = 1 / settings.prior
-        self._truth = _measured(body, tests, settings.rate)
-
-    def __call__(self, sums: Sums, **keys: str | int) -> tuple[pd.DataFrame, pd.DataFrame]:
-        """Errors with equal weights and with weights per joint; ‖diag P‖ with equal weights, and samples."""
-        fits = [least_squares(sums, self._least), reweighted(sums, self._least)]
-        errors = []
+    Errors with equal weights and with weights per joint; ‖diag P‖ with equal weights, and samples.
+    """
+    model = TorqueModel(body, RIGID)
+    truth = _measured(body, tests, settings.rate)
+    errors, facts = [], []
+    for keys, sums in each:
+        fits = [least_squares(sums, 1 / settings.prior), reweighted(sums, 1 / settings.prior)]
         for weighted, fit in enumerate(fits):
-            nmse = score(self.model, fit.parameters, self._truth).nmse.tolist()
-            columns = {"weighted": bool(weighted), "joint": self.model.arm.joint_names, "nmse": nmse}
+            nmse = score(model, fit.parameters, truth).nmse.tolist()
+            columns = {"weighted": bool(weighted), "joint": model.arm.joint_names, "nmse": nmse}
             errors.append(pd.DataFrame({**keys, **columns}))
         norm = np.linalg.vector_norm(fits[0].inverse.diagonal())
-        facts = pd.DataFrame([{**keys, "covariance_norm": norm, "samples": round(float(sums.weight))}])
-        return pd.concat(errors), facts
-
-
-def _joined(parts: list[tuple[pd.DataFrame, pd.DataFrame]]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    results, facts = (pd.concat(frames, ignore_index=True) for frames in zip(*parts))
-    return results, facts
-
-
-def _stacked_condition(body: RigidBody, family: MotionSet) -> float:
-    """Condition number of YᵀY over all trajectories of a set."""
-    trajectory, coefficients = family
-    samples = max(round(trajectory.period * _RATE), 4 * trajectory.harmonics)
-    grams = gram(body, trajectory, coefficients, samples)
-    return float(excitation_of(body, grams.mean(0, keepdims=True)).eigenvalue_fitness[0])
+        facts.append({**keys, "covariance_norm": norm, "samples": round(float(sums.weight))})
+    return pd.concat(errors, ignore_index=True), pd.DataFrame(facts)

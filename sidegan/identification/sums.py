@@ -91,8 +91,8 @@ def solve(information: Array, moment: Array, least: float) -> tuple[Array, Array
 
 def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
     """Rows R (r, P) and right-hand side z (r,), r the numerical rank: Rᵀ R = information, Rᵀ z = moment."""
-    scale = _scale(information)
-    eigenvalues, vectors = np.linalg.eigh(information / scale[:, None] / scale)
+    scaled, scale = _scaled(information)
+    eigenvalues, vectors = np.linalg.eigh(scaled)
     kept = eigenvalues > _floor(eigenvalues)
     root = np.sqrt(eigenvalues[kept])
     vectors = vectors[:, kept]
@@ -101,8 +101,8 @@ def rows_of(information: Array, moment: Array) -> tuple[Array, Array]:
 
 def scaled_inverse(information: Array, rtol: float) -> Array:
     """Pseudo-inverse (P, P) of information, computed with columns scaled to unit length."""
-    scale = _scale(information)
-    inverse = np.linalg.pinv(information / scale[:, None] / scale, rtol=rtol, hermitian=True)
+    scaled, scale = _scaled(information)
+    inverse = np.linalg.pinv(scaled, rtol=rtol, hermitian=True)
     return inverse / scale[:, None] / scale
 
 
@@ -111,16 +111,17 @@ def condition(information: Array) -> float:
 
     Infinite if the smallest eigenvalue is rounding, or a column is zero.
     """
-    scale = _scale(information)
-    eigenvalues = np.linalg.eigvalsh(information / scale[:, None] / scale)
+    eigenvalues = np.linalg.eigvalsh(_scaled(information)[0])
     if not len(eigenvalues) or eigenvalues[0] <= _floor(eigenvalues):
         return math.inf
     return float(np.sqrt(eigenvalues[-1] / eigenvalues[0]))
 
 
-def _scale(information: Array) -> Array:
+def _scaled(information: Array) -> tuple[Array, Array]:
+    """Information with unit diagonal, (P, P), and the scale of each column, (P,)."""
     scale = np.sqrt(np.maximum(information.diagonal(), 0))
-    return np.where(scale > 0, scale, 1.0)
+    scale = np.where(scale > 0, scale, 1.0)
+    return information / scale[:, None] / scale, scale
 
 
 def _floor(eigenvalues: Array) -> float:

@@ -8,12 +8,9 @@ from statistics import NormalDist
 from string import ascii_letters
 from typing import NamedTuple
 
-import numpy as np
-
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
-from sidegan.identification.estimate import Estimate
-from sidegan.identification.score import Score, shown
+from sidegan.identification.estimate import Estimate, Score, shown
 from sidegan.robot import Arm, placeholder_links
 
 
@@ -35,11 +32,8 @@ _USABLE_LIMIT = 0.1  # the same for a joint whose residual is noise, as a share 
 _OVERFIT = 3.0  # ratio of validation to training nMSE, means over joints
 _CONDITION = 100.0  # condition number of the scaled regressor
 _NAMED = 6  # parameters that a reason names at most
-_LITTLE = 0.25  # share of a limit below which a motion is small or slow
 _MOST = 10.0  # shares above are reported as "more than"
 _CLEAR = 2.0  # deviations below zero at which a single parameter is negative; corrected for their number
-_MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
-_NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 _FRICTION = ("fv", "fc", "Ia")  # prefixes of the parameters that cannot be negative
 
 
@@ -50,9 +44,10 @@ class Quality:
     arm: Arm
     estimate: Estimate
     train: Score  # training errors
-    validation: Score | None  # validation errors; None without validation
-    nominal_score: Score  # of the description's links with fitted friction, on the same samples
+    held_out: Score | None  # errors on the validation, or else on each recording by the others
+    where: str  # data that the errors which count are on
     folds: Score | None  # of each recording predicted from the others; None if not computed
+    nominal_score: Score  # of the description's links with fitted friction, on the same samples
     torque_deviation: Array  # standard deviation of predicted torques, relative to the usual torque, (J,)
     usual: Array  # usual torque: root mean square within the limits [N·m or N], (J,)
     weak: tuple[str, ...]  # parameters whose errors matter, worst first
@@ -114,46 +109,28 @@ class Quality:
         """Errors that the verdict uses: held-out ones, or else training ones."""
         return self.held_out or self.train
 
-    @property
-    def held_out(self) -> Score | None:
-        """Errors on the validation, or else on each recording by the others; None without either."""
-        if self.validation is not None or self.folds is None:
-            return self.validation
-        return self.folds.pooled
-
-    @property
-    def where(self) -> str:
-        """Text saying which data the judged errors are on."""
-        if self.validation is not None:
-            return "validation data"
-        return "training data" if self.folds is None else "each recording by the others"
-
     def joint(self, j: int) -> str:
         """Number and name of joint j."""
         return f"joint {j + 1} ({self.arm.joint_names[j]})"
 
 
 def _held_out(quality: Quality) -> Iterator[Finding]:
-    train, validation, folds = quality.train, quality.held_out, quality.folds
-    if validation is None:
+    if quality.held_out is None:
         yield Finding(USABLE, "no recording was held out: prediction of other motions is untested")
-    elif quality.mean(validation) > max(_OVERFIT * quality.mean(train), _GOOD_NMSE / 2):
-        ratio = (
-            f"validation nMSE is {quality.mean(validation) / quality.mean(train):.1f} times that of training"
-        )
-        yield Finding(USABLE, ratio if quality.faulty else f"{ratio}: add more, or more varied, recordings")
-    if (
-        quality.described
-        and not quality.faulty
-        and (error := quality.mean(quality.nominal_score)) > _GOOD_NMSE
-    ):
+    else:
+        tested, trained = quality.mean(quality.held_out), quality.mean(quality.train)
+        if tested > max(_OVERFIT * trained, _GOOD_NMSE / 2):
+            ratio = f"validation nMSE is {tested / trained:.1f} times that of training"
+            advice = "" if quality.faulty else ": add more, or more varied, recordings"
+            yield Finding(USABLE, ratio + advice)
+    error = quality.mean(quality.nominal_score)
+    if quality.described and not quality.faulty and error > _GOOD_NMSE:
         text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
         yield Finding(USABLE, text)
-    if folds is not None and quality.mean(folds) > _GOOD_NMSE:
-        errors = folds.nmse[:, ~quality.drowned].mean(1)
-        worst = int(errors.argmax())
-        error = float(errors.max())
-        yield Finding(USABLE, f"recording {worst + 1} is predicted by the others with mean nMSE {error:.3f}")
+    if quality.folds and quality.mean(quality.folds) > _GOOD_NMSE:
+        errors = quality.folds.nmse[:, ~quality.drowned].mean(1)
+        bad = f"recording {errors.argmax() + 1} is predicted by the others with mean nMSE {errors.max():.3f}"
+        yield Finding(USABLE, bad)
 
 
 def _misfits(quality: Quality) -> Iterator[Finding]:
@@ -205,9 +182,9 @@ def _excitation(quality: Quality) -> Iterator[Finding]:
             size = f"{share:.0%}" if share < _MOST else f"more than {_MOST:.0%}"
             text = f"not identifiable from this data, torque in other motions is uncertain by {size}"
             names = f" ({weak})" if weak else ""
-            yield Finding(level, f"{text}{names}{_advice(quality, j)}", j)
+            yield Finding(level, f"{text}{names}", j)
         elif weak:
-            yield Finding(USABLE, f"{weak} cannot be determined{_advice(quality, j)}", j)
+            yield Finding(USABLE, f"{weak} cannot be determined", j)
 
 
 def _negative(quality: Quality) -> Iterator[Finding]:
@@ -220,51 +197,6 @@ def _negative(quality: Quality) -> Iterator[Finding]:
             what = "rotor inertia" if name.startswith("Ia") else "friction"
             text = f"{name} is {value:.2g} ± {deviation:.1g}, but {what} cannot be negative"
             yield Finding(USABLE, text, joint_of(name))
-
-
-def _advice(quality: Quality, j: int) -> str:
-    """Advice on exciting a joint better; empty if a fault must be fixed first."""
-    if quality.faulty:
-        return ""
-    arm = quality.arm
-    unit = "m" if arm.prismatic[j] else "rad"
-    moved, fastest = (x[j] for x in quality.estimate.reach)
-    span = arm.position_upper[j] - arm.position_lower[j]
-    limit = arm.velocity_limit[j]
-    wishes = []
-    if moved < _LITTLE * span:
-        wishes.append(f"covers more than {moved:.2g} of {span:.3g} {unit}")
-    if fastest < _LITTLE * limit:
-        wishes.append(f"is faster than {fastest:.2g} of {limit:.3g} {unit}/s")
-    if not wishes:
-        wishes.append("has several frequencies at once and is out of step with other joints")
-    return f"; excite it with a motion that {' and '.join(wishes)}"
-
-
-def implausible_mass(found: float, described: float) -> list[Finding]:
-    """Finding on a total mass [kg] of a different order of magnitude than the description's."""
-    if not described > 0 or described / _MASSES <= found <= described * _MASSES:
-        return []
-    units = "recording.units.torque or recording.units.current, robot.gains"
-    text = f"the links weigh {found:.3g} kg, {described:.3g} kg in the description"
-    return [Finding(USABLE, f"{text}: are the torques in another unit? ({units})")]
-
-
-def implausible_links(arm: Arm, links: Array) -> list[Finding]:
-    """Findings on links (J, 10) with an implausible mass or centre of mass."""
-    described = arm.inertial_parameters[:, 0]
-    whole = described.sum()
-    reach = np.linalg.norm(arm.translation, axis=1).sum() + np.linalg.norm(arm.tip)
-    found = []
-    for j, (mass, *moment) in enumerate(links[:, :4].tolist()):
-        away = math.hypot(*moment) / mass if mass > 0 else 0.0
-        if mass > max(_MASSES * described[j], whole) > 0:
-            text = f"{arm.link_names[j]} weighs {mass:.3g} kg, {described[j]:.3g} kg in the description"
-            found.append(Finding(USABLE, text, j))
-        if away > reach > 0 and mass > _NOTABLE * whole:
-            text = f"the centre of mass of {arm.link_names[j]} is {away:.3g} m away, beyond the arm's reach"
-            found.append(Finding(BAD, text, j))
-    return found
 
 
 def joint_of(name: str) -> int:

@@ -1,25 +1,30 @@
 """Identification of a real arm: from checked recordings to estimates, their errors and a verdict."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
+from typing import Any
 
 import numpy as np
 
 from sidegan.base.arrays import geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
-from sidegan.identification.estimate import estimate
+from sidegan.identification.estimate import Estimate, Score, estimate, score
+from sidegan.identification.fit import LEAST, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
+from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
-from sidegan.identification.noise import is_noise
-from sidegan.identification.quality import quality
-from sidegan.identification.score import Score, folds, score
+from sidegan.identification.residuals import is_noise
 from sidegan.identification.settings import EstimationSettings
+from sidegan.identification.sums import solve
+from sidegan.identification.verdict import Quality
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
 
 _AS_GOOD = 1.1  # largest ratio of nMSE to the other model's at which the consistent model is preferred
+_EFFECT = 0.1  # share of a joint's torque that one standard deviation of a weak parameter exceeds
 _PERFECT = 1e-4  # differences between nMSE below this do not count
 
 
@@ -40,29 +45,31 @@ def identify_arm(
     methods = dict.fromkeys((settings.method, EQUAL_WEIGHTS, CONSISTENT))
     estimates = {method: estimate(method, model, samples, strength) for method in methods}
     trained = {method: score(model, fit.parameters, samples) for method, fit in estimates.items()}
-    kind = "in sample: nothing was held out"
+    kind, where = "in sample: nothing was held out", "training data"
     tested = trained
     turns: dict[str, Score] = {}
     if held_out:
-        kind = "held out"
+        kind, where = "held out", "validation data"
         tested = {method: score(model, fit.parameters, held_out) for method, fit in estimates.items()}
     elif len(training) > 1:
         kind = f"each of {len(training)} recordings, predicted from the others"
+        where = "each recording by the others"
         each = [measurements_of([recording]) for recording in training]
-        turns = {method: folds(method, model, each, strength) for method in estimates}
+        turns = {method: cross_validated(method, model, each, strength) for method in estimates}
         tested = {method: errors.pooled for method, errors in turns.items()}
     use = CONSISTENT if tested is trained else preferred(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
     noise = [is_noise(model, used.parameters, used.covariance, recordings) for recordings in sets]
-    judged = quality(
-        model,
-        estimates[settings.method],
-        held_out or samples,
+    judged = Quality(
+        arm=arm,
+        estimate=estimates[settings.method],
         train=trained[use],
-        validation=tested[use] if held_out else None,
+        held_out=None if tested is trained else tested[use],
+        where=where,
         folds=turns.get(use),
         noise=np.all(noise, 0),
+        **compared(model, estimates[settings.method], held_out or samples),
     )
     found = IdentifiedArm(
         model=model,
@@ -77,6 +84,41 @@ def identify_arm(
     )
     causes, gravity = causes_of(found)
     return replace(found, quality=replace(judged, causes=tuple(causes), other_gravity=gravity))
+
+
+def cross_validated(
+    method: str, model: TorqueModel, recordings: Sequence[list[Measurements]], strength: float | None = None
+) -> Score:
+    """Errors, (K, J), of predicting each of K recordings with the model identified from the others."""
+    rows = []
+    for k, held_out in enumerate(recordings):
+        others = chain(*recordings[:k], *recordings[k + 1 :])
+        rows.append(score(model, estimate(method, model, others, strength).parameters, held_out))
+    return Score(*(np.stack(column) for column in zip(*rows)))
+
+
+def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]) -> dict[str, Any]:
+    """Effects of an estimate's errors on torques, and errors of the description's links on samples.
+
+    As the fields of ``Quality``; friction, rotors and offsets are fitted to the description's links.
+    """
+    y = model.regressor(*model.usual_states())
+    usual = np.maximum(np.sqrt(np.square(y @ estimate.parameters).mean(0)), np.finfo(float).tiny)
+    share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
+    effect = share.max(0) * estimate.deviation
+    weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
+    r = model.rigid
+    nominal = model.nominal.copy()
+    information, moment = estimate.sums.weighted(estimate.weights)
+    rest = moment[r:] - information[r:, :r] @ nominal[:r]
+    if len(rest):
+        nominal[r:], _ = solve(information[r:, r:], rest, LEAST)
+    return {
+        "nominal_score": score(model, nominal, samples),
+        "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,
+        "usual": usual,
+        "weak": tuple(estimate.names[i] for i in weak),
+    }
 
 
 def preferred(method: str, errors: Mapping[str, Score]) -> str:

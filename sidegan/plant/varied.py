@@ -35,7 +35,7 @@ _STIFF = 1.5  # least steps in which friction near rest stops a rotor, for stabl
 class FrictionSettings:
     """Magnitudes of friction and ripple, which identified models lack; zero switches a part off.
 
-    The law differs in form from the smooth basis with which ``identification.unmodelled`` explains residuals.
+    The law differs in form from the smooth basis with which ``identification.residuals`` explains residuals.
     """
 
     # range of the Coulomb friction, as a share of the joint's torque

@@ -2,9 +2,9 @@
 
 import re
 import sys
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Hashable, Iterable, Iterator
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Protocol
 
 import pandas as pd
 
@@ -12,6 +12,7 @@ from sidegan.base.storage import write_bytes
 
 _NUMBER = re.compile(r"[\d\s.,:;±+−–—%×eE()/<>≤≥*-]*")  # cells that are aligned on the right
 _LONGEST = 20  # letters of a word that a narrow table does not break
+_FRAME = 3  # letters of a column's frame and padding; a row has one more
 _PRINTED = 150  # letters of a line in a file or a pipe
 
 
@@ -65,51 +66,39 @@ def show(table: pd.DataFrame, caption: str) -> None:
     console.print(caption, style="bold", soft_wrap=True, highlight=False)  # paths stay whole
     names = table.index.nlevels
     rows = _cells(table.reset_index())
-    for widths in _parts([_Width.of(name, rows[name]) for name in rows], names, console.width):
+    for widths in _parts(rows, names, console.width):
         drawn = Table()
         for i, wide in widths.items():
-            side: Literal["left", "right"] = "left" if i < names else "right"
-            drawn.add_column(str(rows.columns[i]), justify=side, width=wide, overflow="fold")
+            name = str(rows.columns[i])
+            drawn.add_column(name, justify="left" if i < names else "right", width=wide, overflow="fold")
         for row in rows.iloc[:, list(widths)].to_numpy().tolist():
             drawn.add_row(*row)
         console.print(drawn)
 
 
-class _Width(NamedTuple):
-    """Letters that a column needs, with and without line breaks between words."""
-
-    least: int
-    most: int
-
-    @classmethod
-    def of(cls, name: Hashable, cells: Iterable[str]) -> "_Width":
-        """Of a column; numbers with their spread are never broken."""
-        texts = [*str(name).splitlines(), *(line for cell in cells for line in cell.splitlines())]
-        words = [word for text in texts for word in ([text] if _NUMBER.fullmatch(text) else text.split())]
-        longest = max(map(len, texts), default=0)
-        return cls(min(_LONGEST, max(map(len, words), default=0)), longest)
-
-
-def _parts(columns: Sequence[_Width], names: int, width: int) -> Iterator[dict[int, int]]:
+def _parts(rows: pd.DataFrame, names: int, width: int) -> Iterator[dict[int, int]]:
     """Columns of each part of a table, and their widths, to fit a terminal; names are in every part."""
-    first, left = list(range(names)), list(range(names, len(columns)))
+    least, most = zip(*(_letters(name, rows[name]) for name in rows))
+    left = [*range(names, len(most))]
     while left:
-        count = 1
-        while count < len(left) and _framed(columns[i].least for i in first + left[: count + 1]) <= width:
-            count += 1
-        shown, left = first + left[:count], left[count:]
-        widths = {i: columns[i].most for i in shown}
-        while _framed(widths.values()) > width:
-            widest = max(shown, key=lambda i: widths[i] - columns[i].least)
-            if widths[widest] == columns[widest].least:
+        shown = [*range(names), left.pop(0)]
+        while left and sum(least[i] + _FRAME for i in [*shown, left[0]]) < width:
+            shown.append(left.pop(0))
+        widths = {i: most[i] for i in shown}
+        while sum(wide + _FRAME for wide in widths.values()) >= width:
+            widest = max(shown, key=lambda i: widths[i] - least[i])
+            if widths[widest] == least[widest]:
                 break
             widths[widest] -= 1
         yield widths
 
 
-def _framed(widths: Iterable[int]) -> int:
-    """Letters of a row with its frame and padding."""
-    return sum(width + 3 for width in widths) + 1
+def _letters(name: Hashable, cells: Iterable[str]) -> tuple[int, int]:
+    """Letters that a column needs, with and without line breaks; numbers with their spread have none."""
+    texts = [line for text in (str(name), *cells) for line in text.splitlines()]
+    words = [word for text in texts for word in ([text] if _NUMBER.fullmatch(text) else text.split())]
+    longest, whole = (max(map(len, x), default=0) for x in (words, texts))
+    return min(_LONGEST, longest), whole
 
 
 def read_tables(text: str) -> list[pd.DataFrame]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, MaxNLocator
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
@@ -25,7 +25,6 @@ _COLUMNS = 4
 _TIME, _BONES = "viridis", "#8a8f98"
 _VIEW = {"elev": 22.0, "azim": -58.0}
 _WIDTH, _HEIGHT = 2.9, 2.697  # [inch] of a panel
-_NARROW = 0.25  # share of the longest axis below which an axis has a single tick
 
 
 class Bundle(NamedTuple):
@@ -119,12 +118,8 @@ def _panels(figure: Figure, titles: Sequence[str], limits: Array) -> Iterator[Ax
         axis.set_title(title, fontsize=9)
         axis.set_box_aspect(limits[1] - limits[0], zoom=1.16)
         axis.add_collection3d(Poly3DCollection(desk, facecolors=DESK, alpha=0.25, zorder=1), autolim=False)
-        extent = limits[1] - limits[0]
-        for part, name, share, middle in zip(
-            (axis.xaxis, axis.yaxis, axis.zaxis), "xyz", extent / extent.max(), limits.mean(0)
-        ):
-            narrow = share < _NARROW  # labels would overlap, as across the plane of a planar arm
-            part.set_major_locator(FixedLocator([round(middle, 2)]) if narrow else MaxNLocator(4))
+        for part, name in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz"):
+            part.set_major_locator(MaxNLocator(4))
             part.set_pane_color((1, 1, 1, 0))
             part.set_tick_params(labelsize=6, pad=-3)
             part.set_label_text(f"{name} [m]", fontsize=7)

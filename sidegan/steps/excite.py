@@ -18,9 +18,8 @@ from sidegan.design.problem import SearchSettings
 from sidegan.design.search import ConditionGoal, design_set
 from sidegan.errors import ConfigError, SideganError
 from sidegan.identification import GoalSettings, Terms
-from sidegan.identification.goals import usual_torque
+from sidegan.identification.goals import Uncertain, unmeasured, usual_torque
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.uncertain import Uncertain, unmeasured
 from sidegan.library.measure import measured
 from sidegan.motion.dynamics import RigidBody
 from sidegan.robot import Arm

@@ -21,8 +21,7 @@ from sidegan.design.excitation import condition_of, information_of
 from sidegan.design.search import ConditionGoal
 from sidegan.design.selection import Selection, choose
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError
-from sidegan.identification.goals import Prediction
-from sidegan.identification.uncertain import Uncertain
+from sidegan.identification.goals import Prediction, Uncertain
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
 from sidegan.motion.trajectory import Motion, Trajectory

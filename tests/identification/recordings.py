@@ -15,9 +15,9 @@ from sidegan.identification import (
     estimate,
     score,
 )
-from sidegan.identification.quality import quality
 from sidegan.identification.settings import GoalSettings, StudySettings
-from sidegan.identification.workflow import identify_arm
+from sidegan.identification.verdict import Quality
+from sidegan.identification.workflow import compared, identify_arm
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import check_recording
 from tests.recording.conftest import moved, of_file
@@ -85,14 +85,13 @@ def half_still(arm, noise, elbow=1e-2):
     return model, estimate("weighted", model, data), data
 
 
-def quality_of(model, found, data, validation=None):
+def judged(model, found, data, validation=None):
     """Quality of an estimate from data, on measurements that were held out, where nothing is noise."""
     train = score(model, found.parameters, data)
     tested = None if validation is None else score(model, found.parameters, validation)
-    noise = np.zeros(model.joints, dtype=bool)
-    return quality(
-        model, found, validation or [data], train=train, validation=tested, folds=None, noise=noise
-    )
+    given = {"train": train, "held_out": tested, "where": "validation data", "folds": None}
+    given |= {"noise": np.zeros(model.joints, dtype=bool), **compared(model, found, validation or [data])}
+    return Quality(arm=model.arm, estimate=found, **given)
 
 
 class Fixed:

@@ -4,7 +4,7 @@ import numpy as np
 
 from sidegan.identification import estimate
 from sidegan.identification.consistent import pulled
-from sidegan.identification.prior import scales
+from sidegan.identification.model import scales
 from sidegan.robot import pseudo_inertia
 from tests.identification.recordings import model_of, recorded, truth_of
 

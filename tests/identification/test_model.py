@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from scipy.linalg import expm
 
-from sidegan.identification.model import states_within
-from sidegan.identification.prior import belief, typical
+from sidegan.identification.goals import belief
+from sidegan.identification.model import states_within, typical
 from sidegan.robot import load_robot
 from tests.chains import random_chain
 from tests.identification.recordings import assert_close, model_of, multisine, white

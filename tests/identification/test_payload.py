@@ -1,4 +1,6 @@
-"""What an arm carries, against a load whose torque Pinocchio gives."""
+"""Loads, and gains of drives from known ones, against torques and currents that Pinocchio's dynamics need."""
+
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -6,11 +8,12 @@ import pytest
 
 from sidegan.errors import RecordingError
 from sidegan.identification import Measurements
-from sidegan.identification.payload import VALUES, Payload, identify_payload, values_of
+from sidegan.identification.payload import VALUES, Payload, drive_gains, identify_payload, values_of
 from sidegan.robot import pseudo_inertia
 from tests.identification.recordings import model_of, multisine, truth_of, white
 from tests.oracle import chain_model
 
+TRUE = np.array([11.0, 12.5, 9.0, 10.5, 8.0, 7.5, 6.0])  # gains [N·m/A]
 MASS, CENTRE = 1.7, np.array([0.02, -0.03, 0.09])
 INERTIA = np.diag([0.006, 0.005, 0.003])  # about the centre
 
@@ -92,3 +95,74 @@ def test_exchanged_runs_are_refused(arm, both):
 def test_no_load_is_identified_as_none(arm, load, both):
     found = identify_payload(model_of(arm), [both[0]], [runs(arm, 0 * load, 1, 0.3)])
     assert not found.certain and float(found.values[0]) < 0.1
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    return pin.Inertia(3 * MASS, CENTRE, 3 * INERTIA).toDynamicParameters()
+
+
+def currents(arm, load, seed, noise=0.02):
+    """Measurements whose torque is a noisy current [A]."""
+    data = runs(arm, load, seed, 0.0)
+    return Measurements(*data.states, data.torque / TRUE + noise * white(data.torque.shape, seed))
+
+
+@pytest.fixture(scope="module")
+def driven(arm, heavy):
+    """Currents of a motion without the load, and of another one with it."""
+    return currents(arm, 0 * heavy, 0), currents(arm, heavy, 1)
+
+
+def test_gains_are_recovered_within_their_deviations(arm, heavy, driven):
+    free, laden = driven
+    found = drive_gains(model_of(arm), [free], [laden], heavy)
+    assert (np.abs(found.gains - TRUE) < 4 * found.deviation + 1e-3 * TRUE).all()
+    assert (found.deviation < 0.05 * TRUE).all()
+    assert found.certain.all() and not found.doubts(arm)
+
+
+def test_a_load_that_the_currents_do_not_show_is_refused(arm, heavy, driven):
+    again = currents(arm, 0 * heavy, 10)
+    with pytest.raises(RecordingError, match=r"the currents do not show the load: its effect .* in loaded"):
+        drive_gains(model_of(arm), [driven[0]], [again], heavy)
+
+
+def test_an_uncertain_gain_is_reported(arm, heavy):
+    free, laden = currents(arm, 0 * heavy, 0, 2.0), currents(arm, heavy, 1, 2.0)
+    found = drive_gains(model_of(arm), [free], [laden], heavy)
+    (doubt,) = found.doubts(arm)
+    assert found.certain.tolist() == [True, True, True, True, False, True, False]
+    assert "the current of joint_5, joint_7 hardly shows the load: σ of the gain is more than 20%" in doubt
+
+
+NONE, FOURTH, ALL = [], [3], [*range(7)]
+TURN_4 = r"\(recording.reverse=\[joint_4\]\)"
+SIGNS = [  # reversed currents, those against the description, whether runs are exchanged; what is said
+    (FOURTH, FOURTH, False, f"gain of joint_4 is negative: .* {TURN_4}"),
+    (FOURTH, NONE, False, "gain of joint_4 is negative"),
+    (ALL, ALL, False, r"joint_7 is negative: .* \(recording.reverse=\[joint_1,"),
+    (NONE, NONE, True, r"joint_1, .*joint_7 change as if .*loaded exchanged\?$"),
+    (
+        FOURTH,
+        FOURTH,
+        True,
+        rf"joint_7 change as .* exchanged\? If so, signs of currents are reversed, too {TURN_4}",
+    ),
+    (FOURTH, NONE, True, rf"exchanged\?.* {TURN_4}"),
+    (ALL, ALL[:-1], True, r"joint_6 change as if .*\(recording.reverse=\[joint_1,"),
+    (NONE, FOURTH, False, "joint_4 shows the load with the right sign but runs against"),
+]
+
+
+@pytest.mark.parametrize(("turned", "against", "exchanged", "said"), SIGNS)
+def test_reversed_currents_and_exchanged_runs_are_told_apart(
+    arm, heavy, driven, turned, against, exchanged, said
+):
+    marks, opposite = (np.isin(ALL, joints) for joints in (turned, against))
+    data = [[Measurements(*x.states, np.where(marks, -1, 1) * x.torque)] for x in driven]
+    found = drive_gains(model_of(arm), *data[:: -1 if exchanged else 1], heavy, opposite)
+    assert found.exchanged == exchanged and found.certain.dtype == bool
+    assert found.certain.tolist() == (~marks & ~opposite & (not exchanged)).tolist()
+    (doubt,) = found.doubts(arm)
+    assert re.search(said, doubt)

@@ -7,8 +7,8 @@ import pytest
 
 from sidegan.errors import ConfigError, ShapeError
 from sidegan.identification import FULL, Measurements, estimate, measure, score
-from sidegan.identification.drive_gains import drive_gains
-from sidegan.identification.uncertain import unmeasured
+from sidegan.identification.goals import unmeasured
+from sidegan.identification.payload import drive_gains
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import load_robot

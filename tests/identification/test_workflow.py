@@ -1,16 +1,167 @@
-"""From checked recordings to an identified arm and its tests, by every method."""
+"""Identification from checked recordings: errors, the model to use, and the verdict with its thresholds."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sidegan.errors import RecordingError
+from sidegan.identification import estimate
+from sidegan.identification.estimate import Score, score
 from sidegan.identification.identified import CONSISTENT
-from sidegan.identification.score import Score
-from sidegan.identification.workflow import preferred
+from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding
+from sidegan.identification.workflow import cross_validated, preferred
 from sidegan.report.identification.content import advice
-from tests.identification.recordings import checked, identified
+from tests.identification.recordings import checked, half_still, identified, judged, model_of, recorded
+
+NOISE = 0.3
+
+
+@pytest.fixture(scope="module")
+def good(planar):
+    """A model, its estimate from a good recording, that, and another recording."""
+    model = model_of(planar)
+    data = recorded(model, 2000, NOISE)
+    return model, estimate("weighted", model, data), data, recorded(model, 1000, NOISE, seed=1)
+
+
+class TestScore:
+    def test_is_nmse_and_rmse(self, good):
+        model, found, _, data = good
+        square = np.square(data.torque - model.torque(found.parameters, *data.states)).mean(0)
+        result = score(model, found.parameters, [data[:300], data[300:]])
+        np.testing.assert_allclose(result.nmse, square / data.torque.var(0))
+        np.testing.assert_allclose(result.rmse, np.sqrt(square))
+
+    def test_cross_validation_leaves_one_recording_out(self, good):
+        model, *_ = good
+        recordings = [recorded(model, 300, NOISE, seed) for seed in range(3)]
+        each = []
+        for k, held_out in enumerate(recordings):
+            parameters = estimate("weighted", model, recordings[:k] + recordings[k + 1 :]).parameters
+            each.append(score(model, parameters, held_out).nmse)
+        found = cross_validated("weighted", model, [[recording] for recording in recordings])
+        np.testing.assert_allclose(found.nmse, each)
+        np.testing.assert_allclose(found.pooled.nmse, np.mean(each, 0))
+
+
+def test_an_arm_at_rest_identifies_nothing(good):
+    model, *_, data = good
+    still = replace(data, velocity=0 * data.velocity, acceleration=0 * data.acceleration)
+    result = judged(model, estimate("ols", model, still), still)
+    assert result.verdict == BAD and any("some parameters have no effect" in x for x in result.reasons)
+
+
+def test_a_joint_that_hardly_moves_is_not_identifiable(planar):
+    result = judged(*half_still(planar, NOISE, 1e-3))
+    words = r"^joint 2 \(elbow\).*not identifiable.*fv2"
+    assert result.verdict == BAD and any(re.search(words, reason) for reason in result.reasons)
+
+
+# Where a verdict changes: numbers just inside and just outside of what counts as good and as usable.
+def score_of(*nmse):
+    return Score(np.array(nmse), np.ones(len(nmse)))
+
+
+@pytest.fixture(scope="module")
+def flawless(good):
+    """A good model of the planar arm, in which everything may be replaced."""
+    model, found, data, validation = good
+    result = judged(model, found, data, [validation])
+    small = np.full(2, 0.01)
+    errors = {"train": score_of(0.01, 0.01), "held_out": score_of(0.01, 0.01)}
+    planted = replace(result, **errors, nominal_score=score_of(1.0, 1.0), torque_deviation=small, weak=())
+    assert planted.verdict == GOOD
+    return planted
+
+
+def errors(*nmse, train=1.0):
+    return {"held_out": score_of(*nmse), "train": score_of(*(train * x for x in nmse))}
+
+
+def folded(*means):
+    """Errors of recordings by the others."""
+    return {"folds": Score(np.array([[x, x] for x in means]), np.ones((len(means), 2)))}
+
+
+def uncertain(*shares):
+    return {"torque_deviation": np.array(shares)}
+
+
+def at_deviations(name, deviations):
+    """A parameter below zero by so many of its deviations."""
+
+    def change(estimate):
+        parameters, k = estimate.parameters.copy(), estimate.names.index(name)
+        parameters[k] = -deviations * estimate.deviation[k]
+        return replace(estimate, parameters=parameters)
+
+    return change
+
+
+LEAVES = r"^joint 2 \(elbow\): the model leaves 5%"
+UNKNOWN = r"^joint 1 \(shoulder\): not identifiable.*uncertain by "
+TIMES, NOMINAL = "times that of training", "the description's own link parameters predict as well"
+DRIVES, ROTOR = (
+    r"^joint 2 \(elbow\).*friction cannot be negative",
+    "^joint 2.*rotor inertia cannot be negative",
+)
+# What is changed, the verdict, and a reason that is given for it; a reason after "no" is not.
+BOUNDARIES = [
+    (errors(0.0199, 0.0199), GOOD, ""),
+    (errors(0.0201, 0.0201), USABLE, ""),
+    (errors(0.0999, 0.0999), USABLE, ""),
+    (errors(0.1001, 0.1001), BAD, ""),
+    (errors(0.0, 0.0499), USABLE, "no " + LEAVES),
+    (errors(0.0, 0.0501), USABLE, LEAVES),
+    (errors(0.0, 0.301), BAD, ""),
+    (uncertain(0.099, 0.0), GOOD, "no " + UNKNOWN),
+    (uncertain(0.101, 0.0), USABLE, UNKNOWN + "10%"),
+    (uncertain(0.499, 0.0), USABLE, UNKNOWN + "50%"),
+    (uncertain(0.51, 0.0), BAD, UNKNOWN + "51%"),
+    (uncertain(10.0, 0.0), BAD, UNKNOWN + "more than 1000%"),
+    (errors(0.015, 0.015, train=1 / 2.9), GOOD, "no " + TIMES),
+    (errors(0.015, 0.015, train=1 / 3.1), USABLE, "3.1 " + TIMES),
+    (errors(0.0099, 0.0099, train=1e-3), GOOD, ""),  # both are good
+    ({"held_out": None}, USABLE, "^no recording was held out"),
+    ({"where": "each recording by the others"}, GOOD, "^mean nMSE 0.0100 on each recording by the others"),
+    (folded(0.01, 0.01), GOOD, "no predicted by the others"),
+    (folded(0.01, 0.05), USABLE, "^recording 2 is predicted by the others with mean nMSE 0.05"),
+    ({"nominal_score": score_of(0.011, 0.011)}, GOOD, "no the description is right"),
+    ({"nominal_score": score_of(0.009, 0.009)}, GOOD, "the description is right"),
+    (errors(0.04, 0.04) | {"nominal_score": score_of(0.041, 0.041)}, USABLE, "no " + NOMINAL),
+    (errors(0.04, 0.04) | {"nominal_score": score_of(0.039, 0.039)}, USABLE, NOMINAL),
+    ({"causes": (Finding(BAD, "gravity acts along +z"),)}, BAD, "^gravity acts"),
+    ({"causes": (Finding(USABLE, "weighs 99 kg", 1),)}, USABLE, r"^joint 2 \(elbow\): weighs 99 kg"),
+    ({"estimate": lambda x: replace(x, condition=99.0)}, GOOD, "no condition number"),
+    ({"estimate": lambda x: replace(x, condition=101.0)}, USABLE, "condition number 101"),
+    # one of five is below zero by 2.6 deviations as rarely as a single one by two
+    ({"estimate": at_deviations("fv2", 2.5)}, GOOD, "no " + DRIVES),
+    ({"estimate": at_deviations("fv2", 2.7)}, USABLE, DRIVES),
+    ({"estimate": at_deviations("Ia2", 2.5)}, GOOD, "no " + ROTOR),
+    ({"estimate": at_deviations("Ia2", 2.7)}, USABLE, ROTOR),
+    ({"causes": (Finding(GOOD, "velocities are derived"),)}, GOOD, "^velocities are derived"),
+    ({"estimate": at_deviations("fo2", 5.0)}, GOOD, ""),  # an offset may be negative
+]
+
+
+@pytest.mark.parametrize(("changes", "verdict", "reason"), BOUNDARIES)
+def test_the_verdict_changes_at_its_thresholds(flawless, changes, verdict, reason):
+    values = {name: x(getattr(flawless, name)) if callable(x) else x for name, x in changes.items()}
+    result, words = replace(flawless, **values), reason.removeprefix("no ")
+    assert result.verdict == verdict
+    assert any(re.search(words, reason_given) for reason_given in result.reasons) == (words == reason)
+
+
+def test_each_joint_has_one_reason_the_gravest_first(flawless):
+    shaken = np.array([0.2, 0.2])
+    weak = {"torque_deviation": shaken, "weak": ("fv1", "fc2", "Ia2")}
+    result = replace(flawless, **errors(0.04, 0.31), **weak)
+    first, second = (reason for reason in result.reasons if reason.startswith("joint "))
+    assert first.startswith("joint 2") and second.startswith("joint 1") and result.verdict == BAD
+    assert all(word in first for word in ("leaves 31%", "uncertain by 20% (fc2, Ia2)"))
+    assert "uncertain by 20% (fv1)" in second and "leaves" not in second
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +183,7 @@ def test_without_validation_recordings_are_cross_validated(planar, recordings):
     result = identified(planar, recordings)
     assert result.kind == "each of 3 recordings, predicted from the others"
     assert result.tested["weighted"].nmse.mean() < 2e-3
+    assert result.quality.held_out is result.tested["consistent"]
     assert result.quality.folds is not None
 
 

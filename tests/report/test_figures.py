@@ -98,9 +98,3 @@ def test_an_svg_has_text_unique_ids_and_reproducible_bytes(recwarn):
     assert words in first.text and not recwarn.list
     assert drawn("a") == drawn("a")
     assert first.ids and len(first.ids) == len(set(first.ids)) and not set(first.ids) & set(other.ids)
-
-
-def test_long_lines_are_reduced_to_screen_resolution():
-    figure, time = blank(11, 2), np.arange(50_000) / 45
-    figure.subplots().plot(time, np.sin(14 * time))
-    assert len(svg(figure, "a", "a")) < 100_000

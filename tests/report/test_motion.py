@@ -78,9 +78,3 @@ def test_bundles_share_one_scale_and_render_reproducibly(planar, tmp_path):
     assert len({axis.get_xlim() + axis.get_zlim() for axis in figure.axes}) == 1
     first, second = save(figure, tmp_path / "a"), save(paths(planar, bundles), tmp_path / "b")
     assert first.read_bytes() == second.read_bytes() and np.ptp(imread(first)[..., :3]) > 0.5
-
-
-def test_a_narrow_axis_has_a_single_tick_whose_label_overlaps_no_other(planar, arm):
-    for body, family, narrow in ((planar, FAMILY, True), (arm, SEVEN, False)):
-        (axis,) = paths(body, [Bundle("one", family, some(family, 3))]).axes
-        assert [len(part.get_ticklocs()) > 1 for part in (axis.xaxis, axis.yaxis)] == [True, not narrow]

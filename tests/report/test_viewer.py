@@ -14,8 +14,7 @@ import pytest
 import trimesh
 
 from sidegan.motion.trajectory import Trajectory
-from sidegan.report.viewer.page import write_view
-from sidegan.report.viewer.surfaces import fewer, region_surface
+from sidegan.report.viewer.page import fewer, region_surface, write_view
 from sidegan.robot.visuals import Part
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from tests.report.pages import Page

@@ -78,7 +78,7 @@ def test_an_impossible_link_is_reported_and_replaced_by_the_nearest_possible_one
 
 def test_an_arm_is_identified_despite_missing_masses(load):
     truth, arm = load(arm_of()), load(arm_of(BARE))
-    training, validation = recordings(arm, truth=truth)
+    training, validation = recordings(arm=arm, truth=truth)
     found = identified(arm, [training], [validation])
     assert found.use == "consistent" and found.tested["consistent"].nmse_mean < 2e-3
     assert inconsistent_links(arm, found.links) == []

@@ -13,7 +13,7 @@ from sidegan.controllers import approach, require_exportable
 from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError
-from sidegan.identification.uncertain import Uncertain
+from sidegan.identification.goals import Uncertain
 from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage
@@ -81,8 +81,10 @@ def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Track
     rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="quantity"))
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
-    planned = ", at full speed" if _slow(run) else ""
-    return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, given {of}"
+    planned = ", executed with and without the tool" if aim.purpose.goal.runs > 1 else ""
+    planned += ", at full speed" if _slow(run) else ""
+    left = plain(100 * aim.left, ".2g")
+    return f"with the set the expected deviations fall to {left}% (geometric mean){planned}, given {of}"
 
 
 def _slow(run: RunContext) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sidegan.base.storage import file_digest, read_json, reading, replacing
 from sidegan.errors import ConfigError, RecordingError
-from sidegan.identification.unmodelled import BIASED
+from sidegan.identification.residuals import BIASED
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stage import Stage

@@ -9,10 +9,9 @@ import pandas as pd
 
 from sidegan.base.storage import write_json
 from sidegan.errors import ConfigError
-from sidegan.identification.drive_gains import drive_gains
 from sidegan.identification.identified import measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.payload import VALUES, Payload, identify_payload
+from sidegan.identification.payload import VALUES, Payload, drive_gains, identify_payload
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.settings import Config

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.names import listed
+from sidegan.identification.estimate import shown
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.payload import VALUES, values_of
-from sidegan.identification.score import shown
 from sidegan.identification.verdict import BAD, Quality, joint_of
 from sidegan.identification.workflow import excess
 from sidegan.recording.check import CheckedRecording

@@ -8,7 +8,6 @@ from sidegan.base.arrays import Array
 from sidegan.identification.identified import IdentifiedArm
 from sidegan.identification.measurements import Measurements, pieces
 from sidegan.recording.check import CheckedRecording
-from sidegan.recording.recording import Segment
 from sidegan.report import canvas
 
 MEASURED, PREDICTED, RESIDUAL = "#8795a1", "#0b66c3", "#d9480f"
@@ -23,7 +22,9 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
     figure = canvas.blank(_WIDE, (104 * len(titles) + 80) * _PIXEL)
     rows = figure.subplots(len(titles), sharex=True, squeeze=False)[:, 0]
     for segment in recording.segments:
-        predicted = _predicted(identified, segment)
+        parts = pieces(Measurements(*segment[1:]))
+        theta = identified.used.parameters
+        predicted = np.concatenate([identified.model.torque(theta, *part.inputs) for part in parts])
         drawn = zip(_LINES, (segment.torque, predicted, segment.torque - predicted))
         for (label, colour, width), values in drawn:
             for axis, y in zip(rows, values.T):
@@ -35,14 +36,6 @@ def torques(identified: IdentifiedArm, recording: CheckedRecording) -> Figure:
         canvas.tidy(axis)
     rows[-1].set_xlabel("time [s]", fontsize=9)
     return _with_legend(figure, rows[0])
-
-
-def _predicted(identified: IdentifiedArm, segment: Segment) -> Array:
-    """Torque [N·m or N], (S, J), of the recommended model along a segment."""
-    model = identified.model
-    theta = identified.used.parameters
-    parts = pieces(Measurements(*segment[1:]))
-    return np.concatenate([model.torque(theta, *part.inputs) for part in parts])
 
 
 def friction(identified: IdentifiedArm) -> Figure:

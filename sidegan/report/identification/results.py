@@ -11,9 +11,9 @@ from markupsafe import Markup
 from sidegan.base.arrays import Array
 from sidegan.base.names import folder_name, plain
 from sidegan.base.storage import write_bytes, write_json
+from sidegan.identification.estimate import Score
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.score import Score
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.document import web_page
 from sidegan.report.identification import content

@@ -23,15 +23,18 @@ from sidegan.errors import ArtifactError
 from sidegan.motion.trajectory import Motion, Trajectory
 from sidegan.report.document import web_page
 from sidegan.report.style import PALETTE
-from sidegan.report.viewer.surfaces import arm_parts, region_surface
 from sidegan.robot import Arm
-from sidegan.validity import Constraints, Plane
+from sidegan.robot.visuals import Part, capsule_surface, visual_parts
+from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.constraints import DISTANCES
 
 Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]  # plain values, and arrays
 
 _RATE, _FEWEST, _MOST = 25.0, 100, 500  # sampling rate of a motion [Hz], least and most samples
 _ARCHIVE, _TEMPLATE = "templates/viewer.zip", "viewer.html.template"  # trimesh's, which contain three.js
+_TRIANGLES = 120_000  # most triangles of an arm
+_FINEST, _COARSER = 5e-4, 1.4  # smallest grid cell for merging vertices [m], and factor to the next size
+_CELLS = 2**20  # most grid cells along an axis
 
 
 def write_view(
@@ -132,8 +135,13 @@ def _closest(constraints: Constraints, motion: Motion) -> Content:
 
 
 def _surfaces(constraints: Constraints) -> Content:
-    """Surfaces of the arm, its capsules, and obstacles."""
-    looks, shapes = arm_parts(constraints.arm)
+    """Surfaces of the arm, its capsules, and obstacles; links without a visual show their capsules."""
+    capsules = constraints.arm.capsules
+    each = zip(capsules.link.tolist(), capsules.a, capsules.b, capsules.radius.tolist())
+    shapes = [Part(link, *capsule_surface(a, b, radius)) for link, a, b, radius in each]
+    looks = visual_parts(constraints.arm)
+    seen = {part.link for part in looks}
+    looks = fewer([*looks, *(part for part in shapes if part.link not in seen)])
     planes = [region for region in constraints.regions if isinstance(region, Plane)]
     obstacles = [region_surface(region) for region in constraints.regions if not isinstance(region, Plane)]
     head: dict[str, Any] = {"planes": [{"normal": plane.unit, "offset": plane.offset} for plane in planes]}
@@ -144,6 +152,51 @@ def _surfaces(constraints: Constraints) -> Content:
             arrays[f"{kind}{k}v"] = part.vertices.astype(np.float32)
             arrays[f"{kind}{k}f"] = part.faces.astype(np.uint32)
     return head, arrays
+
+
+def region_surface(region: Box | Sphere | Convex) -> Part:
+    """The surface of a bounded keep-out region."""
+    import trimesh  # slow to import
+
+    if isinstance(region, Sphere):
+        mesh = trimesh.creation.icosphere(3, region.radius).apply_translation(region.centre)
+    elif isinstance(region, Convex):
+        mesh = trimesh.convex.convex_hull(region.points)
+    else:
+        mesh = trimesh.creation.box(bounds=[region.lower, region.upper])
+    return Part(-1, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+
+
+def fewer(parts: Sequence[Part]) -> list[Part]:
+    """Surfaces with coincident vertices merged, and nearby ones too if there are too many triangles.
+
+    Vertices in a grid cell are replaced by their mean; degenerate triangles are dropped.
+    """
+    made = [_clustered(part, _FINEST / 100) for part in parts]
+    size = _FINEST
+    while sum(len(part.faces) for part in made) > _TRIANGLES:
+        made = [_clustered(part, size) for part in parts]
+        size *= _COARSER
+    return [part for part in made if len(part.faces)]
+
+
+def _clustered(part: Part, size: float) -> Part:
+    size = max(size, np.ptp(part.vertices) / _CELLS)
+    _, index = _distinct(np.floor(part.vertices / size).astype(np.int64))
+    count = np.bincount(index)
+    means = np.stack([np.bincount(index, column) for column in part.vertices.T], 1) / count[:, None]
+    faces = index[part.faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(1)]
+    return Part(part.link, means, faces[_distinct(np.sort(faces, axis=1))[0]])
+
+
+def _distinct(rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First of the equal rows, and for each row the number of its value."""
+    if not len(rows):
+        return np.arange(0), np.arange(0)
+    numbers = np.ravel_multi_index((rows - rows.min(0)).T, np.ptp(rows, 0) + 1)
+    _, first, index = np.unique(numbers, return_index=True, return_inverse=True)
+    return first, index
 
 
 def _packed(arrays: Mapping[str, NDArray[Any]]) -> tuple[dict[str, list[Any]], str]:

@@ -1,4 +1,4 @@
-"""Unmodelled torques, from residuals: their kinds, sizes, and the errors that they cause.
+"""What a model leaves of the torques: noise, or effects that it lacks, with their kinds, sizes and errors.
 
 An unmodelled torque b changes the least-squares parameters by B b. What remains, b − Y B b, is in the
 residuals; at other states the same expression is the error of the prediction. More motion of the same kind
@@ -10,14 +10,25 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
 from sidegan.identification.estimate import Estimate
+from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
 from sidegan.identification.model import TorqueModel, torques_of
 from sidegan.identification.sums import scaled_inverse
+from sidegan.recording.check import CheckedRecording
+from sidegan.recording.recording import Segment
 
 BIASED = "bias dominates"
+
+_BANDS = ((0.0, 0.3), (0.3, 0.6))  # shares of the cut-off; most unmodelled torque is in the first band
+_VALUES = 15.0  # independent values that a band needs for a test
+_RARE = 1e-3  # false alarm rate per band of pure noise
+_EXPECTED = 1.25  # allowance for the error of the expected noise
+_HANN = 35 / 18  # correlated spectral values per independent one, under a Hann window
+_ALIKE = 4.0  # standard deviations at which a correlation between neighbours is significant
 
 _SHARP = 0.03  # width of the smooth sign of friction [rad/s]
 _CHANCE = 4.0  # a kind must explain this many times what it would explain of noise
@@ -37,6 +48,72 @@ KINDS = {
     "torque that depends on the position": (4, 5, 6, 7),
     "ripple": (8, 9, 10, 11),
 }
+
+
+def is_noise(
+    model: TorqueModel, parameters: Array, covariance: Array, recordings: Sequence[CheckedRecording]
+) -> Array:
+    """Whether each joint's residuals with parameters (P,) are noise, (J,).
+
+    They are if in each band below the cut-off they are no larger than the torques above it, up to errors of
+    the parameters with a covariance (P, P), and if residuals at neighbouring positions, velocities,
+    accelerations or torques are uncorrelated. False if there are too few samples to decide.
+    """
+    residuals = [
+        _residual(model, parameters, covariance, segment, recording.grid.cutoff, recording.noise)
+        for recording in recordings
+        for segment in recording.segments
+    ]
+    *sums, samples = zip(*residuals)
+    energy, expected, values = (np.stack(x).sum(0) for x in sums)
+    if (values < _VALUES).any():
+        return np.zeros(model.joints, dtype=bool)
+    most = _EXPECTED * scipy.stats.chi2.isf(_RARE, values) / values
+    as_large = energy <= most[:, None] * expected  # False where the noise is unknown (NaN)
+    return as_large.all(0) & _uncorrelated(np.concatenate(samples, 1))
+
+
+def _residual(
+    model: TorqueModel, parameters: Array, covariance: Array, segment: Segment, cutoff: float, noise: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Residual of a segment with a low-pass [Hz], and what noise of a density, (J,), is expected in it.
+
+    Returns:
+        Its energy in each band, (K, J), that of noise and of the parameters' errors, (K, J), the number of
+        independent values, (K,), and independent samples of it and of signals to sort it by, (5, N, J).
+    """
+    rate = 1 / float(segment.time[1] - segment.time[0])
+    count = len(segment.time)
+    predicted = []
+    errors = np.zeros(model.joints)
+    for part in pieces(Measurements(*segment[1:])):
+        y = model.regressor(*part.inputs)
+        predicted.append(torques_of(y, parameters))
+        errors += spread_of(y, covariance) / count
+    torque = np.concatenate(predicted)
+    residual = segment.torque - torque
+    window = np.hanning(count + 1)[:-1]  # periodic
+    power = np.square(np.abs(np.fft.rfft(window[:, None] * residual, axis=0)))
+    share = np.fft.rfftfreq(count, 1 / rate) / cutoff
+    unit = np.square(window).sum()
+    inside = np.stack([(low <= share) & (share < high) for low, high in _BANDS])
+    expected = inside.sum(1)[:, None] * noise * rate / 2 * unit
+    expected[0] += errors * unit * count / 2
+    step = max(1, round(rate / (2 * cutoff)))
+    samples = np.stack([residual, segment.position, segment.velocity, segment.acceleration, torque])
+    return inside @ power, expected, 2 * inside.sum(1) / _HANN, samples[:, ::step]
+
+
+def _uncorrelated(samples: Array) -> Array:
+    """Whether residuals sorted by each of the other signals are uncorrelated with their neighbours, (J,)."""
+    residual = samples[0]
+    result = np.ones(samples.shape[2], dtype=bool)
+    for x in samples[1:]:
+        r = np.take_along_axis(residual, x.argsort(0), 0)
+        r = r - r.mean(0)
+        correlation = (r[1:] * r[:-1]).sum(0) / np.square(r).sum(0)
+        result &= correlation * len(r) ** 0.5 < _ALIKE
+    return result
 
 
 def unmodelled(q: Array, dq: Array, torque: Array, usual: Array) -> Array:

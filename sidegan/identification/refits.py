@@ -1,0 +1,206 @@
+"""What would explain a misfit if it was fitted, too: encoder zeros, gravity, or a change of the arm."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import reduce
+
+import numpy as np
+import scipy  # its parts are imported when they are used
+
+from sidegan.base.arrays import Array, geometric_mean
+from sidegan.identification.fit import Extended, covariance_of, gather, reweighted, torque_errors
+from sidegan.identification.identified import IdentifiedArm, measurements_of
+from sidegan.identification.measurements import Measurements, thinned
+from sidegan.identification.model import Terms, TorqueModel
+from sidegan.identification.payload import with_load
+from sidegan.identification.sums import Sums, sums_of
+from sidegan.motion.dynamics import RigidBody
+
+_SURE = 5.0  # standard deviations from zero at which a zero or a load is significant
+_EXPLAINED = 0.7  # largest share of the residuals' squares that may remain with other zeros or gravity
+_TINY = np.finfo(float).tiny
+
+_SAMPLES = 2_000  # enough to find a zero
+_STEP = 1e-4  # [rad or m] of a difference quotient
+# [rad or m] unit of a change of zero: its prior deviation, of ``fit.LEAST``, is then 0.1 rad. Links explain
+# some changes, as that of the last joint, exactly, and with a much weaker prior: these changes stay zero
+_UNIT = 1e-4
+_ROUNDS = 12  # of Gauss–Newton
+_FARTHEST = 0.3  # [rad or m] change in a round
+_SETTLED = 1e-3  # [rad or m] change that ends the rounds
+_NOTABLE_ZERO = 0.05  # [rad or m] smallest difference reported
+_ALIKE = 0.5  # largest difference between parts of the samples, relative to the zero's
+
+_SAMPLES_OF_TILT = 1_000  # enough to find a tilt
+_FIRST = 0.05  # [rad] of the search
+_FINE = 1e-3  # [rad] at which it ends
+_NOTABLE_TILT = 0.03  # [rad] smallest tilt that is reported
+
+_HALF = 0.5  # most of the residuals' squares that may remain if a change is to explain them
+_FITS = 0.1  # most of the torques' squares that may remain then
+_NOTABLE_LOAD = 0.02  # smallest load that is reported, as a share of the arm's mass
+
+
+def shifted_zeros(model: TorqueModel, samples: Sequence[Measurements]) -> Array:
+    """Positions [rad or m] that a recording has where the description has zero, (J,); 0 where they agree.
+
+    Links and terms of the model are fitted anew with them. They are believed if they are significant and
+    explain the residuals in both halves of the samples; those that links can make up for cannot be found.
+    """
+    whole = thinned(samples, _SAMPLES)
+    first, deviation, _ = _fitted_zeros(model, whole, np.ones(model.joints, dtype=bool))
+    clear = np.abs(first) > np.maximum(_NOTABLE_ZERO, _SURE * deviation)
+    if not clear.any():
+        return np.zeros(model.joints)
+    half = len(whole) // 2
+    found = [_fitted_zeros(model, x, clear) for x in (whole, whole[:half], whole[half:])]
+    zeros = np.where(clear, found[0][0], 0.0)
+    alike = all((np.abs(part - zeros) <= _ALIKE * np.abs(zeros))[clear].all() for part, *_ in found[1:])
+    return zeros if alike and all(left < _EXPLAINED for *_, left in found) else np.zeros(model.joints)
+
+
+def moved(samples: Sequence[Measurements], zeros: Array | float) -> list[Measurements]:
+    """Samples whose positions count from other zeros [rad or m], (J,)."""
+    return [replace(x, position=x.position - zeros) for x in samples]
+
+
+def _fitted_zeros(model: TorqueModel, samples: Measurements, free: Array) -> tuple[Array, Array, float]:
+    """Zeros of the free joints, (J,) marked, fitted together with the model's parameters.
+
+    Also their deviations, (J,), and the share of the residuals' squares that remains, geometric mean.
+    """
+    joints = model.joints
+    zeros = np.zeros(joints)
+    plain = gather(model, samples).sums
+    parameters = reweighted(plain).parameters
+    before = plain.squares(parameters)
+    for _ in range(_ROUNDS):
+        shifted = _with_zeros(model, parameters, free)
+        data = gather(shifted, moved([samples], zeros))
+        fit = reweighted(data.sums)
+        parameters, change = fit.parameters[:-joints], _UNIT * fit.parameters[-joints:]
+        zeros = zeros + np.clip(change, -_FARTHEST, _FARTHEST)
+        if np.abs(change).max() < _SETTLED:
+            break
+    covariance = covariance_of(data.sums, fit, torque_errors(shifted, data, fit))
+    deviation = _UNIT * np.sqrt(np.maximum(covariance.diagonal()[-joints:], 0))
+    shares = data.sums.squares(fit.parameters) / np.maximum(before, _TINY)
+    return zeros, deviation, geometric_mean(np.maximum(shares, 1e-12))
+
+
+def _with_zeros(model: TorqueModel, parameters: Array, free: Array) -> Extended:
+    """The model with columns for small changes of the free joints' zeros, in units of ``_UNIT``."""
+
+    def columns(q: Array, dq: Array, ddq: Array, sign: Array | None) -> Array:
+        added = np.zeros((len(q), model.joints, model.joints))
+        for j in np.flatnonzero(free):
+            step = _STEP * np.eye(model.joints)[j]
+            less, more = (model.torque(parameters, x, dq, ddq, sign) for x in (q - step, q + step))
+            added[:, :, j] = _UNIT * (less - more) / (2 * _STEP)
+        return added
+
+    return Extended(model, model.joints, columns)
+
+
+def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array | None:
+    """Gravity [m/s²] in the base frame, (3,), that explains torques far better; None if none does.
+
+    Links and friction are fitted anew with it. Its magnitude is the description's, which masses make up for.
+    """
+    described = model.arm.gravity
+    size = float(np.linalg.norm(described))
+    if not size > 0:
+        return None
+    across = np.linalg.svd(described[None])[2][1:]  # two directions at right angles to it, (2, 3)
+    whole = thinned(samples, _SAMPLES_OF_TILT)
+    terms = model.regressor(*whole.inputs)[..., model.rigid :]
+
+    def turned(tilt: Array) -> Array:
+        direction = described / size + tilt @ across
+        return size * direction / np.linalg.norm(direction)
+
+    def left(gravity: Array, *parts: slice) -> list[float]:
+        """Logarithm of the squared residuals in each part of the samples, mean over joints."""
+        links = RigidBody(replace(model.arm, gravity=gravity)).regressor(*whole.states)
+        y = np.concatenate([links, terms], 2)
+        each = [sums_of(y[part], whole.torque[part]) for part in parts]
+        squares = [sums.squares(reweighted(sums).parameters) for sums in each]
+        return [float(np.log(np.maximum(x, _TINY)).mean()) for x in squares]
+
+    found = scipy.optimize.minimize(
+        lambda tilt: left(turned(tilt), slice(None))[0],
+        np.zeros(2),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": _FIRST * np.array([[0, 0], [1, 0], [0, 1]]),
+            "xatol": _FINE,
+            "fatol": 0.1,
+        },
+    ).x
+    half = len(whole) // 2
+    now, before = (left(g, slice(None, half), slice(half, None)) for g in (turned(found), described))
+    better = all(x < y + np.log(_EXPLAINED) for x, y in zip(now, before))
+    return turned(found) if np.linalg.norm(found) > _NOTABLE_TILT and better else None
+
+
+def change_between(found: IdentifiedArm) -> list[str]:
+    """A remark on a recording whose load or friction differs, if that explains most of the residuals."""
+    model = found.model
+    plain = gather(model, measurements_of(found.recordings)).sums
+    before = np.maximum(plain.squares(reweighted(plain).parameters), _TINY)
+    changes = [*_changes(found, with_load(model, carried=True), before, load=True)]
+    if {"viscous", "coulomb"} <= {*model.kinds}:
+        friction = Terms(offset=False, sign_width=model.terms.sign_width)
+
+        def columns(_: Array, dq: Array, ddq: Array, sign: Array | None) -> Array:
+            signals = friction.signals(dq, ddq, sign)
+            return np.concatenate([x[..., None] * np.eye(model.joints) for x in signals], 2)
+
+        changes += _changes(found, Extended(model, 2 * model.joints, columns), before, load=False)
+    return [remark for _, remark in sorted(changes)[:1]]
+
+
+def _changes(
+    found: IdentifiedArm, extended: Extended, before: Array, load: bool
+) -> Iterator[tuple[float, str]]:
+    """Share of the residuals' squares, (J,) ``before``, that remains with further columns in one recording.
+
+    Also a remark on it. Only changes that explain the residuals, and loads that are significant.
+    """
+    arm, count, recordings = found.model.arm, found.model.count, found.recordings
+    data = [gather(extended, measurements_of([recording])) for recording in recordings]
+    same = [_only(x.sums, count) for x in data]
+    # the data cannot say which of two recordings it is: the second is named, and of one none
+    for k in range(1 if len(data) < 3 else 0, len(data)):
+        sums = reduce(Sums.plus, [*same[:k], data[k].sums, *same[k + 1 :]])
+        fit = reweighted(sums)
+        after = np.maximum(sums.squares(fit.parameters), _TINY)
+        remaining = geometric_mean(after / before)
+        left = geometric_mean(after / np.maximum(sums.energy, _TINY))
+        if remaining >= _HALF or left >= _FITS:
+            continue
+        name = recordings[k].name
+        if load:
+            errors = torque_errors(extended, data[k]._replace(sums=sums), fit)
+            mass, deviation = fit.parameters[count], np.sqrt(covariance_of(sums, fit, errors)[count, count])
+            least = _NOTABLE_LOAD * arm.inertial_parameters[:, 0].sum()
+            if abs(mass) <= max(_SURE * deviation, least):
+                continue
+            text = (
+                f"{name} was recorded with a different load than the others: {mass:+.2g} ± "
+                f"{deviation:.1g} kg on {arm.link_names[-1]} explains it; identify from recordings with one "
+                "load (+experiment=payload identifies the difference)"
+            )
+        else:
+            text = (
+                f"in {name} the friction of {arm.named(after < _HALF * before)} differs: is the arm warmer "
+                "or colder there, or much slower or faster? record after warming up, and identify from "
+                "recordings of one temperature and pace"
+            )
+        yield remaining, text
+
+
+def _only(sums: Sums, count: int) -> Sums:
+    """Sums in which all but the first columns are zero."""
+    kept = np.arange(sums.moment.shape[1]) < count
+    return sums._replace(information=sums.information * (kept[:, None] & kept), moment=sums.moment * kept)
