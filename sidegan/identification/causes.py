@@ -49,9 +49,10 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     against = None if gravity else agreement.reversed(arm, driven=True)
     unexplained = found.quality.verdict != GOOD and not (exchanged or gravity or against)
     faults = [Finding(USABLE, f"{x.name}: {text}") for x in found.recordings for text in x.faults]
+    doubts = agreement.doubts(arm)
     if unexplained:
         because = change_between(found)
-        if not (because or faults):  # which look like disturbances
+        if not (because or faults or doubts):  # which look like disturbances
             because = disturbances(found)
         if because:
             return [*(Finding(USABLE, text) for text in because), *faults, *repairs], False
@@ -62,7 +63,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     named = agreement.runs_against(driven=True) if against else np.zeros(arm.joints, dtype=bool)
     reversals = [against, _driving_friction(found, named)]
     causes = [Finding(BAD, text) for text in reversals if text]
-    causes += [Finding(USABLE, doubt) for doubt in agreement.doubts(arm)]
+    causes += [Finding(USABLE, doubt) for doubt in doubts]
     if not causes and unexplained:
         tilted = tilted_gravity(model, measurements_of(found.training))
         if tilted is not None and (error := _error_with(found, tilted)) < now:

@@ -115,6 +115,11 @@ CASES = [
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
     (offset, GOOD, r"^joint 3 \(joint_3\): its torque has an offset of 9.* ± .* was the sensor tared"),
     (touching, BAD, TOUCHED),
+    (
+        lambda made: scaled(*[0.25] * 7)(touching(made)),
+        BAD,
+        r"^measured torques are 0\.25 \(joint_1\).* times those",
+    ),
     (drifting, USABLE, DRIFTS),
     (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
     (zeros(0, 0.3, 0, 0, 0, 0, 0), BAD, OFF + r"; .* be 0\.000\d+ instead of 0\.0"),
