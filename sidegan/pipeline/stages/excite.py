@@ -10,7 +10,6 @@ import pandas as pd
 
 from sidegan.base.names import counted, plain
 from sidegan.controllers import approach, require_exportable
-from sidegan.design.beside import compile_beside
 from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError
 from sidegan.identification.uncertain import Uncertain
@@ -128,7 +127,6 @@ def _executed(run: RunContext, planned: Motion, executed: Executed) -> dict[str,
 
 
 def _check(run: RunContext) -> None:
-    compile_beside()  # in parallel with the compilation below
     cell, settings = run.cell, run.cfg.controllers
     if settings.rehearse:  # MuJoCo needs physically consistent links
         require_consistent(cell.arm)
