@@ -34,10 +34,9 @@ Job = Callable[[Report], Any]
 
 @contextmanager
 def on_cluster(scheduler: str | None) -> Iterator[None]:
-    """Run all ``run_jobs`` of this process within the block on a Dask cluster; None: on this machine.
+    """Run all ``run_jobs`` of this process within the block on the Dask cluster of this scheduler's address.
 
-    Args:
-        scheduler: address of the cluster, ``tcp://host:8786``.
+    None: on this machine.
 
     Raises:
         SideganError: when the scheduler does not answer.
@@ -58,8 +57,7 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
     with client:
         crowded = [name for name, threads in client.nthreads().items() if threads > 1]
         if crowded:  # jobs set their process's number of threads, so they cannot share a process
-            names = ", ".join(crowded[:3])
-            raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
+            raise ConfigError(f"Dask worker {crowded[0]} runs several threads; start all with --nthreads 1")
         _client = client
         try:
             yield
@@ -109,8 +107,9 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
                     report_of(number)(1, 1)
         except Exception as error:
             if why := _lost(error):
-                rest = "the same command continues where it stopped"
-                raise SideganError(f"{description}: {why}; {rest}") from error
+                raise SideganError(
+                    f"{description}: {why}; the same command continues where it stopped"
+                ) from error
             raise
         return results
 
@@ -163,13 +162,6 @@ def _exit_with(parent: int) -> None:
 
 def _lost(error: Exception) -> str:
     """Why workers were lost; empty for an error in a job."""
-    killed = "a worker process was killed, perhaps because it ran out of memory"
-    if isinstance(error, BrokenProcessPool):
-        return killed
-    if _client is None:
-        return ""
-    from distributed import KilledWorker
-
-    if isinstance(error, KilledWorker):
-        return f"{killed}, repeatedly"
-    return "" if _client.status == "running" else "the Dask cluster went away"
+    if isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker":  # Dask's
+        return "a worker process was killed, perhaps because it ran out of memory"
+    return "the Dask cluster went away" if _client and _client.status != "running" else ""

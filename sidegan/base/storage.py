@@ -118,14 +118,6 @@ def write_arrays(path: Path, arrays: "Mapping[str, Array]", folder: bool = True)
     write_bytes(path, buffer.getbuffer(), folder)
 
 
-def write_task(path: Path, arrays: "Mapping[str, Array]") -> None:
-    """Write a task's result into an existing work folder.
-
-    A missing folder means that the work is finished; an abandoned worker must not create it again.
-    """
-    write_arrays(path, arrays, folder=False)
-
-
 def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:
     """Write a table with page checksums, to detect damage; see ``replacing``."""
     import pyarrow.parquet as pq

@@ -37,7 +37,10 @@ def run_stage(name: str, stage: Stage, run: RunContext, tracker: Tracker) -> Non
     missing = {digest for digest, artifact in artifacts.items() if run.store.find(artifact) is None}
     if missing and run.planning:
         _ = run.cell.constraints  # raises, before anything is written, if the arm cannot rest at home
-    order = TopologicalSorter({k: artifact.parents & artifacts.keys() for k, artifact in artifacts.items()})
+    order = TopologicalSorter[str]()
+    for digest, artifact in artifacts.items():
+        parents = {source.digest for source in artifact.inputs.values() if isinstance(source, Artifact)}
+        order.add(digest, *(parents & artifacts.keys()))
     order.prepare()
     while ready := order.get_ready():
         _produce(name, run, [artifacts[digest] for digest in ready], missing)
@@ -46,8 +49,11 @@ def run_stage(name: str, stage: Stage, run: RunContext, tracker: Tracker) -> Non
         if digest not in tracker.recorded:  # stages may share artifacts
             tracker.recorded.add(digest)
             _record(artifact, run, tracker)
-    if artifacts:
-        _list(artifacts.values(), run)
+    if artifacts:  # their folders below the outputs, by title
+        path = run.store.run_folder / ARTIFACTS
+        known = read_json(path) if path.exists() else {}
+        found = {artifact.title: artifact.folder.as_posix() for artifact in artifacts.values()}
+        write_json(path, known | found)
     stage.show(run, tracker)
 
 
@@ -82,13 +88,6 @@ def _record(artifact: Artifact, run: RunContext, tracker: Tracker) -> None:
     when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
     texts = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]
     log.info("%s%s: %s", title, when, ", ".join(texts))
-
-
-def _list(artifacts: Iterable[Artifact], run: RunContext) -> None:
-    """Add the artifacts' folders, below the outputs and by title, to the list in the run's folder."""
-    path = run.store.run_folder / ARTIFACTS
-    known = read_json(path) if path.exists() else {}
-    write_json(path, known | {artifact.title: artifact.folder.as_posix() for artifact in artifacts})
 
 
 def finite(row: Mapping[str, Any]) -> dict[str, Any]:

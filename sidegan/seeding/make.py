@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
-from sidegan.base.storage import read_arrays, write_task
+from sidegan.base.storage import read_arrays, write_arrays
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError
 from sidegan.seeding.result import Optimiser, SeedBatch
@@ -57,7 +57,7 @@ def _task(
         batch = SeedBatch.of(read_arrays(path))
     except ArtifactError:
         batch = method.optimise(problem, count, seed)
-        write_task(path, batch.arrays())
+        write_arrays(path, batch.arrays(), folder=False)  # without it the seeds are finished: no late task
     report(1, 1)
     return batch
 

@@ -15,7 +15,7 @@ from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import sending
+from sidegan.pipeline.stages import excite
 from sidegan.robot import load_robot, with_effort
 from sidegan.steps import trajectories
 from sidegan.validity import Constraints, check
@@ -208,6 +208,6 @@ def test_the_approach_of_a_slow_run_is_slow(ran):
 
 
 def test_a_goal_too_long_for_the_shell_is_read_from_stdin(ran, monkeypatch):
-    monkeypatch.setattr(sending, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
+    monkeypatch.setattr(excite, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
     (_, send) = sections(ran("goal.count=1"))[1]
     assert "--stdin < $1.yaml" in send and "Jazzy" in send and "cat" not in send

@@ -5,8 +5,9 @@ import pytest
 
 from experiments.generality import beside_seeds
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stages import arms, library
+from sidegan.pipeline.stages import arms
 from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import library
 from tests.tiny import TINY, composed, validate
 
 FOREIGN = "long.", "plants.", "selection.", "robot=", "seeds=", "tracking="
@@ -31,7 +32,7 @@ def test_compared_arms_share_artifacts_with_single_runs(context):
     own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
     alone = RunContext(own, context().store, ())
     found = {artifact.digest: artifact.title for artifact in arms.STAGES["arms"].artifacts(compared)}
-    for artifact in (seed_set(alone), library.library(alone, "eigen", 0)):
+    for artifact in (seed_set(alone), library(alone, "eigen", 0)):
         assert found[artifact.digest] == f"planar2 {artifact.title}"
 
 

@@ -14,9 +14,8 @@ from sidegan.pipeline.compose import composed
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import stage
-from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import pools, selection
+from sidegan.pipeline.stages.selection import library, pools, selection
 from sidegan.pipeline.store import Store
 from sidegan.validity import check
 from tests.tiny import TINY, tiny

@@ -18,11 +18,10 @@ from sidegan.identification import study
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
-from sidegan.pipeline.stages import baselines
-from sidegan.pipeline.stages import density as densities
+from sidegan.pipeline.stages import baselines, discussion
 from sidegan.pipeline.stages import identification as plants
 from sidegan.pipeline.stages.baselines import natural_set, random_set, random_valid, searched_set
-from sidegan.pipeline.stages.density import density
+from sidegan.pipeline.stages.discussion import density
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
@@ -190,7 +189,7 @@ def test_the_plant_is_scored_on_unseen_motions(executed, build, monkeypatch):
 def test_narrow_density_estimates_sample_near_the_seeds(context, build, monkeypatch):
     made = context("discussion.bandwidths=[1e-6,1]", "discussion.draws=20", experiment="reproduction")
     c = drawn(made, 40, reach=0.5)
-    monkeypatch.setattr(densities, "training_seeds", lambda context: SimpleNamespace(coefficients=c))
+    monkeypatch.setattr(discussion, "training_seeds", lambda context: SimpleNamespace(coefficients=c))
     density(made).make(build)
     narrow, wide = pd.read_parquet(build.folder / RESULTS).from_seed / pdist(flatten(c, 1)).min()
     assert narrow < 1e-4 and 0.1 < wide < 10

@@ -33,7 +33,8 @@ STAGES = {
 }
 
 _MODULES = {"random": "baselines", "long": "baselines", "surrogates": "training", "gan": "training"}
-_MODULES |= {"subsets": "training", "plant": "identification", "check": "identify", "gains": "payload"}
+_MODULES |= {"subsets": "training", "library": "selection", "plant": "identification", "check": "identify"}
+_MODULES |= {"payload": "identify", "gains": "identify", "density": "discussion", "timing": "discussion"}
 
 
 def stage(name: str) -> "Stage":
