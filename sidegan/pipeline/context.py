@@ -107,7 +107,7 @@ class RunContext:
         values = settings if isinstance(settings, Mapping) else asdict(settings)
         arm = self.cell.arm
         parts = [arm.name, label, f"seed{self.cfg.seed}"]
-        stamped = dict(self.cell.stamped())
+        stamped = self.cell.stamped()
         if training is not None:
             parts.append(f"training{training}")
             stamped["training"] = training

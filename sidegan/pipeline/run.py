@@ -1,6 +1,5 @@
 """Run the stages of an experiment in order, tracked as one run, and record how it ends."""
 
-import errno
 import logging
 import os
 import time
@@ -28,7 +27,6 @@ log = logging.getLogger(__name__)
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
 interrupts: list[int] = []  # signals that this process received
-_STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
@@ -77,7 +75,7 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[st
             _save_status(run_folder, INTERRUPTED, "interrupted")
             raise KeyboardInterrupt from error
         code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
-        if isinstance(error, SideganError) or getattr(error, "errno", None) in _STORAGE:
+        if isinstance(error, SideganError | OSError):  # of the disk, such as a full one
             log.error("error: %s", error)
         else:
             log.exception("error: unexpected %s", type(error).__name__)

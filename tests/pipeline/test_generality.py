@@ -5,7 +5,7 @@ import pytest
 
 from experiments.generality import beside_seeds
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stages import arms
+from sidegan.pipeline.stages import measures
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import library
 from tests.tiny import TINY, composed, validate
@@ -31,7 +31,7 @@ def test_compared_arms_share_artifacts_with_single_runs(context):
     compared = RunContext(validate(composed(*GIVEN)), context().store, GIVEN)
     own = validate(composed("+experiment=training", "condition=gradient", "robot=planar2", *shared))
     alone = RunContext(own, context().store, ())
-    found = {artifact.digest: artifact.title for artifact in arms.STAGES["arms"].artifacts(compared)}
+    found = {artifact.digest: artifact.title for artifact in measures.STAGES["arms"].artifacts(compared)}
     for artifact in (seed_set(alone), library(alone, "eigen", 0)):
         assert found[artifact.digest] == f"planar2 {artifact.title}"
 

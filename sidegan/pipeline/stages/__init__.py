@@ -33,8 +33,9 @@ STAGES = {
 }
 
 _MODULES = {"random": "baselines", "long": "baselines", "surrogates": "training", "gan": "training"}
-_MODULES |= {"subsets": "training", "library": "selection", "plant": "identification", "check": "identify"}
-_MODULES |= {"payload": "identify", "gains": "identify", "density": "discussion", "timing": "discussion"}
+_MODULES |= {"subsets": "training", "arms": "measures", "library": "selection", "plant": "identification"}
+_MODULES |= {"check": "identify", "payload": "identify", "gains": "identify"}
+_MODULES |= {"density": "discussion", "timing": "discussion"}
 
 
 def stage(name: str) -> "Stage":
