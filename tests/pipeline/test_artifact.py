@@ -57,7 +57,7 @@ def test_the_digest_ignores_order_and_titles():
 
 def test_a_difference_names_the_key_and_both_values():
     other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
-    expected = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
+    expected = ["settings.epochs is 20, not 50", "seed is None, not 3"]
     assert difference(EIGEN.params, other.params) == expected
 
 

@@ -13,7 +13,6 @@ import pytest
 from sidegan.design import search as searching
 from sidegan.design.search import ConditionGoal, design_set, search
 from sidegan.pipeline.run import run_stages
-from sidegan.robot import inconsistent_links, placeholder_links, possible_links
 from sidegan.steps.trajectories import TrajectorySet, describe_weak_set
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
@@ -70,10 +69,6 @@ def test_an_automatic_home_has_room_beyond_the_clearance(excited):
     assert cell.constraints.distances_at(q)["base", "link3"] >= 0.03 and not cell.constraints.tight
 
 
-def test_samples_grow_with_the_harmonics(excited):
-    assert excited(GAP, "trajectory.harmonics=40").cell.problem.samples == 81
-
-
 @pytest.mark.parametrize(
     ("where", "said"),
     [
@@ -120,14 +115,6 @@ def test_description_problems_are_reported_before_the_design(excited, caplog, te
     caplog.clear()
     excited(arm_of()).log_decisions()
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
-
-
-def test_placeholder_masses_are_replaced(excited):
-    arm = excited(ALIKE).cell.whole_arm
-    start = possible_links(arm)
-    assert placeholder_links(arm) and not inconsistent_links(arm, start)
-    assert not np.isclose(start[:, 0], arm.inertial_parameters[:, 0]).any()
-    assert placeholder_links(excited(arm_of()).cell.whole_arm) == []
 
 
 def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeypatch, caplog):

@@ -2,9 +2,7 @@
 
 import json
 import os
-import shutil
 import signal
-import subprocess
 import threading
 import time
 from collections.abc import Callable
@@ -20,7 +18,7 @@ from sidegan.base import parallel
 from sidegan.base.storage import read_arrays, write_arrays, write_json
 from sidegan.design.problem import Problem
 from sidegan.design.search import Descent
-from sidegan.errors import SideganError, StorageError
+from sidegan.errors import SideganError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.store import Store
@@ -106,38 +104,6 @@ def test_an_interrupt_stops_the_workers_quietly(monkeypatch, recwarn):
         parallel.run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
     assert parallel.run_jobs("after", [nap] * 3, 2) == [None] * 3
     assert not failed and not recwarn.list
-
-
-@pytest.fixture
-def disk(tmp_path):
-    """A file system of its own, of 1,200 kB."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1200k", "tmpfs", str(folder)]
-    if os.getuid() or shutil.which("mount") is None or subprocess.run(mount, check=False).returncode:
-        pytest.skip("a small disk needs root and the right to mount; tests/base/test_storage.py limits files")
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
-
-
-def test_a_full_disk_is_reported_and_a_rerun_continues(disk, undisturbed):
-    ballast, free, filled = disk / "ballast", shutil.disk_usage(disk).free, []
-
-    def fill(task):
-        if len(filled) == 3:  # others use the disk too
-            ballast.write_bytes(bytes(shutil.disk_usage(disk).free))
-        filled.append(task)
-
-    with pytest.raises(StorageError, match=r"cannot write .*seeds-00003\.npz: No space left on device"):
-        made_by(disk, Watched(fill))
-    done = sorted(path.name for path in disk.glob("seeds/*.work/*"))
-    assert done == [f"seeds-{number:05d}.npz" for number in range(3)]
-    with pytest.raises(StorageError, match=r"output folder .* No space left"):
-        made_by(disk)
-    ballast.unlink()
-    assert same(made_by(disk, Watched(fill)), undisturbed)
-    assert filled == [0, 1, 2, 3, 3, 4, 5]
-    assert shutil.disk_usage(disk).free > free - 2**16
 
 
 def test_a_search_that_ends_at_nan_is_started_again(tmp_path, monkeypatch):

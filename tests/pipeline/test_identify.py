@@ -2,7 +2,6 @@
 
 import importlib.util
 import json
-import shlex
 from dataclasses import replace
 
 import mujoco
@@ -11,17 +10,15 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 
-import sidegan as sg
 from sidegan.identification import Terms, TorqueModel
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.settings import validate
 from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
 from tests.pipeline.conftest import client_of
 from tests.recording.conftest import moved
 from tests.recording.files import frame
-from tests.tiny import composed, tiny
+from tests.tiny import tiny
 
 FILES = "MLmodel check.json links.csv model.py parameters.csv parameters.json report.html verdict.json"
 VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])
@@ -214,21 +211,6 @@ def test_stage_check_identifies_nothing(files, tmp_path, capsys):
     assert {path.name for path in (tmp_path / "check").iterdir()} == {"check.json"}
     shown = capsys.readouterr().out
     assert all(word in shown for word in ("a.csv", "saturated", "elbow"))
-
-
-@pytest.mark.parametrize("per_turn", [2**23, [2**23, -(2**23)]])
-def test_encoder_counts_are_converted_by_the_command_that_repeats_a_check(planar, tmp_path, per_turn):
-    made = moved(planar, np.arange(2000) / 100, VISCOUS, COULOMB, np.random.default_rng(0))
-    counts = np.round(2**22 + 1 + made.position / (2 * np.pi) * per_turn)
-    table = frame(replace(made, position=counts, velocity=None))
-    table.to_csv(tmp_path / "a.csv", index=False)
-    settings = {"units": {"position": {"per_turn": per_turn, "zero": 2**22 + 1}}}
-    checked = sg.check_recordings(sg.Cell("planar2"), tmp_path / "a.csv", recording=settings)
-    again = *shlex.split(checked.origin.command)[3:], f"outputs={tmp_path}", "tracking=off"
-    run_stages(validate(composed(*again, "stages=[check]")), tmp_path / "check", "check")
-    (found,) = json.loads((tmp_path / "check" / "check.json").read_text())
-    ends = [found["signals"]["position"][end] for end in ("lower", "upper")]
-    np.testing.assert_allclose(ends, [made.position.min(0), made.position.max(0)], rtol=0, atol=1e-6)
 
 
 @pytest.fixture(scope="module")

@@ -18,22 +18,21 @@ SETTINGS = [
     ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
     ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
     ("reproduction", "seeds=paper seeds.method=gradient", "choose it by seeds=gradient"),
-    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected local, off"),
-    ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
+    ("reproduction", "tracking=htp://host", "tracking: 'htp://host', expected local, off"),
+    ("reproduction", "device=gpu", "device: 'gpu', expected cpu, cuda, cuda:N or mps"),
     ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not available"),
     ("reproduction", "stages=[seeds,gan,seeds]", "expected each once"),
-    ("reproduction", "long.harmonics=[3,3]", "long.harmonics is [3, 3], expected each once"),
     ("reproduction", "stages=[seed]", "stages: there is no stage 'seed', expected some of seeds, surrogates"),
     ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
-    ("reproduction", "trainings=[0,0]", "trainings is [0, 0], expected one or more, each once"),
+    ("reproduction", "trainings=[0,0]", "trainings: [0, 0], expected each once"),
     ("reproduction", "gan=eigen", "condition ours does not train diagonal, vanilla; the page"),
     ("reproduction", "subset=41", "subset is 41, expected at most seeds.count = 40"),
-    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has 50, expected at most seeds.count = 40"),
+    ("reproduction", "discussion.sizes=[50]", "discussion.sizes is 50, expected at most seeds.count = 40"),
     ("reproduction", "selection.count=41", "selection.count is 41, expected at most seeds.count = 40"),
     ("reproduction", "library.count=5", "selection.count is 6, expected at most library.count = 5"),
     ("training", "seeds.count=1", "seeds.count is 1, expected two or more"),
     ("exp1", "identification.noise.level=0", "identification.noise has no torque noise"),
-    ("generality", "arms=[]", "arms is [], expected one or more"),
+    ("generality", "arms=[]", "arms is [], expected 1 or more"),
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
     ("reproduction", "identification.rate=0.5", "identification.rate is 0.5 Hz, expected more than twice"),
@@ -46,7 +45,7 @@ SETTINGS = [
     ("exp1", REGIONS("{}"), "regions[0]: a region is exactly one of plane, box, sphere"),
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
-    ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': there is no such module"),
+    ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': No module named"),
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition uses no model"),
     ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 revolute joints; planar2 has 2"),
     ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),
@@ -106,7 +105,7 @@ def test_invalid_settings_are_refused_before_any_work(folder, tmp_path, error, e
 
 @pytest.mark.parametrize(
     ("key", "value", "words"),
-    [("experiment", "../up", "'../up' names a folder"), ("gan", {}, "gan is empty")],
+    [("experiment", "../up", "it names a folder"), ("gan", {}, "gan is {}, expected 1 or more")],
 )
 def test_invalid_experiment_files_are_refused(key, value, words):
     cfg = tiny.composed("+experiment=exp1")
@@ -116,7 +115,7 @@ def test_invalid_experiment_files_are_refused(key, value, words):
 
 
 TYPO = "error: seeds.cuont: there is no such setting; did you mean seeds.count?\n"
-OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has position, velocity, accel"
+OF_LIMITS = "robot.limits.joint_1: there is no such setting; robot.limits has position, velocity, accel"
 
 
 @pytest.mark.parametrize(
@@ -133,8 +132,7 @@ OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has pos
         ("+experiment=exp99", "Could not find 'experiment/exp99'"),
         ("seed=0,1", "To sweep over it, add --multirun"),
         ("seed==", "Error parsing override 'seed=='"),
-        ("robot.name=/myärm/arm.urdf", "around the value: 'robot.name=\"/myärm/arm.urdf\"'\n"),
-        ("recordings=[{position:/ä.csv}]", "around the value: 'recordings=[{position:\"/ä.csv\"}]'\n"),
+        ("robot.name=/myärm/arm.urdf", "a value with characters beyond ASCII needs double quotes"),
     ],
 )
 def test_a_wrong_command_exits_with_code_2_and_one_line(command, capsys, tmp_path, arguments, words):

@@ -96,18 +96,6 @@ def test_a_stopped_build_keeps_its_tasks_and_earlier_artifacts(store, error):
     assert visible(store) == sorted([before.name, folder.name]), "its tasks go when the artifact is there"
 
 
-def test_leftovers_of_a_killed_run_are_removed(store):
-    final = store.folder(numbers())
-    for left in (f"{final.name}.work", f".{final.name}.tmp"):
-        final.with_name(left).mkdir(parents=True)
-        (final.with_name(left) / "task-0.txt").write_text("done")
-    folder = store.produce(numbers())
-    (left := folder.with_name(f"{folder.name}.work")).mkdir()
-    assert store.produce(numbers(make=refuse)) == folder and not left.exists()
-    assert [path.name for path in folder.parent.iterdir()] == [folder.name]
-    assert {path.name for path in folder.iterdir()} == {"numbers.txt", "deep", "params.json"}
-
-
 def damaged(folder, name, content):
     """The folder with a file that says something else, or that is gone."""
     (folder / name).write_text(content) if content else (folder / name).unlink()
@@ -206,17 +194,14 @@ def test_a_killed_run_does_not_block_others(store, beside):
     assert visible(store) == [folder.name] and not list(store.root.glob("numbers/.*.tmp"))
 
 
-def test_costs_are_stored_beside_the_artifact(tmp_path):
+def test_costs_are_stored_beside_the_artifact(store):
     def slow(build):
         write(build)
         build.costs["cpu_seconds"] = 3.0
 
-    quick, slowly = Store(tmp_path / "quick"), Store(tmp_path / "slowly")
-    folders = quick.produce(numbers()), slowly.produce(numbers(make=slow))
-    files = [{path.name: path.read_bytes() for path in folder.glob("*.*")} for folder in folders]
-    assert files[0] == files[1]
-    assert slowly.costs(numbers())["cpu_seconds"] == 3.0 and quick.costs(numbers())["seconds"] >= 0
-    assert Store(tmp_path / "none").costs(numbers()) == {}
+    folder = store.produce(numbers(make=slow))
+    assert {path.name for path in folder.iterdir()} == {"numbers.txt", "deep", "params.json"}
+    assert store.costs(numbers())["cpu_seconds"] == 3.0 and store.costs(numbers(4)) == {}
 
 
 def run(store, *artifacts, tracker):
