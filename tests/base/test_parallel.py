@@ -1,6 +1,5 @@
 """Jobs in processes: the same results whatever works on them, and no process or error is lost."""
 
-import json
 import logging
 import os
 import subprocess
@@ -132,14 +131,10 @@ def test_a_cluster_is_given_by_its_scheduler_address(threads):
         assert run_jobs("one", [process], 1) == [os.getpid()]
 
 
-@pytest.mark.slow
 def test_a_lost_cluster_is_reported(tmp_path):
-    file, begun = tmp_path / "scheduler.json", tmp_path / "begun"
-    dask, quiet = [sys.executable, "-m", "dask"], {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    where = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler = subprocess.Popen([*dask, "scheduler", "--port", "0", *where], **quiet)
-    worker = [*dask, "worker", "--nthreads", "1", "--no-nanny", *where]
-    workers = [subprocess.Popen(worker, **quiet) for _ in range(2)]
+    from distributed import LocalCluster
+
+    begun = tmp_path / "begun"
 
     def begin(report):
         begun.touch()
@@ -147,19 +142,13 @@ def test_a_lost_cluster_is_reported(tmp_path):
 
     def end():
         wait_until(begun.exists)
-        scheduler.kill()
+        cluster.close()
 
-    try:
-        wait_until(lambda: file.exists() and file.read_text())
-        with on_cluster(json.loads(file.read_text())["address"]):
-            assert len(run_jobs("short", [process], None)) == 1
-            threading.Thread(target=end).start()
-            with pytest.raises(SideganError, match="long: the Dask cluster went away"):
-                run_jobs("long", [begin], None)
-    finally:
-        for started in (scheduler, *workers):
-            started.kill()
-            started.wait()
+    with LocalCluster(n_workers=1, threads_per_worker=1, silence_logs=logging.CRITICAL) as cluster:
+        threading.Thread(target=end).start()
+        lost = pytest.raises(SideganError, match="long: the Dask cluster went away")
+        with lost, on_cluster(cluster.scheduler_address):
+            run_jobs("long", [begin], None)
 
 
 def test_unreachable_schedulers_and_unshared_folders_are_refused(monkeypatch):

@@ -125,17 +125,11 @@ def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeyp
         found = search(problem, goal, settings, seed)
         return replace(found, share=0.02) if seed in bad else found
 
-    monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
-    assert (
-        len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
-        == 2
-    )
-    assert calls == [0, 2, 1]
-    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5, 7}))
-    assert (
-        len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
-        == 1
-    )
+    problem = context.cell.problem
+    for bad, count in (({0}, 2), ({1, 3, 5, 7}, 1)):
+        monkeypatch.setattr(searching, "search", partial(spoiled, bad))
+        assert len(design_set(problem, ConditionGoal(problem), 2, context.cfg.search, 0)) == count
+        assert calls[:3] == [0, 2, 1]
     assert "1 of 2 trajectories hardly move the arm and are left out, limited by position of " in caplog.text
 
 
@@ -143,10 +137,8 @@ def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path
     """By Pinocchio, damping times the velocity and friction by its sign."""
     context = excited(FRICTION, "goal.count=2", "controllers.rate=500")
     run_stages(context.cfg, tmp_path / "run", "excite")
-    model, told = (
-        chain_model(context.cell.whole_arm),
-        pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"],
-    )
+    told = pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"]
+    model = chain_model(context.cell.whole_arm)
     data, shares = model.createData(), []
     for k in (1, 2):
         frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
@@ -184,14 +176,10 @@ def test_home_is_read_from_an_srdf(excited, caplog, kind, names, value, home):
 
 
 def test_home_is_read_from_an_mjcf_keyframe(tmp_path):
-    bodies, ends = "", ""
-    for k, axis in enumerate(("0 0 1", "0 1 0", "0 1 0", "0 0 1")):
-        bodies += (
-            f'<body name="b{k}" pos="0 0 0.3"><joint name="j{k}" axis="{axis}" range="-160 160"/>'
-            '<geom type="capsule" size="0.04" fromto="0 0 0.06 0 0 0.24"/>'
-        )
-        ends += "</body>"
+    body = '<body name="b{0}" pos="0 0 0.3"><joint name="j{0}" axis="0 1 0" range="-160 160"/>'
+    body += '<geom type="capsule" size="0.04" fromto="0 0 0.06 0 0 0.24"/>'
+    bodies = "".join(map(body.format, range(4))) + 4 * "</body>"
     keys = f"<keyframe>{KEY.format('home')}{KEY.format('other').replace('0.3', '0')}</keyframe>"
-    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}{ends}</worldbody>{keys}</mujoco>")
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{keys}</mujoco>")
     speeds = "robot.limits.velocity={j0: 2, j1: 2, j2: 2, j3: 2}"
     assert task_of(tmp_path / "arm.xml", [speeds], tmp_path / "out").cell.home == HOME

@@ -96,19 +96,14 @@ def test_a_stopped_build_keeps_its_tasks_and_earlier_artifacts(store, error):
     assert visible(store) == sorted([before.name, folder.name]), "its tasks go when the artifact is there"
 
 
-def damaged(folder, name, content):
-    """The folder with a file that says something else, or that is gone."""
-    (folder / name).write_text(content) if content else (folder / name).unlink()
-    return folder
-
-
 DAMAGES = [("params.json", x) for x in ("{", "[]", None)]
 DAMAGES += [("numbers.txt", x) for x in ("1", "1 2 4", None)] + [("deep/more.txt", None)]
 
 
 @pytest.mark.parametrize(("name", "content"), DAMAGES)
 def test_a_damaged_artifact_is_reported_and_rebuilt(store, caplog, name, content):
-    damaged(store.produce(numbers()), name, content)
+    path = store.produce(numbers()) / name
+    path.write_text(content) if content else path.unlink()
     with pytest.raises(ArtifactError, match=re.escape(name)):
         store.require(numbers())
     assert store.find(numbers()) is None
@@ -117,8 +112,8 @@ def test_a_damaged_artifact_is_reported_and_rebuilt(store, caplog, name, content
 
 
 def test_a_missing_artifact_is_compared_with_the_nearest_one(store):
-    for count, name in ((40, "params.json"), (50, "numbers.txt")):
-        damaged(store.produce(numbers(count)), name, None)
+    (store.produce(numbers(40)) / "params.json").unlink()
+    (store.produce(numbers(50)) / "numbers.txt").unlink()
     alone = r"no numbers/kuka for this configuration, run stage numbers first$"
     with pytest.raises(ArtifactError, match=alone):
         store.require(numbers(4200))
