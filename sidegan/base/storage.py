@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import math
 import os
 import shutil
 import uuid
@@ -107,6 +108,11 @@ def write_json(path: Path, content: Any) -> None:
     except ValueError as error:
         raise ShapeError(f"cannot write {path} as JSON: {error}") from error
     write_bytes(path, f"{text}\n".encode())
+
+
+def finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row with None instead of values that are not finite, for JSON."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
 
 
 def write_arrays(path: Path, arrays: "Mapping[str, Array]", folder: bool = True) -> None:

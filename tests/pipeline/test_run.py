@@ -13,7 +13,7 @@ import pytest
 
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.sweep import job_codes
 
 

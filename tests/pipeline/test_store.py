@@ -16,7 +16,8 @@ from sidegan.base.threads import on_threads, threads
 from sidegan.errors import ArtifactError, StorageError
 from sidegan.pipeline import store as stores
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.stage import Stage, run_stage
+from sidegan.pipeline.run import run_stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.store import Store
 
 PATIENCE = 120  # [s] with processes that others keep from their work
@@ -205,7 +206,7 @@ def run(store, *artifacts, tracker):
 
 
 def test_artifacts_of_two_stages_are_recorded_once_costs_separately(store, monkeypatch):
-    monkeypatch.setattr("sidegan.pipeline.stage.MODELS", {"numbers"})
+    monkeypatch.setattr("sidegan.pipeline.run.MODELS", {"numbers"})
     tracker, metrics = Mock(recorded=set()), {"condition": 2.0, "loss": [3.0, None, 1.0]}
     artifact = replace(numbers(), title="gan/eigen", metrics=lambda folder: metrics, alone=True)
     for _ in range(2):

@@ -12,7 +12,7 @@ import pytest
 from mlflow import MlflowClient
 
 from sidegan.errors import InfeasibleError
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.sweep import PARENT, job_results, leave_results, sweep_table
 from sidegan.pipeline.tracking import Tracker
 from tests.pipeline.conftest import NOWHERE, client_of

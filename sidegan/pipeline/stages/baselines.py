@@ -19,7 +19,7 @@ from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.seeding import Gradient, make_long
 
 REACH = 0.8  # share of its tightest joint limit that a random trajectory uses

@@ -18,7 +18,7 @@ from sidegan.errors import ConfigError
 from sidegan.gan.metrics import measure
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import RESULTS, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator, load_generator, taught, training_seeds
 from sidegan.report.tables import arrow

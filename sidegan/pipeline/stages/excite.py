@@ -16,7 +16,7 @@ from sidegan.controllers import APPROACH, SHELL, approach, require_exportable
 from sidegan.errors import ArtifactError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.tracking import Tracker
 from sidegan.plant import Plant
 from sidegan.recording.commanded import FOLDER

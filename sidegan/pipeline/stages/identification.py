@@ -19,7 +19,7 @@ from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import Measurements, TorqueModel, estimate, score, study
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import prediction, test_trajectories
 from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets
 from sidegan.plant.recorded import recorded

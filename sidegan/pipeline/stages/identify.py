@@ -21,7 +21,7 @@ from sidegan.identification.unmodelled import BIASED
 from sidegan.motion.dynamics import RigidBody
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.store import PARAMS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.recording.check import CheckedRecording, Role, read_and_check

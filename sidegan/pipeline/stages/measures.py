@@ -13,13 +13,12 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import geometric_mean
-from sidegan.base.storage import write_json, write_parquet
+from sidegan.base.storage import finite, write_json, write_parquet
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
 from sidegan.library.measure import likeness
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
-from sidegan.pipeline.stage import Stage, finite
-from sidegan.pipeline.stages import stage
+from sidegan.pipeline.stages import Stage, stage
 from sidegan.pipeline.stages.baselines import baselines, prediction
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets

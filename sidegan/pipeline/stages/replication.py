@@ -16,7 +16,7 @@ from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import FACTS, RESULTS, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import test_trajectories
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow

@@ -13,7 +13,7 @@ from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import long_family, long_trajectory, random_set
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator, generators, load_generator

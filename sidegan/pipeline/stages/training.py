@@ -10,12 +10,12 @@ import numpy as np
 from sidegan.base.arrays import split
 from sidegan.base.extras import extra, require
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import read_arrays, write_arrays, write_json
+from sidegan.base.storage import finite, read_arrays, write_arrays, write_json
 from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings, Variant
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import GENERATOR, HISTORY, REPORT, RunContext
-from sidegan.pipeline.stage import Stage, finite
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.seeding import refuse_beyond
 from sidegan.seeding.published import WEIGHTS, Layout
