@@ -53,8 +53,7 @@ def explain(error: Exception) -> str:
     plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
     if plugin and "Could not" in text:
         return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
-    lines = text.partition("\nConfig search path:")[0].splitlines()
-    return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
+    return text.partition("\nConfig search path:")[0]
 
 
 def _unknown(key: str) -> str:

@@ -81,7 +81,14 @@ def run_stage(name: str, stage: Stage, run: "RunContext", tracker: Tracker) -> N
         order.add(digest, *(parents & artifacts.keys()))
     order.prepare()
     while ready := order.get_ready():
-        _produce(name, run, [artifacts[digest] for digest in ready], missing)
+        jobs: list[Job] = []  # a process each; those that are parallel themselves are made one by one
+        for digest in ready:
+            if artifacts[digest].alone or digest not in missing:
+                run.store.produce(artifacts[digest])
+            else:
+                jobs.append(partial(run.store.produce, artifacts[digest]))
+        if jobs:
+            run_jobs(f"{name} (%)", jobs, run.cfg.parallel.workers)
         order.done(*ready)
     for digest, artifact in artifacts.items():
         if digest not in tracker.recorded:  # stages may share artifacts
@@ -93,18 +100,6 @@ def run_stage(name: str, stage: Stage, run: "RunContext", tracker: Tracker) -> N
         found = {artifact.title: artifact.folder.as_posix() for artifact in artifacts.values()}
         write_json(path, known | found)
     stage.show(run, tracker)
-
-
-def _produce(name: str, run: "RunContext", artifacts: list[Artifact], missing: set[str]) -> None:
-    """Make artifacts in parallel, a process each; those that are parallel themselves one by one."""
-    jobs: list[Job] = []
-    for artifact in artifacts:
-        if artifact.alone or artifact.digest not in missing:
-            run.store.produce(artifact)
-        else:
-            jobs.append(partial(run.store.produce, artifact))
-    if jobs:
-        run_jobs(f"{name} (%)", jobs, run.cfg.parallel.workers)
 
 
 def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:

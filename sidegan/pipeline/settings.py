@@ -34,7 +34,7 @@ from sidegan.library.draw import Expansion
 from sidegan.plant import PlantSettings
 from sidegan.plant.recorded import Sensors
 from sidegan.plant.varied import VariedSettings
-from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
+from sidegan.recording.settings import Recorded, RecordingSettings
 from sidegan.robot import Setup
 from sidegan.seeding.settings import Long, Seeds
 
@@ -202,7 +202,7 @@ class Config:
         return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
-        if problem := next(chain(self._device(), self._files(), self._counts(), self._rates()), None):
+        if problem := next(chain(self._device(), self._counts(), self._rates()), None):
             raise ConfigError(problem)
 
     def _device(self) -> Iterator[str]:
@@ -213,18 +213,6 @@ class Config:
 
             if refused := refusal(self.device):
                 yield f"device is {self.device!r}, which is not available: {refused}"
-
-    def _files(self) -> Iterator[str]:
-        """Files that are named twice, or used for both training and validation."""
-        if not self.has("recordings", "validation"):
-            return
-        training = [file for recording in self.recordings for file in paths_of(recording)]
-        held_out = [file for recording in self.held_out for file in paths_of(recording)]
-        for name, files in (("recordings", training), ("validation", held_out)):
-            yield from (f"{name} has {file} twice" for file in files if files.count(file) > 1)
-        for file in held_out:
-            if file in training:
-                yield f"validation has {file}, which is in recordings: it would not be held out"
 
     def _counts(self) -> Iterator[str]:
         """Counts that exceed the available seeds or trajectories, or are too small; errors without noise."""

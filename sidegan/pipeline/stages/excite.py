@@ -13,7 +13,6 @@ import pandas as pd
 
 from sidegan.base.names import counted, plain
 from sidegan.controllers import APPROACH, SHELL, approach, require_exportable
-from sidegan.errors import ArtifactError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
@@ -50,6 +49,8 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         (folder / name).unlink(missing_ok=True)  # of an earlier run: this one might not overwrite it
     durations = chosen.save(folder, replace(cfg.controllers, rehearse=False))  # rehearsed below
     tracker.log_metrics({"excite/condition": slowed.condition})
+    slowed.view(view := folder / VIEW, cfg.controllers.rate, _next_steps(run, durations))
+    tracker.log_artifact(view, "view")
     caption = [
         f"{counted(len(slowed), 'trajectory', 'trajectories')} of {slowed.family.period:g} s, condition of "
         f"the set {plain(slowed.condition)}, for controllers ({', '.join(cfg.controllers.formats)}{pace}) in "
@@ -58,7 +59,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         _goal(run, chosen.aim, tracker) if isinstance(chosen.aim, Uncertain) else "",
         f"checked: {run.cell.constraints.described()}",
         f"effort {run.cell.effort:.0%}" if run.cell.effort < 1 else "",
-        _view(run, slowed, durations, tracker),
+        f"view: {view.resolve().as_uri()}",
     ]
     table = slowed.demands(cfg.controllers.rate)
     publish(table, folder / SET, "\n".join(filter(None, caption)), tracker)
@@ -80,18 +81,6 @@ def _goal(run: RunContext, aim: Uncertain, tracker: Tracker) -> str:
     tracker.log_metrics({"excite/left": aim.left})
     planned = ", at full speed" if run.cfg.controllers.speed != 1 else ""
     return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, given {of}"
-
-
-def _view(run: RunContext, slowed: TrajectorySet, durations: Mapping[str, float], tracker: Tracker) -> str:
-    """Write the page that animates the arm, with the next steps; its address for the caption."""
-    path = run.store.run_folder / VIEW
-    try:
-        slowed.view(path, run.cfg.controllers.rate, _next_steps(run, durations))
-    except ArtifactError as error:  # the trajectories are written: the page is optional
-        log.warning("there is no %s: %s", VIEW, error)
-        return ""
-    tracker.log_artifact(path, "view")
-    return f"view: {path.resolve().as_uri()}"
 
 
 def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
