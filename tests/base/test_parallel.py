@@ -105,6 +105,33 @@ def test_a_failing_job_raises_and_later_jobs_run(workers):
     assert len(run_jobs("after", [process, process], workers)) == 2
 
 
+def test_a_killed_worker_is_reported():
+    with pytest.raises(SideganError, match=r"deadly: a worker .* killed.*the same command continues"):
+        run_jobs("deadly", [die, process], 2)
+    assert len(run_jobs("after", [process, process], 2)) == 2
+
+
+def test_an_interrupt_stops_the_workers_quietly(monkeypatch, recwarn):
+    failed = []
+
+    def nap(report):  # defined here, so that workers need not import what this file does
+        time.sleep(0.2)
+
+    @contextmanager
+    def interrupted(*arguments):
+        def progress(done):
+            raise KeyboardInterrupt
+
+        yield progress
+
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(parallel, "bar", interrupted)
+        run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
+    assert run_jobs("after", [nap] * 3, 2) == [None] * 3
+    assert not failed and not recwarn.list
+
+
 def test_dask_retries_after_a_killed_worker_but_not_forever(dask, monkeypatch, tmp_path):
     marker = tmp_path / "died"
 

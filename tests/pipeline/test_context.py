@@ -123,9 +123,7 @@ def test_a_clearance_is_part_of_the_stamp(context):
     stamps = [made.cfg.workspace.stamped(made.cell.arm) for made in (none, some)]
     assert "clearance" not in stamps[0] and stamps[1]["clearance"] == 0.02
     assert len({seed_set(made).digest for made in (none, some, more)}) == 3
-    assert (
-        some.cell.constraints.clearance == 0.02 and "0.02 m kept clear" in some.cell.constraints.described()
-    )
+    assert some.cell.constraints.clearance == 0.02
     assert context(experiment="excite").cell.constraints.clearance == 0.02
     assert context("workspace.clearance=0", experiment="excite").cell.constraints.clearance == 0
 

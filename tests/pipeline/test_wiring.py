@@ -71,14 +71,10 @@ def test_random_trajectories_are_checked_and_invalid_ones_dropped(context, build
     made = context(*TIGHT)
     share = check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.mean()
     assert 0.1 < share < 0.9, "the workspace tells nothing"
-    draws = random_valid(made, 40, "any")
-    assert (
-        draws.drawn > 40
-        and check(made.cell.constraints, made.cell.trajectory, draws.coefficients).valid.all()
-    )
     random_set(made).make(build)
     library = Library.load(build.folder / LIBRARY, made.cell.arm)
     assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
+    assert read_json(build.folder / REPORT)["drawn"] > len(library)
 
 
 def test_natural_draws_reach_as_far_as_99_percent_are_valid(context, build):
@@ -115,14 +111,9 @@ def test_sets_are_measured_against_half_of_the_seeds(planted, build, monkeypatch
         measures(made, Planted(name, None, (), library)).make(build)
         return read_json(build.folder / REPORT), pd.read_parquet(build.folder / RESULTS)
 
-    (own, draws), (shifted, _), (small, _) = (
-        measures_of(name, c)
-        for name, c in (
-            ("seeds", seeds.coefficients),
-            ("eigen", seeds.coefficients + 0.3),
-            ("exact", 0.1 * seeds.coefficients),
-        )
-    )
+    own, draws = measures_of("seeds", seeds.coefficients)
+    shifted, _ = measures_of("eigen", seeds.coefficients + 0.3)
+    small, _ = measures_of("exact", 0.1 * seeds.coefficients)
     assert own["nearest_seed"] > 0.1 and own["coverage"] > 0.8 and abs(own["told_apart"] - 0.5) < 0.15
     assert shifted["cosine"] > own["cosine"] + 0.1 and shifted["told_apart"] > 0.9
     assert small["error_constant"] > 10 * own["error_constant"] and small["norm"] < 0.2 * own["norm"]

@@ -52,11 +52,7 @@ def test_regions_of_all_kinds(tmp_path, planar):
 
 
 def test_a_mesh_is_stamped_by_its_content(tmp_path, planar):
-    texts = (
-        tetrahedron(tmp_path / "a.obj"),
-        tetrahedron(tmp_path / "b.obj"),
-        tetrahedron(tmp_path / "c.obj", 2.0),
-    )
+    texts = [tetrahedron(tmp_path / f"{name}.obj", scale) for name, scale in zip("abc", (1.0, 1.0, 2.0))]
     first, same, other = (workspace(text).stamped(planar) for text in texts)
     assert first == same != other
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sidegan.design.search import Descent
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeding import Gradient, Seeds, make_long, make_seeds, refuse_beyond, result
@@ -54,6 +55,17 @@ def test_failed_starts_are_replaced(planar_problem, tmp_path):
     method = Spied(then=lambda calls, batch: first(batch, 1))
     assert len(made(planar_problem, tmp_path, method=method, count=3)) == 3
     assert method.calls == 3
+
+
+def test_a_search_that_ends_at_nan_is_started_again(planar_problem, tmp_path, monkeypatch):
+    run, runs = Descent.run, []
+
+    def half(self, *start):
+        runs.append(start)
+        return run(self, *start) * (np.nan if len(runs) % 2 else 1.0)
+
+    monkeypatch.setattr(Descent, "run", half)
+    assert np.isfinite(made(planar_problem, tmp_path).fitness).all()
 
 
 @pytest.fixture
