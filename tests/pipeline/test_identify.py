@@ -192,34 +192,12 @@ def test_the_python_class_uses_the_weighted_model_if_better(planar, tmp_path):
     mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
 
 
-def test_stage_check_identifies_nothing(files, tmp_path, capsys):
-    words = f"outputs={tmp_path}", f"recordings=[{files[0]}]", "stages=[check]"
-    run_stages(tiny(*words, experiment="identify"), tmp_path / "check", "check")
-    (checked,) = json.loads((tmp_path / "check" / "check.json").read_text())
-    assert checked["samples"] == 3000 and checked["delay"]["deviation"] > 0
-    assert {path.name for path in (tmp_path / "check").iterdir()} == {"check.json"}
-    shown = capsys.readouterr().out
-    assert all(word in shown for word in ("a.csv", "saturated", "elbow"))
-
-
-@pytest.fixture(scope="module")
-def odd(files, tmp_path_factory, planar):
-    """A run of seldom settings: a split recording, wrong units, a hostile name; and its folder."""
-    folder = tmp_path_factory.mktemp("odd")
-    urdf = folder / "arm.urdf"
+def test_a_held_out_end_and_a_hostile_robot_name(files, tmp_path, planar):
+    urdf = tmp_path / "arm.urdf"
     urdf.write_text(planar.urdf.read_text().replace('name="planar2"', 'name="../../../evil"'))
     words = f"robot.name={urdf}", f"recordings=[{files[0]}]", "validation=0.3", "recording.units.torque=mNm"
-    return *identified(folder / "deep" / "outputs", *words), folder
-
-
-def test_the_end_of_a_recording_can_be_held_out(odd):
-    verdict, folder, _ = odd
+    verdict, folder = identified(tmp_path / "deep" / "outputs", *words)
     assert verdict["validation"]["kind"] == "held out" and verdict["validation"]["nmse_mean"] < 5e-3
     assert verdict["validation"]["recordings"] == ["a.csv, last 30%"]
-    assert "validation=0.3" in (folder / "report.html").read_text()
-
-
-def test_a_robot_name_cannot_escape_the_run_folder(odd):
-    _, run, folder = odd
-    assert not [path for path in folder.rglob("*evil*") if run.parents[1] not in path.parents]
-    assert (run / "evil.urdf").is_file()
+    assert "validation=0.3" in (folder / "report.html").read_text() and (folder / "evil.urdf").is_file()
+    assert all(folder.parents[1] in path.parents for path in tmp_path.rglob("*evil*"))
