@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from filelock import FileLock
 
 from sidegan.base.extras import extra
-from sidegan.pipeline.artifact import flatten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,24 +46,14 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Tracker:
-    """One MLflow run; as a context manager it sets the run's final status.
+    """One MLflow run of an experiment; as a context manager it sets the run's final status.
 
-    Args:
-        root: folder of all results; holds ``mlflow.db`` and its files by default.
-        experiment: MLflow experiment.
-        name: displayed name of the run.
-        where: ``local``, sqlite in ``root``; the URI of a server or database; or ``off``, which records
-            nothing and does not import MLflow, a slow import.
-        tags: of the run.
+    ``where``: ``local`` for ``mlflow.db`` in ``root``, the folder of all results; the URI of a server or
+    database; or ``off``, which records nothing and does not import MLflow, a slow import.
     """
 
     def __init__(
-        self,
-        root: Path,
-        experiment: str,
-        name: str,
-        where: str = "local",
-        tags: Mapping[str, str] | None = None,
+        self, root: Path, experiment: str, name: str, where: str = "local", tags: dict[str, str] | None = None
     ) -> None:
         self.enabled = where != "off"
         self.run_id = ""  # MLflow's; empty if nothing is recorded
@@ -191,3 +180,13 @@ def _reason(error: BaseException) -> str:
 
 def _key(name: str) -> str:
     return re.sub(r"[^\w\-. :/]", "_", name)
+
+
+def flatten(value: Any, path: str = "") -> dict[str, Any]:
+    """Nested mappings as a flat one with dotted keys."""
+    if not isinstance(value, Mapping) or not value:
+        return {path: value}
+    flat: dict[str, Any] = {}
+    for key, x in value.items():
+        flat |= flatten(x, f"{path}.{key}" if path else key)
+    return flat
