@@ -138,6 +138,8 @@ def _expected(error: "ErrorDetails") -> str:
     for sign, limit in error.get("ctx", {}).items():
         if sign in _SIGNS:
             return f"{'a whole number' if isinstance(limit, int) else 'a number'} {_SIGNS[sign]} {limit:g}"
+    if error["type"] == "string_pattern_mismatch":
+        return f"a text like {error['ctx']['pattern']}"
     if error["type"] == "too_short":
         return f"{error['ctx']['min_length']} or more"
     return error["msg"].removeprefix("Input should be ")

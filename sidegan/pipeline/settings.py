@@ -4,7 +4,6 @@ Defaults are those of ``conf/`` at scale quick; a test compares them. A command 
 uses; the others are absent.
 """
 
-import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from itertools import chain
@@ -45,20 +44,11 @@ def _once(values: list[Any]) -> list[Any]:
     return values
 
 
-def _like(pattern: str, expected: str) -> AfterValidator:
-    def check(value: str) -> str:
-        if not re.fullmatch(pattern, value):
-            raise ConfigError(f"{value!r}, expected {expected}")
-        return value
-
-    return AfterValidator(check)
-
-
 _SERVER = r"(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:.*"
-Name = Annotated[str, _like(r"[A-Za-z0-9][\w.-]*", "letters, digits, '_', '-' and '.': it names a folder")]
-Device = Annotated[str, _like(r"cpu|mps|cuda(:\d+)?", "cpu, cuda, cuda:N or mps")]
-Tracking = Annotated[str, _like(rf"local|off|databricks|{_SERVER}", "local, off, or like http://host:5000")]
-Scheduler = Annotated[str, _like(r"[a-z]+://[^\s/:]+:\d+", "an address like tcp://host:8786")]
+Name = Annotated[str, Field(pattern="^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # of a folder
+Device = Annotated[str, Field(pattern=r"^(cpu|mps|cuda(:\d+)?)$")]
+Tracking = Annotated[str, Field(pattern=rf"^(local|off|databricks|{_SERVER})$")]
+Scheduler = Annotated[str, Field(pattern=r"^[a-z]+://[^\s/:]+:\d+$")]
 Workers = Annotated[int, Field(ge=1, le=4096)]
 
 

@@ -171,7 +171,8 @@ def test_a_lost_cluster_is_reported(tmp_path):
         wait_until(begun.exists)
         cluster.close()
 
-    with LocalCluster(n_workers=1, threads_per_worker=1, silence_logs=logging.CRITICAL) as cluster:
+    options = {"silence_logs": logging.CRITICAL, "dashboard_address": ":0"}
+    with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
         threading.Thread(target=end).start()
         lost = pytest.raises(SideganError, match="long: the Dask cluster went away")
         with lost, on_cluster(cluster.scheduler_address):

@@ -18,8 +18,8 @@ SETTINGS = [
     ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
     ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
     ("reproduction", "seeds=paper seeds.method=gradient", "choose it by seeds=gradient"),
-    ("reproduction", "tracking=htp://host", "tracking: 'htp://host', expected local, off"),
-    ("reproduction", "device=gpu", "device: 'gpu', expected cpu, cuda, cuda:N or mps"),
+    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected a text like ^(local|off"),
+    ("reproduction", "device=gpu", "device is 'gpu', expected a text like ^(cpu|mps|cuda"),
     ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not available"),
     ("reproduction", "stages=[seeds,gan,seeds]", "expected each once"),
     ("reproduction", "stages=[seed]", "stages: there is no stage 'seed', expected some of seeds, surrogates"),
@@ -36,7 +36,11 @@ SETTINGS = [
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
     ("reproduction", "identification.rate=0.5", "identification.rate is 0.5 Hz, expected more than twice"),
-    ("reproduction", "parallel.scheduler=here", "expected an address like tcp://host:8786"),
+    (
+        "reproduction",
+        "parallel.scheduler=here",
+        "parallel.scheduler is 'here', expected a text like ^[a-z]+://",
+    ),
     ("exp1", "seed=${seed}", "seed: Recursive interpolation detected"),
     ("exp1", "seed=${eval:1}", "seed: Unsupported interpolation type eval"),
     ("exp1", "long.period=1e300", "long.period is 1e+300, expected a number ≤"),
@@ -103,7 +107,10 @@ def test_invalid_settings_are_refused_before_any_work(folder, tmp_path, error, e
 
 @pytest.mark.parametrize(
     ("key", "value", "words"),
-    [("experiment", "../up", "it names a folder"), ("gan", {}, "gan is {}, expected 1 or more")],
+    [
+        ("experiment", "../up", "experiment is '../up', expected a text like"),
+        ("gan", {}, "gan is {}, expected 1 or more"),
+    ],
 )
 def test_invalid_experiment_files_are_refused(key, value, words):
     cfg = tiny.composed("+experiment=exp1")
