@@ -82,9 +82,8 @@ def end_sweep(status: Status) -> None:
 
 def job_codes(sweep: Path) -> dict[Path, int]:
     """Exit code of each job of a sweep by its folder, in job order."""
-    numbers = {folder: re.match(r"\d+", folder.name) for folder in sweep.iterdir() if folder.is_dir()}
-    folders = sorted((int(number[0]), folder) for folder, number in numbers.items() if number)
-    codes = dict.fromkeys((folder for _, folder in folders), 1)
+    folders = [folder for folder in sweep.iterdir() if re.match(r"\d+_", folder.name)]
+    codes = dict.fromkeys(sorted(folders, key=lambda folder: int(folder.name.partition("_")[0])), 1)
     for folder in codes:
         with suppress(SideganError):  # without a status file the job was killed
             codes[folder] = read_json(folder / STATUS)["code"]
