@@ -97,13 +97,6 @@ def test_readings_share_measurements(context):
     assert len({replication(made, name).digest for name in names}) == 4
 
 
-def test_random_seeds_differ_by_purpose_and_seed(context):
-    first, same, other = (context(f"seed={seed}") for seed in (0, 0, 1))
-    assert first.number("gan eigen") == same.number("gan eigen") != other.number("gan eigen")
-    purposes = ["seeds", "gan eigen", "gan diagonal", "tests", "labels 0", "labels 1"]
-    assert len({first.number(purpose) for purpose in purposes}) == len(purposes)
-
-
 PART = "robot.limits.position={shoulder: [0.5, 1.5]}"
 
 

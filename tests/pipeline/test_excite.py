@@ -173,12 +173,6 @@ def test_a_run_replaces_files_of_an_earlier_run_only(ran):
     assert then.startswith("This set, at 25% of the planned speed") and "1 … 3 (32 s each)" in then
 
 
-def test_the_approach_of_a_slow_run_is_slow(ran):
-    slow = ran(START, "goal.count=1", "controllers.speed=0.05")
-    speed = course(slow, "approach")[STATES[2:4]].abs().max()
-    assert (speed <= 0.05 * 0.2 * load_robot("planar2").velocity_limit).all()
-
-
 def test_a_goal_too_long_for_the_shell_is_read_from_stdin(ran, monkeypatch):
     monkeypatch.setattr(excite, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
     (_, send) = sections(ran("goal.count=1"))[1]

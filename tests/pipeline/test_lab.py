@@ -93,17 +93,3 @@ def test_a_known_model_of_another_arm_is_refused(poor, arm, planar, tmp_path):
     ):
         with pytest.raises(ConfigError, match=said):
             known_model(poor[1], stranger)
-
-
-def test_a_set_for_a_tool_states_the_expected_deviations(tmp_path):
-    wanted = "robot=planar2", "trajectory.period=6", "model=motor_current", "goal.count=1"
-    folder = ran(tmp_path, "excite", *wanted, *SMALL, "goal.objective=payload")
-    said = (folder / "set.md").read_text()
-    assert (
-        "a tool is identified to ±" in said and "executed with and without it, given the description" in said
-    )
-    assert "kg·m² except for my, Ixx, Ixy, Ixz, Iyz, Izz, exe" in said  # an arm in a plane tells no more
-    table = pd.read_csv(folder / "goal.csv", index_col=0)
-    assert table.index[0] == "tool m" and len(table) == 10
-    assert (table["with the set"] <= table["before"]).all()
-    assert table["with the set"]["tool m"] < 0.01 * table["before"]["tool m"]
