@@ -184,8 +184,13 @@ def _gan(run: RunContext) -> list[Artifact]:
 
 
 def _check(run: RunContext) -> None:
-    """Refuse to begin without the packages for training, or with a folder that lacks published weights."""
+    """Refuse to begin without the packages for training."""
     require("paper", "pytorch_lightning")
+
+
+def _check_surrogates(run: RunContext) -> None:
+    """Also refuse a folder of published weights that lacks some."""
+    _check(run)
     chosen = run.cfg.surrogates
     if isinstance(chosen, PublishedSurrogates) and chosen.shipped:
         for name in WEIGHTS:
@@ -193,7 +198,7 @@ def _check(run: RunContext) -> None:
 
 
 STAGES = {
-    "surrogates": Stage(lambda run: needed_surrogates(run, run.cfg.gan.values()), check=_check),
+    "surrogates": Stage(lambda run: needed_surrogates(run, run.cfg.gan.values()), check=_check_surrogates),
     "gan": Stage(_gan, check=_check),
     "subsets": Stage(_subsets, check=_check),
 }
