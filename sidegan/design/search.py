@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from sidegan.base.arrays import Array
+from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.objective import Objective, Penalty
@@ -129,6 +130,7 @@ def search(
     """
     began = clock()
     done, pace = 0, 0.0  # evaluations, and time per evaluation [s]
+    compile_beside()
     problem = replace(problem, samples=max(settings.samples, 2 * problem.trajectory.harmonics + 1))
     problem.constraints.refuse_home(problem.trajectory.home or ())
     searching = Descent(problem, goal, settings.reserve)

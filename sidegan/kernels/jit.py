@@ -66,6 +66,20 @@ class Kernel:
         self._called = True
         return result
 
+    def compile_for(self, *arguments: Any) -> None:
+        """Compile the version that other kernels call with arguments of these types, unless compiled."""
+        self.inner.compile(tuple(map(numba.typeof, arguments)))
+
+    def to_be_compiled(self) -> bool:
+        """Whether no process on this machine has compiled the kernel or is compiling it."""
+        if self._called or (folder := _folder()) is None or (folder / f"{self._name}.compiled").exists():
+            return False
+        try:
+            with FileLock(folder / f"{self._name}.lock", timeout=0):
+                return True
+        except (OSError, Timeout):
+            return False
+
 
 class _Inner(types.Dispatcher):
     """Type of a kernel called from another: compiled once per type, not per constant, for tuples.

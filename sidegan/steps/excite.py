@@ -13,6 +13,7 @@ from sidegan.base.random import number
 from sidegan.base.storage import read_json
 from sidegan.base.typed import build, settings_of
 from sidegan.cell import Cell, require_cell
+from sidegan.design.beside import compile_beside
 from sidegan.design.problem import SearchSettings
 from sidegan.design.search import ConditionGoal, design_set
 from sidegan.errors import ConfigError, SideganError
@@ -62,6 +63,7 @@ def excite(
         InfeasibleError: when no trajectory is proven valid; names the violated constraints.
     """
     require_cell(cell)
+    compile_beside()
     settings = settings_of(GoalSettings, goal)
     settings = settings if count is None else build(GoalSettings, {**asdict(settings), "count": count})
     aim = aim_of(cell, settings, settings_of(Terms, model), known)

@@ -7,6 +7,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import write_json
+from sidegan.design.beside import compile_beside
 from sidegan.design.coordinates import Coordinates
 from sidegan.design.goal import Goal
 from sidegan.design.prediction import Prediction, TorqueNoise, wanted_torques
@@ -146,7 +147,13 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     write_json(build.folder / REPORT, report)
 
 
+def _compile_searches(run: RunContext) -> None:
+    """Start compiling what missing searches need, while other stages run."""
+    if any(run.store.find(searched_set(run, evaluations)) is None for evaluations in _EVALUATIONS):
+        compile_beside()
+
+
 STAGES = {
-    "random": Stage(lambda run: baselines(run).values()),
+    "random": Stage(lambda run: baselines(run).values(), check=_compile_searches),
     "long": Stage(lambda run: [long_trajectory(run, h) for h in run.cfg.long.harmonics]),
 }

@@ -13,6 +13,7 @@ import pandas as pd
 
 from sidegan.base.names import counted, plain
 from sidegan.controllers import APPROACH, SHELL, approach, require_exportable
+from sidegan.design.beside import compile_beside
 from sidegan.identification.uncertain import Uncertain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
@@ -156,6 +157,7 @@ def _send(run: RunContext, folder: Path, durations: Mapping[str, float]) -> str:
 
 
 def _check(run: RunContext) -> None:
+    compile_beside()  # in parallel with the compilation below
     cell, settings = run.cell, run.cfg.controllers
     if settings.rehearse:  # MuJoCo needs physically consistent links
         require_consistent(cell.arm)
