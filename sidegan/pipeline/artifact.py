@@ -73,6 +73,13 @@ class Artifact:
         return hashlib.sha256(json.dumps(self.params, sort_keys=True).encode()).hexdigest()
 
 
+def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """Text for each dotted key in which parameters differ, with both values."""
+    a, b = flatten(params), flatten(other)
+    keys = [key for key in {**a, **b} if a.get(key) != b.get(key)]
+    return [f"{key} is {_brief(b.get(key))}, not {_brief(a.get(key))}" for key in keys]
+
+
 @cache
 def versions() -> dict[str, int]:
     """Version of every maker."""
@@ -82,3 +89,18 @@ def versions() -> dict[str, int]:
 def stage_of(maker: str) -> str:
     """Name of the stage that a maker belongs to."""
     return _STAGES.get(maker, maker.rpartition("_")[2])  # paper_seeds belongs to seeds
+
+
+def flatten(value: Any, path: str = "") -> dict[str, Any]:
+    """Nested mappings as a flat one with dotted keys."""
+    if not isinstance(value, Mapping) or not value:
+        return {path: value}
+    flat: dict[str, Any] = {}
+    for key, x in value.items():
+        flat |= flatten(x, f"{path}.{key}" if path else key)
+    return flat
+
+
+def _brief(value: Any) -> str:
+    text = "not set" if value is None else str(value)
+    return f"{text[:8]}…" if len(text) == 64 else text

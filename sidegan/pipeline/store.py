@@ -11,7 +11,7 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -23,7 +23,7 @@ from sidegan.base.progress import duration
 from sidegan.base.storage import file_digest, read_json, write_json, writing
 from sidegan.base.threads import one_thread
 from sidegan.errors import ArtifactError, StorageError
-from sidegan.pipeline.artifact import Artifact, Build, stage_of
+from sidegan.pipeline.artifact import Artifact, Build, difference, stage_of
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +70,10 @@ class Store:
             return None
 
     def require(self, artifact: Artifact) -> Path:
-        """Folder of an existing artifact; otherwise an ArtifactError, of an input if that is missing too."""
+        """Folder of an existing artifact; otherwise an ArtifactError says how the nearest one differs.
+
+        If an input is missing too, the error is about that.
+        """
         if (folder := self.find(artifact)) is not None:
             return folder
         for source in artifact.inputs.values():
@@ -79,7 +82,16 @@ class Store:
         if (folder := self.folder(artifact)).exists():
             read_params(folder)  # raises if it is damaged
         name, stage = f"{artifact.maker}/{artifact.label}", stage_of(artifact.maker)
-        raise ArtifactError(f"there is no {name} for this configuration, run stage {stage} first")
+        message = f"there is no {name} for this configuration, run stage {stage} first"
+        differences = []
+        for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
+            with suppress(ArtifactError):  # skip damaged ones
+                other = read_params(path.parent)
+                if other.get("label") == artifact.label:
+                    differences.append(difference(artifact.params, other))
+        if differences:
+            message += f"; in the nearest one, {', '.join(min(differences, key=len)[:4])}"
+        raise ArtifactError(message)
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
         """Costs of making an artifact: ``seconds``, ``cpu_seconds``, and others; empty if not stored."""

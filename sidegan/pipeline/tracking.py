@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from filelock import FileLock
 
 from sidegan.base.extras import extra
+from sidegan.pipeline.artifact import flatten
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -180,13 +181,3 @@ def _reason(error: BaseException) -> str:
 
 def _key(name: str) -> str:
     return re.sub(r"[^\w\-. :/]", "_", name)
-
-
-def flatten(value: Any, path: str = "") -> dict[str, Any]:
-    """Nested mappings as a flat one with dotted keys."""
-    if not isinstance(value, Mapping) or not value:
-        return {path: value}
-    flat: dict[str, Any] = {}
-    for key, x in value.items():
-        flat |= flatten(x, f"{path}.{key}" if path else key)
-    return flat

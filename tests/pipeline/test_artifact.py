@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sidegan.base.names import folder_name
 from sidegan.errors import ArtifactError
-from sidegan.pipeline.artifact import Artifact, stage_of, versions
+from sidegan.pipeline.artifact import Artifact, difference, stage_of, versions
 from sidegan.pipeline.stages import STAGES
 
 
@@ -53,6 +53,12 @@ def test_every_maker_is_in_a_stage_that_can_be_run():
 def test_the_digest_ignores_order_and_titles():
     turned = dict(reversed(SETTINGS.items()))
     assert dataclasses.replace(EIGEN, settings=turned, title="other", alone=True).digest == EIGEN.digest
+
+
+def test_a_difference_names_the_key_and_both_values():
+    other = artifact({"epochs": 20, "weights": {"fitness": 0.1}}, inputs={"seeds": "ab"}, seed=None)
+    expected = ["settings.epochs is 20, not 50", "seed is not set, not 3"]
+    assert difference(EIGEN.params, other.params) == expected
 
 
 @given(st.text(max_size=400))

@@ -8,9 +8,9 @@ import pytest
 
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import RECIPES
+from sidegan.pipeline.artifact import flatten
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.settings import Config, validate
-from sidegan.pipeline.tracking import flatten
 from sidegan.robot import Limits, Setup, changes
 from sidegan.seeding import METHODS
 from tests import tiny

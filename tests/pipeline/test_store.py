@@ -112,12 +112,18 @@ def test_a_damaged_artifact_is_reported_and_rebuilt(store, caplog, name, content
     assert (store.produce(numbers()) / "numbers.txt").read_text() == "1 2 3"
 
 
-def test_a_missing_artifact_or_input_is_reported_with_the_stage_to_run(store):
-    words = r"no numbers/{} for this configuration, run stage numbers first$"
-    with pytest.raises(ArtifactError, match=words.format("kuka")):
-        store.require(numbers())
-    with pytest.raises(ArtifactError, match=words.format("other")):
-        store.require(replace(numbers(), inputs={"numbers": replace(numbers(), label="other")}))
+def test_a_missing_artifact_is_compared_with_the_nearest_one(store):
+    (store.produce(numbers(40)) / "params.json").unlink()
+    (store.produce(numbers(50)) / "numbers.txt").unlink()
+    alone = r"no numbers/kuka for this configuration, run stage numbers first$"
+    with pytest.raises(ArtifactError, match=alone):
+        store.require(numbers(4200))
+    store.produce(numbers(400))
+    store.produce(numbers(500, seed=7))
+    of_missing = replace(numbers(), inputs={"numbers": numbers(4200)})
+    for made in (numbers(4200), of_missing):
+        with pytest.raises(ArtifactError, match=r"in the nearest one, settings\.count is 400, not 4200$"):
+            store.require(made)
 
 
 def full(*_):
