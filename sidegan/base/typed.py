@@ -45,6 +45,17 @@ Text = Annotated[str, BeforeValidator(_written)]  # may be given as a number or 
 
 _UNKNOWN = "unexpected_keyword_argument"  # pydantic's error type for an unknown setting
 _SIGNS = {"ge": "≥", "gt": ">", "le": "≤", "lt": "<"}
+_KINDS = {
+    "int_type": "a whole number",
+    "float_type": "a number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "dict_type": "a group of settings",
+    "dataclass_type": "a group of settings",
+}
+_GROUPS = ("dict_type", "dataclass_type")
 
 
 def build(kind: type[T], values: Mapping[str, Any]) -> T:
@@ -130,7 +141,7 @@ def _line(kind: type, place: Place, errors: "list[ErrorDetails]") -> str:
     if error["type"] == _UNKNOWN:
         return f"{name}: there is no such setting{suggest(kind, place)}"
     fields = names_in(kind, place)
-    named = f" ({', '.join(fields)})" if fields else ""
+    named = f" ({', '.join(fields)})" if fields and any(x["type"] in _GROUPS for x in errors) else ""
     return f"{name} is {error['input']!r}, expected {', or '.join(map(_expected, errors))}{named}"
 
 
@@ -138,11 +149,7 @@ def _expected(error: "ErrorDetails") -> str:
     for sign, limit in error.get("ctx", {}).items():
         if sign in _SIGNS:
             return f"{'a whole number' if isinstance(limit, int) else 'a number'} {_SIGNS[sign]} {limit:g}"
-    if error["type"] == "string_pattern_mismatch":
-        return f"a text like {error['ctx']['pattern']}"
-    if error["type"] == "too_short":
-        return f"{error['ctx']['min_length']} or more"
-    return error["msg"].removeprefix("Input should be ")
+    return _KINDS.get(error["type"], error["msg"].removeprefix("Input should be "))
 
 
 def suggest(kind: type, place: Place) -> str:

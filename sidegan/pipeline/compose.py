@@ -3,7 +3,8 @@
 import math
 import re
 from contextlib import nullcontext
-from typing import TYPE_CHECKING
+from shlex import quote
+from typing import TYPE_CHECKING, Any
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
@@ -19,11 +20,18 @@ from sidegan.pipeline.stages import STAGES
 if TYPE_CHECKING:
     from sidegan.pipeline.settings import Config
 
-_HELP = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
-OmegaConf.register_new_resolver("stages", lambda: _HELP, replace=True)
+
+def times(*factors: Any) -> float | None:
+    """A product; null if a factor is not a number, which validation then reports by its own name."""
+    return math.prod(factors) if all(isinstance(x, int | float) for x in factors) else None
+
+
 OmegaConf.register_new_resolver("folder_name", folder_name, replace=True)
-OmegaConf.register_new_resolver("times", lambda *factors: math.prod(factors), replace=True)
+OmegaConf.register_new_resolver("times", times, replace=True)
 _PLUGINS = {"joblib": "sweep", "submitit": "slurm"}  # extras that bring Hydra's launchers
+_FOREIGN = re.compile(r"(?<=[=:,\[{])[^=:,\[\]{}]*[^\x00-\x7f][^,\[\]{}]*")  # a value that is not ASCII
+_STAGES = "\n".join(f"  {name:<16}{text}" for name, text in STAGES.items())
+OmegaConf.register_new_resolver("stages", lambda: _STAGES, replace=True)
 
 
 def composed(*overrides: str) -> "Config":
@@ -46,26 +54,30 @@ def explain(error: Exception) -> str:
 
         return dangling(error)
     if isinstance(error, OverrideParseException) and not ('"' in error.override or error.override.isascii()):
-        return f"{error.override}: a value with characters beyond ASCII needs double quotes: 'key=\"…\"'"
+        quoted = quote(_FOREIGN.sub(r'"\g<0>"', error.override))
+        return f"{error.override}: characters beyond ASCII need double quotes around the value: {quoted}"
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
-        return _unknown(getattr(error.__cause__, "full_key", None) or unknown[1])
+        return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])
     plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
     if plugin and "Could not" in text:
         return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
-    return text.partition("\nConfig search path:")[0]
+    lines = text.partition("\nConfig search path:")[0].splitlines()
+    return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
 
 
-def _unknown(key: str) -> str:
-    """Error message for a setting that this command does not have."""
+def _unknown(key: str, inner: str) -> str:
+    """Error message for a setting, or a key inside a setting, that this command does not have."""
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
-    *group, name = place = tuple(key.split("."))
-    known = names_in(Config, group)
-    if name in known:
-        others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
-        return f"{key}: this is a setting of other experiments, {others}"
+    *group, name = place = tuple(inner.split("."))
+    siblings = names_in(Config, group)
     near = suggest(Config, place)
-    listed = f"; {'.'.join(group)} has {', '.join(known)}" if group and known and not near else ""
-    return f"{key}: there is no such setting{near}{listed}"
+    if name in siblings:
+        others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
+        return f"{inner}: this is a setting of other experiments, {others}"
+    if inner != key and siblings:
+        known = ", ".join(siblings)
+        return f"{'.'.join(group)}: {name} is not a setting of this group, which has {known}{near}"
+    return f"{inner}: there is no such setting{near}"

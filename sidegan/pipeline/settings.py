@@ -4,6 +4,7 @@ Defaults are those of ``conf/`` at scale quick; a test compares them. A command 
 uses; the others are absent.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from itertools import chain
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from pydantic import AfterValidator, Field
+from pydantic import Field
 
 from sidegan.base.extras import extra
 from sidegan.base.typed import Count, Natural, NonNegative, Number, Open, Part, Positive, build
@@ -33,22 +34,14 @@ from sidegan.library.draw import Expansion
 from sidegan.plant import PlantSettings
 from sidegan.plant.recorded import Sensors
 from sidegan.plant.varied import VariedSettings
-from sidegan.recording.settings import Recorded, RecordingSettings
+from sidegan.recording.settings import Recorded, RecordingSettings, paths_of
 from sidegan.robot import Setup
 from sidegan.seeding.settings import Long, Seeds
 
-
-def _once(values: list[Any]) -> list[Any]:
-    if len(set(values)) < len(values):
-        raise ConfigError(f"{values}, expected each once")
-    return values
-
-
-_SERVER = r"(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:.*"
-Name = Annotated[str, Field(pattern="^[A-Za-z0-9][A-Za-z0-9_.-]*$")]  # of a folder
-Device = Annotated[str, Field(pattern=r"^(cpu|mps|cuda(:\d+)?)$")]
-Tracking = Annotated[str, Field(pattern=rf"^(local|off|databricks|{_SERVER})$")]
-Scheduler = Annotated[str, Field(pattern=r"^[a-z]+://[^\s/:]+:\d+$")]
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
+_DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
+_SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 Workers = Annotated[int, Field(ge=1, le=4096)]
 
 
@@ -101,7 +94,11 @@ class Parallel:
     """How work is distributed over cores and machines."""
 
     workers: Workers | None = None  # processes on this machine; null: one per core
-    scheduler: Scheduler | None = None  # address of a Dask cluster whose workers are used instead
+    scheduler: str | None = None  # address of a Dask cluster whose workers are used instead
+
+    def __post_init__(self) -> None:
+        if self.scheduler is not None and not _SCHEDULER.fullmatch(self.scheduler):
+            raise ConfigError(f"scheduler is {self.scheduler!r}, expected an address like tcp://host:8786")
 
 
 class Absent:
@@ -131,15 +128,15 @@ def _group(name: str) -> Any:
 class Config:
     """The settings of a run; groups that the experiment does not compose are ``Absent``."""
 
-    experiment: Name
-    stages: Annotated[list[str], AfterValidator(_once)]
+    experiment: str
+    stages: list[str]
     seed: Natural
     outputs: str
     clearance: NonNegative | None  # default for workspaces [m]
     effort: Part | None  # default for robots
     publish: str | None  # folder of a page and its tables, or the page's name; null: the run's folder
-    device: Device
-    tracking: Tracking  # local, off, or the URI of an MLflow server or database
+    device: str
+    tracking: str  # local, off, or the URI of an MLflow server or database
     parallel: Parallel
     robot: Robot = _group("robot")
     scale: dict[str, Any] = _group("scale")  # sizes of the experiment that other groups refer to
@@ -148,9 +145,8 @@ class Config:
     seeds: Seeds = _group("seeds")
     subset: Count | None = None  # number of seeds to train on; null: all
     surrogates: Surrogates = _group("surrogates")
-    gan: Annotated[dict[Name, Variant], Field(min_length=1)] = _group("gan")
-    # of each variant; seeds and surrogates are shared
-    trainings: Annotated[list[Natural], Field(min_length=1), AfterValidator(_once)] = _group("trainings")
+    gan: dict[str, Variant] = _group("gan")
+    trainings: list[Natural] = _group("trainings")  # of each variant; seeds and surrogates are shared
     evaluation: Count = _group("evaluation")  # trajectories per epoch to evaluate with exact physics
     library: Expansion = _group("library")
     selection: Selection = _group("selection")
@@ -162,8 +158,7 @@ class Config:
     replication: ReplicationSettings = _group("replication")
     condition: ConditionSettings = _group("condition")
     conditions: list[str] | None = None  # that the page compares; null: only the run's own
-    # to compare, files of the group robot
-    arms: Annotated[list[str], Field(min_length=1), AfterValidator(_once)] = _group("arms")
+    arms: list[str] = _group("arms")  # to compare, files of the group robot
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
     recordings: list[Recorded] = _group("recordings")  # to identify from: one file each, or one per signal
@@ -192,38 +187,73 @@ class Config:
         return {name: value for name, value in asdict(self).items() if self.has(name)}
 
     def __post_init__(self) -> None:
-        if problem := next(chain(self._device(), self._counts(), self._rates()), None):
+        checks = self._names(), self._files(), self._counts(), self._noise(), self._rates()
+        if problem := next(chain(*checks), None):
             raise ConfigError(problem)
 
-    def _device(self) -> Iterator[str]:
-        """A device that is not available."""
-        if self.device != "cpu":
+    def _names(self) -> Iterator[str]:
+        """Invalid names, and lists that are empty or name something twice."""
+        variants = list(self.gan) if self.has("gan") else None
+        for what, name in [("experiment", self.experiment), *(("gan", name) for name in variants or ())]:
+            if not _NAME.fullmatch(name):
+                yield f"{what}: {name!r} names a folder; use letters, digits, '_', '-' and '.'"
+        if variants == []:
+            yield "gan is empty, expected one variant or more"
+        if not _DEVICE.fullmatch(self.device):
+            yield f"device is {self.device!r}, expected cpu, cuda, cuda:N or mps"
+        elif self.device != "cpu":
             with extra("paper"):
                 from sidegan.gan.tensors import refusal
 
             if refused := refusal(self.device):
                 yield f"device is {self.device!r}, which is not available: {refused}"
+        if not _TRACKING.match(self.tracking):
+            yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
+        if len(set(self.stages)) < len(self.stages):
+            yield f"stages is {self.stages}, expected each once"
+        if self.has("long") and len(set(self.long.harmonics)) < len(self.long.harmonics):
+            yield f"long.harmonics is {self.long.harmonics}, expected each once"
+        for name in ("trainings", "arms"):
+            values = getattr(self, name)
+            if self.has(name) and (not values or len(set(values)) < len(values)):
+                yield f"{name} is {values}, expected one or more, each once"
+
+    def _files(self) -> Iterator[str]:
+        """Files that are named twice, or used for both training and validation."""
+        if not self.has("recordings", "validation"):
+            return
+        training = [file for recording in self.recordings for file in paths_of(recording)]
+        held_out = [file for recording in self.held_out for file in paths_of(recording)]
+        for name, files in (("recordings", training), ("validation", held_out)):
+            yield from (f"{name} has {file} twice" for file in files if files.count(file) > 1)
+        for file in held_out:
+            if file in training:
+                yield f"validation has {file}, which is in recordings: it would not be held out"
 
     def _counts(self) -> Iterator[str]:
-        """Counts that exceed the available seeds or trajectories, or are too small; errors without noise."""
-        noise = self.identification.noise if self.has("identification", "gan") else None
-        if noise and not (noise.level and noise.torque):
-            yield "identification.noise has no torque noise, but sets are compared by errors from it"
+        """Counts that exceed the available seeds or trajectories, or are too small."""
         if not self.has("seeds"):
             return
         seeds = self.seeds.count
+        if self.subset is not None and self.subset > seeds:
+            yield f"subset is {self.subset}, expected at most seeds.count = {seeds}"
+        sizes = self.discussion.sizes if self.has("discussion") and "subsets" in self.stages else []
+        if any(size > seeds for size in sizes):
+            yield f"discussion.sizes has {max(sizes)}, expected at most seeds.count = {seeds}"
         if seeds < 2 and "gan" in self.stages:
             yield f"seeds.count is {seeds}, expected two or more for training"
-        needed = [("subset", self.subset or 0, "seeds", seeds)]
-        if "subsets" in self.stages:
-            needed += [("discussion.sizes", size, "seeds", seeds) for size in self.discussion.sizes]
-        if "selection" in self.stages:  # from the seeds, and from as many random trajectories as in a library
-            chosen = self.selection.count
-            needed.append(("selection.count", chosen, "seeds", seeds))
-            needed.append(("selection.count", chosen, "library", self.library.count))
-        for name, count, source, available in needed:
-            if count > available:
-                yield f"{name} is {count}, expected at most {source}.count = {available}"
+        if self.has("library", "selection") and "selection" in self.stages:
+            # sets are picked from the seeds, from as many random trajectories as in a library, and from both
+            for name, count in (("seeds", seeds), ("library", self.library.count)):
+                if self.selection.count > count:
+                    most = f"{name}.count = {count}"
+                    yield f"selection.count is {self.selection.count}, expected at most {most}"
+
+    def _noise(self) -> Iterator[str]:
+        """Generators to be compared by errors that noise causes, without such noise."""
+        noise = self.identification.noise if self.has("identification", "gan") else None
+        if noise and not (noise.level and noise.torque):
+            yield "identification.noise has no torque noise, but sets are compared by errors from it"
 
     def _rates(self) -> Iterator[str]:
         """Sampling rates below twice the highest harmonic."""

@@ -18,29 +18,26 @@ SETTINGS = [
     ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
     ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
     ("reproduction", "seeds=paper seeds.method=gradient", "choose it by seeds=gradient"),
-    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected a text like ^(local|off"),
-    ("reproduction", "device=gpu", "device is 'gpu', expected a text like ^(cpu|mps|cuda"),
+    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected local, off"),
+    ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
     ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not available"),
     ("reproduction", "stages=[seeds,gan,seeds]", "expected each once"),
+    ("reproduction", "long.harmonics=[3,3]", "long.harmonics is [3, 3], expected each once"),
     ("reproduction", "stages=[seed]", "stages: there is no stage 'seed', expected some of seeds, surrogates"),
     ("reproduction", "stages=[]", "there is nothing to run: give +experiment=…"),
-    ("reproduction", "trainings=[0,0]", "trainings: [0, 0], expected each once"),
+    ("reproduction", "trainings=[0,0]", "trainings is [0, 0], expected one or more, each once"),
     ("reproduction", "gan=eigen", "condition ours does not train diagonal, vanilla; the page"),
     ("reproduction", "subset=41", "subset is 41, expected at most seeds.count = 40"),
-    ("reproduction", "discussion.sizes=[50]", "discussion.sizes is 50, expected at most seeds.count = 40"),
+    ("reproduction", "discussion.sizes=[50]", "discussion.sizes has 50, expected at most seeds.count = 40"),
     ("reproduction", "selection.count=41", "selection.count is 41, expected at most seeds.count = 40"),
     ("reproduction", "library.count=5", "selection.count is 6, expected at most library.count = 5"),
     ("training", "seeds.count=1", "seeds.count is 1, expected two or more"),
     ("exp1", "identification.noise.level=0", "identification.noise has no torque noise"),
-    ("generality", "arms=[]", "arms is [], expected 1 or more"),
+    ("generality", "arms=[]", "arms is [], expected one or more"),
     ("reproduction", "seeds.samples=6", "seeds.samples is 6, expected more than two per period"),
     ("reproduction", "long.samples=24", "long.samples is 24, expected more than two per period"),
     ("reproduction", "identification.rate=0.5", "identification.rate is 0.5 Hz, expected more than twice"),
-    (
-        "reproduction",
-        "parallel.scheduler=here",
-        "parallel.scheduler is 'here', expected a text like ^[a-z]+://",
-    ),
+    ("reproduction", "parallel.scheduler=here", "expected an address like tcp://host:8786"),
     ("exp1", "seed=${seed}", "seed: Recursive interpolation detected"),
     ("exp1", "seed=${eval:1}", "seed: Unsupported interpolation type eval"),
     ("exp1", "long.period=1e300", "long.period is 1e+300, expected a number ≤"),
@@ -49,7 +46,7 @@ SETTINGS = [
     ("exp1", REGIONS("{}"), "regions[0]: a region is exactly one of plane, box, sphere"),
     ("exp1", REGIONS("{spere:{radius:1}}"), "did you mean workspace.regions[0].sphere?"),
     ("exp1", REGIONS("{mesh:{file:FOLDER/broken.stl}}"), "broken.stl cannot be read"),
-    ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': No module named"),
+    ("exp1", "table=nowhere.tables", "table is 'nowhere.tables': there is no such module"),
     ("excite", "goal.objective=condition known=FOLDER", "goal.objective=condition uses no model"),
     ("excite", "controllers.formats=[urscript]", "urscript, which moves 6 revolute joints; planar2 has 2"),
     ("excite", "controllers.rate=1.8", "controllers.rate is 1.8 Hz, expected 7.5 or more: 20 points per per"),
@@ -63,6 +60,9 @@ SETTINGS = [
     ("identify", "stages=[identify]", "recordings is empty"),
     ("identify", "robot=unnamed recordings=[FOLDER/a.csv]", "which arm was recorded? robot.name="),
     ("identify", "robot=unnamed stages=[check]", "which arm was recorded? robot.name="),
+    ("identify", "recordings=[a.csv] validation=[a.csv]", "would not be held out"),
+    ("identify", "recordings=[a.csv,a.csv]", "recordings has a.csv twice"),
+    ("identify", "recordings=[{position:a,effort:b}] validation=[{position:c,torque:b}]", "validation has b"),
     ("identify", "recordings=[{position:a}]", "recordings[0]: {position: a} has no effort"),
     ("payload", "recordings=[FOLDER/a.csv]", "loaded is empty, expected recordings with the load"),
     ("gains", "recordings=[FOLDER/a.csv] loaded=[FOLDER/a.csv]", "load.mass is 0, expected the mass"),
@@ -77,7 +77,6 @@ OTHERS = [
     (RecordingError, "identify", "robot=kuka_lwr4 recordings=[FOLDER/a.csv]", "no column 'q3'"),
     (RecordingError, "identify", f"{RECORDED} validation=[FOLDER/x/../a.csv]", "holds samples of a.csv"),
     (RecordingError, "identify", f"{RECORDED} validation=[FOLDER/part.csv]", "holds samples of a.csv"),
-    (RecordingError, "identify", "recordings=[FOLDER/a.csv,FOLDER/a.csv]", "holds samples of a.csv"),
     (RecordingError, "payload", "recordings=[FOLDER/a.csv] loaded=[FOLDER/part.csv]", "holds samples of a"),
 ]
 
@@ -107,10 +106,7 @@ def test_invalid_settings_are_refused_before_any_work(folder, tmp_path, error, e
 
 @pytest.mark.parametrize(
     ("key", "value", "words"),
-    [
-        ("experiment", "../up", "experiment is '../up', expected a text like"),
-        ("gan", {}, "gan is {}, expected 1 or more"),
-    ],
+    [("experiment", "../up", "'../up' names a folder"), ("gan", {}, "gan is empty")],
 )
 def test_invalid_experiment_files_are_refused(key, value, words):
     cfg = tiny.composed("+experiment=exp1")
@@ -120,7 +116,7 @@ def test_invalid_experiment_files_are_refused(key, value, words):
 
 
 TYPO = "error: seeds.cuont: there is no such setting; did you mean seeds.count?\n"
-OF_LIMITS = "robot.limits.joint_1: there is no such setting; robot.limits has position, velocity, accel"
+OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has position, velocity, accel"
 
 
 @pytest.mark.parametrize(
@@ -137,13 +133,14 @@ OF_LIMITS = "robot.limits.joint_1: there is no such setting; robot.limits has po
         ("+experiment=exp99", "Could not find 'experiment/exp99'"),
         ("seed=0,1", "To sweep over it, add --multirun"),
         ("seed==", "Error parsing override 'seed=='"),
-        ("robot.name=/myärm/arm.urdf", "a value with characters beyond ASCII needs double quotes"),
+        ("robot.name=/myärm/arm.urdf", "around the value: 'robot.name=\"/myärm/arm.urdf\"'\n"),
+        ("recordings=[{position:/ä.csv}]", "around the value: 'recordings=[{position:\"/ä.csv\"}]'\n"),
     ],
 )
 def test_a_wrong_command_exits_with_code_2_and_one_line(command, capsys, tmp_path, arguments, words):
     assert command(*arguments.split()) == 2
     error = capsys.readouterr().err
-    assert words in error and "Traceback" not in error
+    assert words in error and "Traceback" not in error and "_base" not in error
     assert not (tmp_path / "outputs" / "seeds").exists()
 
 

@@ -20,7 +20,7 @@ from tests.recording.conftest import of_file, part_of
 PLANAR = load_robot("planar2")
 SETTINGS = [
     (r"units\.angle is 'turn', expected 'rad' or 'deg'", {"units": {"angle": "turn"}}),
-    ("position is None, expected a valid string", {"position": None}),
+    ("position is None, expected text", {"position": None}),
     *(("in braces", {"position": x}) for x in ("q{index}{foo}", "q{index", "q{index:02d}", "{}", "q{0}")),
     *((name, {name: -1.0}) for name in ("cutoff", "still")),
     *(("cutoff", {"cutoff": 0}), ("gap", {"gap": 1e300})),

@@ -18,7 +18,11 @@ def _module(run: RunContext) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        raise ConfigError(f"table is {name!r}: {error} (experiments are only in a clone)") from error
+        if error.name is None or not f"{name}.".startswith(f"{error.name}."):
+            raise
+        raise ConfigError(
+            f"table is {name!r}: there is no such module (experiments are only in a clone)"
+        ) from error
 
 
 def _check(run: RunContext) -> None:
