@@ -17,7 +17,7 @@ from omegaconf.errors import OmegaConfBaseException
 from sidegan.pipeline.compose import explain
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, run_job
-from sidegan.pipeline.sweep import end_sweep
+from sidegan.pipeline.sweep import end_sweep, swept
 
 _UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs
 
@@ -34,13 +34,24 @@ def main() -> int:
     code, words = 0, ""
     try:
         _command()
+        sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback
     except KeyboardInterrupt:
         end_sweep("KILLED")
         code, words = INTERRUPTED, "\nstopped; the same command continues where it stopped"
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
-        code, words = BAD_CONFIG, f"error: {explain(error)}"
+        code = BAD_CONFIG
+        words = f"error: {explain(error)}"
+    except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = FAILURE
     except OSError as error:  # from Hydra, which makes the run's folder
-        code, words = FAILURE, f"error: the outputs cannot be written: {error}"
+        code = FAILURE
+        words = f"error: the outputs cannot be written: {error}"
+    except RuntimeError as error:
+        if "srun" not in str(error):
+            raise
+        words = f"error: hydra/launcher=slurm is for a machine that submits to SLURM: {error}"
+        code = FAILURE
     finally:
         end_sweep("FAILED")
     if words:
@@ -53,13 +64,19 @@ def _command(cfg: DictConfig) -> None:
     job = HydraConfig.get()
     overrides: Any = OmegaConf.to_container(job.overrides.task)
     given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name
-    words = [override.lstrip("+") for override in overrides]
-    named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
-    name = f"{' '.join([given['experiment'], *named])[:180]} seed={given['seed']}"
+    name = run_name(given["experiment"], overrides, given["seed"])
     code = run_job(cfg, Path(job.runtime.output_dir), name, overrides)
     # In a sweep the other jobs go on; the callback leaves with the worst code.
     if code and job.mode == RunMode.RUN:
         sys.exit(code)
+
+
+def run_name(experiment: str, overrides: list[str], seed: Any) -> str:
+    """Name of a run for people, e.g. ``exp1 gan=eigen seed=1``, from what the command line overrides."""
+    words = [override.lstrip("+") for override in overrides]
+    named = [word for word in words if word.partition("=")[0].partition(".")[0] not in _UNNAMED]
+    named.sort(key=lambda word: word.partition("=")[0] not in swept())  # a long name is cut at its end
+    return f"{' '.join([experiment, *named])[:180]} seed={seed}"
 
 
 def _interrupt(number: int, frame: FrameType | None) -> None:

@@ -1,5 +1,6 @@
 """Run the stages of an experiment in order, tracked as one run, and record how it ends."""
 
+import errno
 import logging
 import os
 import time
@@ -34,6 +35,7 @@ ARTIFACTS = "artifacts.json"  # in the run's folder
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
 interrupts: list[int] = []  # signals that this process received
+_STORAGE = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.EEXIST}
 
 
 def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequence[str] = ()) -> None:
@@ -109,13 +111,17 @@ def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:
     metrics = artifact.metrics(folder)
     numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
     series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
-    costs = {key: float(x) for key, x in run.store.costs(artifact).items() if isinstance(x, int | float)}
+    spent = {key: float(x) for key, x in run.store.costs(artifact).items() if isinstance(x, int | float)}
     model = tracker.log_model(title, artifact.digest, folder) if artifact.maker in MODELS else None
     # MLflow groups charts by prefix: an artifact's results together, and one kind of cost over all artifacts.
     tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()}, model)
-    tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in costs.items()})
+    tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})
     tracker.log_history({f"{title}/{key}": x for key, x in series.items()}, model)
-    log.info("%s: %s", title, ", ".join(f"{key} {plain(x, '.4g')}" for key, x in (numbers | costs).items()))
+    last = {key: values[-1] for key, values in series.items() if values}
+    epochs = max(map(len, series.values()), default=0)
+    when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
+    texts = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]
+    log.info("%s%s: %s", title, when, ", ".join(texts))
 
 
 def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[str] = ()) -> int:
@@ -130,7 +136,7 @@ def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[st
             _save_status(run_folder, INTERRUPTED, "interrupted")
             raise KeyboardInterrupt from error
         code = BAD_CONFIG if isinstance(error, ConfigError) else FAILURE
-        if isinstance(error, SideganError | OSError):  # of the disk, such as a full one
+        if isinstance(error, SideganError) or getattr(error, "errno", None) in _STORAGE:
             log.error("error: %s", error)
         else:
             log.exception("error: unexpected %s", type(error).__name__)

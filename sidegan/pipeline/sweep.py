@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:  # slow to import
 
 log = logging.getLogger(__name__)
 
-PARENT = "SIDEGAN_PARENT_RUN"  # environment variable, since jobs may run in other processes
+# environment variables, since jobs may run in other processes
+PARENT, SWEPT = "SIDEGAN_PARENT_RUN", "SIDEGAN_SWEPT"
 STATUS = "status.json"
 RESULTS, SWEEP_RESULTS = "results.csv", "sweep_results.csv"  # of a job, and of all jobs, as numbers
 _OVERRIDES = Path(".hydra", "overrides.yaml")  # of a job, in its folder
@@ -42,6 +44,10 @@ class SweepCallback(Callback):
             return
         hidden = ("+experiment=", "outputs=")
         words = [word for word in config.hydra.overrides.task if not word.startswith(hidden)]
+        parsed = zip(words, OverridesParser.create().parse_overrides(words))
+        varied = [word for word, override in parsed if override.is_sweep_override()]
+        os.environ[SWEPT] = " ".join(word.partition("=")[0].lstrip("+") for word in varied)
+        words.sort(key=lambda word: word not in varied)  # a long name is cut at its end
         name = " ".join([config.experiment, "sweep", *words])[:200]
         _parent = Tracker(Path(config.outputs), config.experiment, name, str(config.tracking))
         if _parent.run_id:
@@ -71,10 +77,16 @@ class SweepCallback(Callback):
             raise SystemExit(worst)
 
 
+def swept() -> list[str]:
+    """Settings that the sweep of this job varies; empty outside of one."""
+    return os.environ.get(SWEPT, "").split()
+
+
 def end_sweep(status: Status) -> None:
     """Close the parent run, if one is open."""
     global _parent
     os.environ.pop(PARENT, None)
+    os.environ.pop(SWEPT, None)
     if _parent is not None:
         _parent.finish(status)
     _parent = None
@@ -82,8 +94,9 @@ def end_sweep(status: Status) -> None:
 
 def job_codes(sweep: Path) -> dict[Path, int]:
     """Exit code of each job of a sweep by its folder, in job order."""
-    folders = [folder for folder in sweep.iterdir() if re.match(r"\d+_", folder.name)]
-    codes = dict.fromkeys(sorted(folders, key=lambda folder: int(folder.name.partition("_")[0])), 1)
+    numbers = {folder: re.match(r"\d+", folder.name) for folder in sweep.iterdir() if folder.is_dir()}
+    folders = sorted((int(number[0]), folder) for folder, number in numbers.items() if number)
+    codes = dict.fromkeys((folder for _, folder in folders), 1)
     for folder in codes:
         with suppress(SideganError):  # without a status file the job was killed
             codes[folder] = read_json(folder / STATUS)["code"]
