@@ -14,6 +14,7 @@ import pandas as pd
 from sidegan.base.names import counted, plain
 from sidegan.controllers import APPROACH, SHELL, approach, require_exportable
 from sidegan.design.beside import compile_beside
+from sidegan.errors import ArtifactError
 from sidegan.identification.uncertain import Uncertain
 from sidegan.pipeline.context import RunContext
 from sidegan.pipeline.stages import Stage
@@ -50,8 +51,12 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         (folder / name).unlink(missing_ok=True)  # of an earlier run: this one might not overwrite it
     durations = chosen.save(folder, replace(cfg.controllers, rehearse=False))  # rehearsed below
     tracker.log_metrics({"excite/condition": slowed.condition})
-    slowed.view(view := folder / VIEW, cfg.controllers.rate, _next_steps(run, durations))
-    tracker.log_artifact(view, "view")
+    view = folder / VIEW
+    try:
+        slowed.view(view, cfg.controllers.rate, _next_steps(run, durations))
+        tracker.log_artifact(view, "view")
+    except ArtifactError as error:  # the trajectories are written: the page is optional
+        log.warning("there is no %s: %s", VIEW, error)
     caption = [
         f"{counted(len(slowed), 'trajectory', 'trajectories')} of {slowed.family.period:g} s, condition of "
         f"the set {plain(slowed.condition)}, for controllers ({', '.join(cfg.controllers.formats)}{pace}) in "
@@ -60,7 +65,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
         _goal(run, chosen.aim, tracker) if isinstance(chosen.aim, Uncertain) else "",
         f"checked: {run.cell.constraints.described()}",
         f"effort {run.cell.effort:.0%}" if run.cell.effort < 1 else "",
-        f"view: {view.resolve().as_uri()}",
+        f"view: {view.resolve().as_uri()}" if view.exists() else "",
     ]
     table = slowed.demands(cfg.controllers.rate)
     publish(table, folder / SET, "\n".join(filter(None, caption)), tracker)
