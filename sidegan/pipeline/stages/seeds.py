@@ -1,6 +1,7 @@
 """Stage seeds: the seed set, from the configured optimiser or published."""
 
 import logging
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,8 @@ from sidegan.base.storage import write_arrays, write_json
 from sidegan.errors import InfeasibleError
 from sidegan.library import LIBRARY
 from sidegan.library.measure import measured, summary
-from sidegan.pipeline.artifact import Artifact, Build
-from sidegan.pipeline.context import REPORT, RunContext
+from sidegan.pipeline.artifact import Artifact, Build, Metrics
+from sidegan.pipeline.context import REPORT, RunContext, report_and_history
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.stages import Stage
 from sidegan.seeding.result import SeedBatch, shipped
@@ -27,7 +28,9 @@ def seed_set(run: RunContext) -> Artifact:
     settings = run.cfg.seeds
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
     make = _read if settings.method == "published" else _make
-    return run.artifact(maker, settings.method, make, settings.stamped(), title="seeds", alone=True)
+    return run.artifact(
+        maker, settings.method, make, settings.stamped(), title="seeds", metrics=_metrics, alone=True
+    )
 
 
 def origin(run: RunContext) -> dict[str, Any]:
@@ -63,6 +66,16 @@ def _shipped(run: RunContext) -> SeedBatch | None:
     if settings.shipped is None:
         return None
     return shipped(CONF / "seeds" / settings.shipped, origin(run), settings.count)
+
+
+def _metrics(folder: Path) -> Metrics:
+    """Numbers to record; of starts, as many as these seeds took.
+
+    The report of the first seeds of a shipped file has all starts of that file.
+    """
+    numbers: dict[str, Any] = dict(report_and_history(folder))
+    share = numbers["count"] / (numbers["attempts"] - numbers["failed"])
+    return numbers | {key: round(share * numbers[key]) for key in ("attempts", "failed")}
 
 
 def _check(run: RunContext) -> None:
