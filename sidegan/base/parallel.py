@@ -57,7 +57,8 @@ def on_cluster(scheduler: str | None) -> Iterator[None]:
     with client:
         crowded = [name for name, threads in client.nthreads().items() if threads > 1]
         if crowded:  # jobs set their process's number of threads, so they cannot share a process
-            raise ConfigError(f"Dask worker {crowded[0]} runs several threads; start all with --nthreads 1")
+            names = ", ".join(crowded[:3])
+            raise ConfigError(f"Dask workers {names} run several threads; start them with --nthreads 1")
         _client = client
         try:
             yield
@@ -107,9 +108,8 @@ def run_jobs(description: str, jobs: Sequence[Job], workers: int | None, total: 
                     report_of(number)(1, 1)
         except Exception as error:
             if why := _lost(error):
-                raise SideganError(
-                    f"{description}: {why}; the same command continues where it stopped"
-                ) from error
+                rest = "the same command continues where it stopped"
+                raise SideganError(f"{description}: {why}; {rest}") from error
             raise
         return results
 
@@ -162,6 +162,9 @@ def _exit_with(parent: int) -> None:
 
 def _lost(error: Exception) -> str:
     """Why workers were lost; empty for an error in a job."""
-    if isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker":  # Dask's
-        return "a worker process was killed, perhaps because it ran out of memory"
+    killed = "a worker process was killed, perhaps because it ran out of memory"
+    if isinstance(error, BrokenProcessPool):
+        return killed
+    if type(error).__name__ == "KilledWorker":  # Dask's
+        return f"{killed}, repeatedly"
     return "the Dask cluster went away" if _client and _client.status != "running" else ""

@@ -14,6 +14,7 @@ from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
+from sidegan.pipeline import run
 from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.compose import explain
 from sidegan.pipeline.stages import Stage
@@ -110,6 +111,15 @@ def test_a_refusal_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_
     assert statuses(tmp_path) == [{"code": code, "error": f"{type(error).__name__}: {error}"}]
 
 
+def test_a_status_write_failure_does_not_hide_the_error(command, monkeypatch, capsys):
+    def full(path, content):
+        raise StorageError("no space left")
+
+    monkeypatch.setattr(run, "write_json", full)
+    assert command("stages=[odd]", "seed=1") == 1
+    assert "no start became valid" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("multirun", [[], ["-m"]])
 def test_unwritable_outputs_are_reported_in_one_line(command, capsys, tmp_path, multirun):
     (tmp_path / "file").write_text("")
@@ -147,12 +157,44 @@ def test_a_job_without_a_status_counts_as_failed(tmp_path):
     assert codes == {"0_a": 0, "2_b": 1, "10_c": 1}
 
 
-def test_help_shows_the_stages_and_starts_nothing(command, capsys, tmp_path):
+def test_a_failed_sweep_table_is_reported(command, capsys, monkeypatch):
+    def table(folders):
+        raise StorageError("there is no table in job 0")
+
+    monkeypatch.setattr("sidegan.pipeline.sweep.sweep_table", table)
+    assert command("-m", "stages=[odd]", "seed=2") == 1
+    assert "there is no table in job 0" in capsys.readouterr().err
+
+
+def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
+    assert command("--help") == 0
+    shown = capsys.readouterr().out
+    examples = "+experiment=exp1 ", "seed=0,1,2", "'stages=[seeds]'", "robot.name=arm.urdf", "help=everything"
+    assert all(words in shown for words in examples)
+    lines = shown.strip().splitlines()
+    assert len(lines) <= 40 and max(map(len, lines)) <= 110
     assert command("--help", "hydra/help=everything") == 0
     shown = capsys.readouterr().out
     for words in ("  long            the single long", "experiment: excite, exp1", "workspace: desk, free"):
         assert words in shown
     assert [path for path in tmp_path.iterdir() if path.suffix != ".log"] == []
+
+
+def test_user_settings_come_from_a_user_folder(command, capsys, tmp_path):
+    (tmp_path / "lab" / "robot").mkdir(parents=True)
+    (tmp_path / "lab" / "robot" / "ours.yaml").write_text("defaults: [planar2]\n", encoding="utf-8")
+    assert command("--config-dir=lab", "--cfg=job", "--package=robot", "robot=ours") == 0
+    assert "name: planar2" in capsys.readouterr().out
+
+
+def test_help_may_be_cut_short(tmp_path):
+    """As by `--help | head`: whoever reads it has seen enough."""
+    command = [sys.executable, "-m", "sidegan.run", "--help"]
+    pipe, end = os.pipe()
+    os.close(pipe)
+    done = subprocess.run(command, cwd=tmp_path, stdout=end, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(end)
+    assert done.stderr == ""
 
 
 HEAVY = {"torch", "numpy", "pandas", "mlflow", "pytorch_lightning", "pinocchio", "pygmo", "matplotlib"}
@@ -182,13 +224,25 @@ def test_a_missing_launcher_plugin_is_reported(name, monkeypatch):
     assert explain(error.value) == f"this launcher needs a plugin: pip install 'sidegan[{PLUGINS[name][1]}]'"
 
 
+def sweep(folder, *words):
+    command = [sys.executable, "-m", "sidegan.run", "-m", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=6000, check=False)
+
+
+def test_missing_slurm_is_reported_in_one_line(tmp_path, monkeypatch):
+    pytest.importorskip(SUBMITIT)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = sweep(tmp_path, "hydra/launcher=slurm", "tracking=off", "seed=0,1")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "hydra/launcher=slurm is for a machine that submits to SLURM" in done.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("launcher", ["processes", "submitit_local"])
 def test_a_sweep_on_another_launcher_returns_the_worst_exit_code(tmp_path, launcher):
     pytest.importorskip(PLUGINS.get(launcher, PLUGINS["slurm"])[0])
     words = "+experiment=exp1", *TINY, "stages=[seeds]", "seeds.count=4", "trajectory.home=[0,0],[4,0]"
-    command = [sys.executable, "-m", "sidegan.run", "-m", *words, f"hydra/launcher={launcher}"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=6000, check=False)
+    done = sweep(tmp_path, *words, f"hydra/launcher={launcher}")
     assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
     jobs = sorted((tmp_path / "outputs" / "runs" / "exp1").glob("sweep_*/[0-9]*/status.json"))
     assert [json.loads(job.read_text())["code"] for job in jobs] == [0, 1]

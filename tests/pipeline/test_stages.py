@@ -10,8 +10,9 @@ from experiments.artifacts import Artifacts, comparison
 from experiments.exp1 import table1
 from experiments.generality import beside_seeds
 from sidegan.base.arrays import flatten
+from sidegan.base.storage import write_json
 from sidegan.pipeline.compose import composed
-from sidegan.pipeline.context import RunContext
+from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import measures, stage
 from sidegan.pipeline.stages.seeds import seed_set
@@ -34,6 +35,14 @@ def artifacts(made):
     """Every artifact's folder, by stage, with what tells whether it was made anew."""
     folders = {name: map(made.store.require, stage(name).artifacts(made)) for name in made.cfg.stages}
     return {name: {folder: folder.stat().st_ino for folder in part} for name, part in folders.items()}
+
+
+def test_starts_of_the_first_shipped_seeds_are_recorded_in_proportion(context, tmp_path):
+    """The report has those of the whole file: of 1800 seeds in 2409 starts."""
+    report = {"count": 400, "condition": 7.0, "attempts": 2409, "failed": 609, "faults": {}}
+    write_json(tmp_path / REPORT, report)
+    recorded = seed_set(context()).metrics(tmp_path)
+    assert recorded == {"count": 400, "condition": 7.0, "attempts": 535, "failed": 135}
 
 
 MADE = {"seeds": 1, "surrogates": 2, "gan": 5, "library": 5, "random": 5, "measures": 11}

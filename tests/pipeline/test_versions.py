@@ -56,7 +56,7 @@ def digests(*names: str) -> dict[str, str]:
 
 def test_another_process_with_garbage_memory_gives_the_same_bits():
     here = digests("first", "second")
-    code = "import json; from tests.pipeline.test_numbers import *; print(json.dumps(digests('second')))"
+    code = "import json; from tests.pipeline.test_versions import *; print(json.dumps(digests('second')))"
     variables = {**os.environ, **GARBAGE, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"}
     process = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
     assert process.returncode == 0, process.stderr
