@@ -4,6 +4,7 @@ import os
 import platform
 import time
 from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 
@@ -63,12 +64,12 @@ def timing(run: RunContext) -> Artifact:
     """Generation speed of a variant's first training; stored as costs, since it depends on the machine."""
     training = run.cfg.trainings[0]
     inputs = {"gan": generator(run, TIMED, training)}
-    return run.artifact("timing", TIMED, _measure_speed, {}, inputs, training=training)
+    make = partial(_measure_speed, seconds=run.cfg.discussion.seconds)
+    return run.artifact("timing", TIMED, make, {}, inputs, training=training)
 
 
-def _measure_speed(run: RunContext, build: Build) -> None:
+def _measure_speed(run: RunContext, build: Build, seconds: float) -> None:
     """Measure on this machine, with one thread."""
-    seconds = run.cfg.discussion.seconds
     network = load_generator(run, generator(run, TIMED, run.cfg.trainings[0]))
     draw = network.stream(run.number(f"timing {TIMED}"))
     generated = _rate(lambda: len(draw(_BATCH)), seconds)
