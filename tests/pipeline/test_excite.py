@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
@@ -171,6 +171,16 @@ def test_a_run_replaces_files_of_an_earlier_run_only(ran):
     (then, send), _ = sections(slow)
     assert re.findall(r"^send (\w+)", send, re.MULTILINE) == ["1", "2", "3"]  # the path may have any digits
     assert then.startswith("This set, at 25% of the planned speed") and "1 … 3 (32 s each)" in then
+
+
+def test_a_page_that_cannot_be_made_costs_only_the_page(ran, monkeypatch, caplog):
+    def fail(*_):
+        raise ArtifactError("no template")
+
+    monkeypatch.setattr(trajectories.TrajectorySet, "view", fail)
+    folder = ran("goal.count=1")
+    assert "there is no view.html: no template" in caplog.text and course(folder, 1).time.iloc[-1] == 8
+    assert not (folder / "view.html").exists() and "view:" not in (folder / "set.md").read_text()
 
 
 def test_a_goal_too_long_for_the_shell_is_read_from_stdin(ran, monkeypatch):
