@@ -20,7 +20,7 @@ import pytest
 from matplotlib.ticker import NullFormatter
 
 from benchmarks.growth import POINTS, workers
-from sidegan.pipeline.stages.timing import processor
+from sidegan.pipeline.stages.discussion import processor
 
 _DOCS = Path(__file__).parents[1] / "docs"
 _NUMBERS, _PAGE, _FIGURE = _DOCS / "benchmarks.json", _DOCS / "benchmarks.md", _DOCS / "images" / "growth.png"

@@ -16,15 +16,20 @@ from sidegan.pipeline.artifact import Artifact
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.stages.baselines import baselines, long_trajectory, random_set
-from sidegan.pipeline.stages.density import density
+from sidegan.pipeline.stages.discussion import density, timing
 from sidegan.pipeline.stages.identification import identification, plant
-from sidegan.pipeline.stages.library import library
 from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.measures import pools as measured_pools
 from sidegan.pipeline.stages.replication import replication
 from sidegan.pipeline.stages.seeds import seed_set
-from sidegan.pipeline.stages.selection import SEEDS, ExcitationSet, excitation_sets, pools, selection
-from sidegan.pipeline.stages.timing import timing
+from sidegan.pipeline.stages.selection import (
+    SEEDS,
+    ExcitationSet,
+    excitation_sets,
+    library,
+    pools,
+    selection,
+)
 from sidegan.pipeline.stages.training import generator, on_subset, surrogates
 
 Report = dict[str, Any]

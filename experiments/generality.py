@@ -9,7 +9,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import DOCS, FOLDER, leave
 from sidegan.base.names import plain
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stages.arms import of_arms as tasks_of_arms
+from sidegan.pipeline.stages.measures import of_arms as tasks_of_arms
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables

@@ -64,9 +64,9 @@ def test_the_wheel_metadata_are_right(wheel):
 
 
 WHERE = """
-from sidegan.pipeline.artifact import version
+from sidegan.pipeline.artifact import versions
 from sidegan.pipeline.places import CONF
-print(CONF, version("gan") > 0)
+print(CONF, versions()["gan"] > 0)
 """
 
 

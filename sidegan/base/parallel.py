@@ -34,10 +34,9 @@ Job = Callable[[Report], Any]
 
 @contextmanager
 def on_cluster(scheduler: str | None) -> Iterator[None]:
-    """Run all ``run_jobs`` of this process within the block on a Dask cluster; None: on this machine.
+    """Run all ``run_jobs`` of this process within the block on the Dask cluster of this scheduler's address.
 
-    Args:
-        scheduler: address of the cluster, ``tcp://host:8786``.
+    None: on this machine.
 
     Raises:
         SideganError: when the scheduler does not answer.
@@ -166,10 +165,6 @@ def _lost(error: Exception) -> str:
     killed = "a worker process was killed, perhaps because it ran out of memory"
     if isinstance(error, BrokenProcessPool):
         return killed
-    if _client is None:
-        return ""
-    from distributed import KilledWorker
-
-    if isinstance(error, KilledWorker):
+    if type(error).__name__ == "KilledWorker":  # Dask's
         return f"{killed}, repeatedly"
-    return "" if _client.status == "running" else "the Dask cluster went away"
+    return "the Dask cluster went away" if _client and _client.status != "running" else ""

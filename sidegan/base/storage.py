@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import math
 import os
 import shutil
 import uuid
@@ -109,6 +110,11 @@ def write_json(path: Path, content: Any) -> None:
     write_bytes(path, f"{text}\n".encode())
 
 
+def finite(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row with None instead of values that are not finite, for JSON."""
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
+
+
 def write_arrays(path: Path, arrays: "Mapping[str, Array]", folder: bool = True) -> None:
     """Write named arrays as ``.npz``; see ``replacing``."""
     import numpy as np
@@ -116,14 +122,6 @@ def write_arrays(path: Path, arrays: "Mapping[str, Array]", folder: bool = True)
     buffer = io.BytesIO()  # in memory first, since a plain write reports a full disk properly
     np.savez(buffer, **arrays)  # type: ignore[arg-type]  # of its own argument allow_pickle
     write_bytes(path, buffer.getbuffer(), folder)
-
-
-def write_task(path: Path, arrays: "Mapping[str, Array]") -> None:
-    """Write a task's result into an existing work folder.
-
-    A missing folder means that the work is finished; an abandoned worker must not create it again.
-    """
-    write_arrays(path, arrays, folder=False)
 
 
 def write_parquet(path: Path, table: "pa.Table", **options: Any) -> None:

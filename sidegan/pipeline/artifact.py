@@ -27,7 +27,7 @@ class Build:
     """Folders of an artifact that is being made."""
 
     folder: Path  # for its files; renamed into place when complete
-    work: Path  # for files of unfinished tasks (``write_task``); survives a kill
+    work: Path  # for files of unfinished tasks (written without making it); survives a kill
     report: Report  # shows progress
     costs: dict[str, Any] = field(default_factory=dict)  # seconds and the like; stored outside the artifact
 
@@ -55,9 +55,11 @@ class Artifact:
     @cached_property
     def params(self) -> dict[str, Any]:
         """Parameters with the digests of the inputs, as read back from JSON."""
+        if self.maker not in versions():
+            raise ArtifactError(f"{VERSIONS.name} has no version of {self.maker!r}")
         params = {
             "maker": self.maker,
-            "version": version(self.maker),
+            "version": versions()[self.maker],
             "label": self.label,
             "settings": self.settings,
             "inputs": {k: x if isinstance(x, str) else x.digest for k, x in self.inputs.items()},
@@ -69,11 +71,6 @@ class Artifact:
     def digest(self) -> str:
         """Hexadecimal SHA-256 of the parameters."""
         return hashlib.sha256(json.dumps(self.params, sort_keys=True).encode()).hexdigest()
-
-    @property
-    def parents(self) -> set[str]:
-        """Digests of the artifacts among the inputs."""
-        return {source.digest for source in self.inputs.values() if isinstance(source, Artifact)}
 
 
 def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
@@ -87,13 +84,6 @@ def difference(params: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]
 def versions() -> dict[str, int]:
     """Version of every maker."""
     return yaml.safe_load(VERSIONS.read_text(encoding="utf-8"))
-
-
-def version(maker: str) -> int:
-    """Version of a maker; an ArtifactError if ``params.yaml`` has none."""
-    if maker not in versions():
-        raise ArtifactError(f"{VERSIONS.name} has no version of {maker!r}")
-    return versions()[maker]
 
 
 def stage_of(maker: str) -> str:

@@ -101,23 +101,16 @@ class RunContext:
     ) -> Artifact:
         """An artifact that depends on the arm in its workspace, the trajectory family, and ``settings``.
 
-        Args:
-            maker: as in ``Artifact``.
-            label: what distinguishes it from its siblings.
-            make: fills its folder, ``make(run, build)``.
-            settings: further settings that it depends on, a dataclass or a mapping of plain values.
-            inputs: what it is made from, in addition to the arm.
-            training: of a variant; None for other artifacts.
-            title: as in ``Artifact``; None: maker, label and, among several, the training. The size of a
-                subset is added.
-            metrics: as in ``Artifact``.
-            alone: as in ``Artifact``.
+        ``training`` is that of a variant. The title is by default maker, label and, among several, training;
+        the size of a subset is added.
         """
         values = settings if isinstance(settings, Mapping) else asdict(settings)
         arm = self.cell.arm
         parts = [arm.name, label, f"seed{self.cfg.seed}"]
-        numbered = {} if training is None else {"training": training}
-        parts += [f"{name}{number}" for name, number in numbered.items()]
+        stamped = self.cell.stamped()
+        if training is not None:
+            parts.append(f"training{training}")
+            stamped["training"] = training
         if title is None:
             several = training is not None and len(self.cfg.trainings) > 1
             title = f"{maker}/{label}-{training}" if several else f"{maker}/{label}"
@@ -128,7 +121,7 @@ class RunContext:
             maker=maker,
             label=folder_name("-".join(parts)),
             title=title,
-            settings={**self.cell.stamped(), **numbered, maker: values},
+            settings=stamped | {maker: values},
             inputs={"robot": arm.digest, **(inputs or {})},
             seed=self.cfg.seed,
             make=partial(make, self),

@@ -6,25 +6,32 @@ import os
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
+from graphlib import TopologicalSorter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from omegaconf import DictConfig
 
-from sidegan.base.parallel import on_cluster
+from sidegan.base.names import plain
+from sidegan.base.parallel import Job, on_cluster, run_jobs
 from sidegan.base.progress import duration
-from sidegan.base.storage import write_json
+from sidegan.base.storage import read_json, write_json
 from sidegan.errors import ConfigError, SideganError, StorageError
-from sidegan.pipeline.stages import STAGES
+from sidegan.pipeline.artifact import Artifact
+from sidegan.pipeline.stages import STAGES, Stage
 from sidegan.pipeline.store import Store
 from sidegan.pipeline.sweep import PARENT, STATUS
 from sidegan.pipeline.tracking import Tracker
 
 if TYPE_CHECKING:  # imports every room: too slow for `--help`
+    from sidegan.pipeline.context import RunContext
     from sidegan.pipeline.settings import Config
 
 log = logging.getLogger(__name__)
 
+MODELS = {"gan", "identify"}  # makers whose artifacts MLflow lists as models
+ARTIFACTS = "artifacts.json"  # in the run's folder
 FAILURE, BAD_CONFIG, INTERRUPTED = 1, 2, 130  # exit codes
 
 interrupts: list[int] = []  # signals that this process received
@@ -38,7 +45,6 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
     ConfigError refuses impossible settings before any work.
     """
     from sidegan.pipeline.context import RunContext
-    from sidegan.pipeline.stage import run_stage
     from sidegan.pipeline.stages import stage
 
     if not config.stages:
@@ -63,6 +69,59 @@ def run_stages(config: "Config", run_folder: Path, name: str, overrides: Sequenc
             seconds = time.monotonic() - began
             log.info("%s: done in %s", title, duration(seconds))
             tracker.log_metrics({f"stage seconds/{title}": seconds})
+
+
+def run_stage(name: str, stage: Stage, run: "RunContext", tracker: Tracker) -> None:
+    """Make the stage's missing artifacts, and record all of them."""
+    artifacts = {artifact.digest: artifact for artifact in stage.artifacts(run)}
+    missing = {digest for digest, artifact in artifacts.items() if run.store.find(artifact) is None}
+    if missing and run.planning:
+        _ = run.cell.constraints  # raises, before anything is written, if the arm cannot rest at home
+    order = TopologicalSorter[str]()
+    for digest, artifact in artifacts.items():
+        parents = {source.digest for source in artifact.inputs.values() if isinstance(source, Artifact)}
+        order.add(digest, *(parents & artifacts.keys()))
+    order.prepare()
+    while ready := order.get_ready():
+        jobs: list[Job] = []  # a process each; those that are parallel themselves are made one by one
+        for digest in ready:
+            if artifacts[digest].alone or digest not in missing:
+                run.store.produce(artifacts[digest])
+            else:
+                jobs.append(partial(run.store.produce, artifacts[digest]))
+        if jobs:
+            run_jobs(f"{name} (%)", jobs, run.cfg.parallel.workers)
+        order.done(*ready)
+    for digest, artifact in artifacts.items():
+        if digest not in tracker.recorded:  # stages may share artifacts
+            tracker.recorded.add(digest)
+            _record(artifact, run, tracker)
+    if artifacts:  # their folders below the outputs, by title
+        path = run.store.run_folder / ARTIFACTS
+        known = read_json(path) if path.exists() else {}
+        found = {artifact.title: artifact.folder.as_posix() for artifact in artifacts.values()}
+        write_json(path, known | found)
+    stage.show(run, tracker)
+
+
+def _record(artifact: Artifact, run: "RunContext", tracker: Tracker) -> None:
+    """Log an artifact's metrics and costs, and record it if it is a model."""
+    title = artifact.title
+    folder = run.store.require(artifact)
+    metrics = artifact.metrics(folder)
+    numbers = {key: float(x) for key, x in metrics.items() if isinstance(x, int | float)}
+    series = {key: x for key, x in metrics.items() if not isinstance(x, int | float)}
+    spent = {key: float(x) for key, x in run.store.costs(artifact).items() if isinstance(x, int | float)}
+    model = tracker.log_model(title, artifact.digest, folder) if artifact.maker in MODELS else None
+    # MLflow groups charts by prefix: an artifact's results together, and one kind of cost over all artifacts.
+    tracker.log_metrics({f"{title}/{key}": x for key, x in numbers.items()}, model)
+    tracker.log_metrics({f"{key}/{title.replace('/', ' ')}": x for key, x in spent.items()})
+    tracker.log_history({f"{title}/{key}": x for key, x in series.items()}, model)
+    last = {key: values[-1] for key, values in series.items() if values}
+    epochs = max(map(len, series.values()), default=0)
+    when, found = ("", numbers | spent) if numbers or not series else (f" after {epochs} epochs", last)
+    texts = [f"{k} {plain(x, '.4g')}" if isinstance(x, float) else f"{k} {x}" for k, x in found.items()]
+    log.info("%s%s: %s", title, when, ", ".join(texts))
 
 
 def run_job(cfg: DictConfig, run_folder: Path, name: str, overrides: Sequence[str] = ()) -> int:

@@ -10,7 +10,7 @@ import logging
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -81,8 +81,7 @@ class Store:
                 self.require(source)
         if (folder := self.folder(artifact)).exists():
             read_params(folder)  # raises if it is damaged
-        name = f"{artifact.maker}/{artifact.label}"
-        stage = stage_of(artifact.maker)
+        name, stage = f"{artifact.maker}/{artifact.label}", stage_of(artifact.maker)
         message = f"there is no {name} for this configuration, run stage {stage} first"
         differences = []
         for path in sorted(folder.parent.glob(f"*/{PARAMS}")):
@@ -96,11 +95,8 @@ class Store:
 
     def costs(self, artifact: Artifact) -> dict[str, Any]:
         """Costs of making an artifact: ``seconds``, ``cpu_seconds``, and others; empty if not stored."""
-        path = self._costs(artifact)
+        path = self.root / "costs" / f"{artifact.folder}.json"
         return read_json(path) if path.exists() else {}
-
-    def _costs(self, artifact: Artifact) -> Path:
-        return self.root / "costs" / f"{artifact.folder}.json"
 
     def produce(self, artifact: Artifact, report: Report = lambda done, total: None) -> Path:
         """Folder of the artifact, made unless it exists; waits for another run that is making it."""
@@ -127,9 +123,11 @@ class Store:
             with one_thread():  # as in a worker, so that results do not depend on the process
                 artifact.make(build)
             seconds = time.monotonic() - began
-            write_params(folder, artifact.params)
+            files = sorted(path for path in folder.rglob("*") if path.is_file())
+            digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
+            write_json(folder / PARAMS, {**artifact.params, "files": digests})
             times = {"seconds": round(seconds, 1), "cpu_seconds": round(cpu_seconds() - used, 1)}
-            write_json(self._costs(artifact), times | build.costs)
+            write_json(self.root / "costs" / f"{artifact.folder}.json", times | build.costs)
             with writing(final):
                 if final.exists():  # damaged; a folder cannot be renamed over another
                     shutil.rmtree(final)
@@ -168,10 +166,3 @@ def read_params(folder: Path) -> dict[str, Any]:
         if file_digest(path) != digest:
             raise ArtifactError(f"{path} is damaged: it differs from the file that was written")
     return params
-
-
-def write_params(folder: Path, params: Mapping[str, Any]) -> None:
-    """Write an artifact's parameters into its folder, with the SHA-256 of each file."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    digests = {path.relative_to(folder).as_posix(): file_digest(path) for path in files}
-    write_json(folder / PARAMS, {**params, "files": digests})

@@ -47,24 +47,14 @@ def _guarded(method: Callable[..., Any]) -> Callable[..., Any]:
 
 
 class Tracker:
-    """One MLflow run; as a context manager it sets the run's final status.
+    """One MLflow run of an experiment; as a context manager it sets the run's final status.
 
-    Args:
-        root: folder of all results; holds ``mlflow.db`` and its files by default.
-        experiment: MLflow experiment.
-        name: displayed name of the run.
-        where: ``local``, sqlite in ``root``; the URI of a server or database; or ``off``, which records
-            nothing and does not import MLflow, a slow import.
-        tags: of the run.
+    ``where``: ``local`` for ``mlflow.db`` in ``root``, the folder of all results; the URI of a server or
+    database; or ``off``, which records nothing and does not import MLflow, a slow import.
     """
 
     def __init__(
-        self,
-        root: Path,
-        experiment: str,
-        name: str,
-        where: str = "local",
-        tags: Mapping[str, str] | None = None,
+        self, root: Path, experiment: str, name: str, where: str = "local", tags: dict[str, str] | None = None
     ) -> None:
         self.enabled = where != "off"
         self.run_id = ""  # MLflow's; empty if nothing is recorded

@@ -14,7 +14,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Job, Report, cpu_seconds, run_jobs
-from sidegan.base.storage import read_arrays, reading, write_arrays, write_task
+from sidegan.base.storage import read_arrays, reading, write_arrays
 from sidegan.design.problem import Problem
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.kernels import HOPELESS
@@ -234,6 +234,6 @@ def _task(
     if batch is None:
         batch = method.optimise(problem, count, seed)
         if path:
-            write_task(path, batch.arrays())
+            write_arrays(path, batch.arrays(), folder=False)  # without it the seeds are finished
     report(1, 1)
     return batch

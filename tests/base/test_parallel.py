@@ -1,6 +1,5 @@
 """Jobs in processes: the same results whatever works on them, and no process or error is lost."""
 
-import json
 import logging
 import os
 import subprocess
@@ -106,6 +105,33 @@ def test_a_failing_job_raises_and_later_jobs_run(workers):
     assert len(run_jobs("after", [process, process], workers)) == 2
 
 
+def test_a_killed_worker_is_reported():
+    with pytest.raises(SideganError, match=r"deadly: a worker .* killed.*the same command continues"):
+        run_jobs("deadly", [die, process], 2)
+    assert len(run_jobs("after", [process, process], 2)) == 2
+
+
+def test_an_interrupt_stops_the_workers_quietly(monkeypatch, recwarn):
+    failed = []
+
+    def nap(report):  # defined here, so that workers need not import what this file does
+        time.sleep(0.2)
+
+    @contextmanager
+    def interrupted(*arguments):
+        def progress(done):
+            raise KeyboardInterrupt
+
+        yield progress
+
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(parallel, "bar", interrupted)
+        run_jobs("naps", [nap] * 50, 2)  # many more than workers take at a time
+    assert run_jobs("after", [nap] * 3, 2) == [None] * 3
+    assert not failed and not recwarn.list
+
+
 def test_dask_retries_after_a_killed_worker_but_not_forever(dask, monkeypatch, tmp_path):
     marker = tmp_path / "died"
 
@@ -132,14 +158,10 @@ def test_a_cluster_is_given_by_its_scheduler_address(threads):
         assert run_jobs("one", [process], 1) == [os.getpid()]
 
 
-@pytest.mark.slow
 def test_a_lost_cluster_is_reported(tmp_path):
-    file, begun = tmp_path / "scheduler.json", tmp_path / "begun"
-    dask, quiet = [sys.executable, "-m", "dask"], {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    where = ["--scheduler-file", str(file), "--no-dashboard"]
-    scheduler = subprocess.Popen([*dask, "scheduler", "--port", "0", *where], **quiet)
-    worker = [*dask, "worker", "--nthreads", "1", "--no-nanny", *where]
-    workers = [subprocess.Popen(worker, **quiet) for _ in range(2)]
+    from distributed import LocalCluster
+
+    begun = tmp_path / "begun"
 
     def begin(report):
         begun.touch()
@@ -147,19 +169,14 @@ def test_a_lost_cluster_is_reported(tmp_path):
 
     def end():
         wait_until(begun.exists)
-        scheduler.kill()
+        cluster.close()
 
-    try:
-        wait_until(lambda: file.exists() and file.read_text())
-        with on_cluster(json.loads(file.read_text())["address"]):
-            assert len(run_jobs("short", [process], None)) == 1
-            threading.Thread(target=end).start()
-            with pytest.raises(SideganError, match="long: the Dask cluster went away"):
-                run_jobs("long", [begin], None)
-    finally:
-        for started in (scheduler, *workers):
-            started.kill()
-            started.wait()
+    options = {"silence_logs": logging.CRITICAL, "dashboard_address": ":0"}
+    with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
+        threading.Thread(target=end).start()
+        lost = pytest.raises(SideganError, match="long: the Dask cluster went away")
+        with lost, on_cluster(cluster.scheduler_address):
+            run_jobs("long", [begin], None)
 
 
 def test_unreachable_schedulers_and_unshared_folders_are_refused(monkeypatch):

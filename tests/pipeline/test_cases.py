@@ -13,7 +13,6 @@ import pytest
 from sidegan.design import search as searching
 from sidegan.design.search import ConditionGoal, design_set, search
 from sidegan.pipeline.run import run_stages
-from sidegan.robot import inconsistent_links, placeholder_links, possible_links
 from sidegan.steps.trajectories import TrajectorySet
 from sidegan.validity.remedies import remedy
 from tests.oracle import chain_model
@@ -70,10 +69,6 @@ def test_an_automatic_home_has_room_beyond_the_clearance(excited):
     assert cell.constraints.distances_at(q)["base", "link3"] >= 0.03 and not cell.constraints.tight
 
 
-def test_samples_grow_with_the_harmonics(excited):
-    assert excited(GAP, "trajectory.harmonics=40").cell.problem.samples == 81
-
-
 @pytest.mark.parametrize(
     ("where", "said"),
     [
@@ -124,14 +119,6 @@ def test_description_problems_are_reported_before_the_design(excited, caplog, te
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
 
 
-def test_placeholder_masses_are_replaced(excited):
-    arm = excited(ALIKE).cell.whole_arm
-    start = possible_links(arm)
-    assert placeholder_links(arm) and not inconsistent_links(arm, start)
-    assert not np.isclose(start[:, 0], arm.inertial_parameters[:, 0]).any()
-    assert placeholder_links(excited(arm_of()).cell.whole_arm) == []
-
-
 def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeypatch, caplog):
     context, calls = excited(GAP, "search.evaluations=60"), []
 
@@ -140,17 +127,11 @@ def test_trajectories_that_hardly_move_are_retried_then_dropped(excited, monkeyp
         found = search(problem, goal, settings, seed)
         return replace(found, share=0.02) if seed in bad else found
 
-    monkeypatch.setattr(searching, "search", partial(spoiled, {0}))
-    assert (
-        len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
-        == 2
-    )
-    assert calls == [0, 2, 1]
-    monkeypatch.setattr(searching, "search", partial(spoiled, {1, 3, 5, 7}))
-    assert (
-        len(design_set(context.cell.problem, ConditionGoal(context.cell.problem), 2, context.cfg.search, 0))
-        == 1
-    )
+    problem = context.cell.problem
+    for bad, count in (({0}, 2), ({1, 3, 5, 7}, 1)):
+        monkeypatch.setattr(searching, "search", partial(spoiled, bad))
+        assert len(design_set(problem, ConditionGoal(problem), 2, context.cfg.search, 0)) == count
+        assert calls[:3] == [0, 2, 1]
     assert "1 of 2 trajectories hardly move the arm and are left out, limited by position of " in caplog.text
 
 
@@ -158,10 +139,8 @@ def test_reported_torques_include_friction_and_keep_the_limits(excited, tmp_path
     """By Pinocchio, damping times the velocity and friction by its sign."""
     context = excited(FRICTION, "goal.count=2", "controllers.rate=500")
     run_stages(context.cfg, tmp_path / "run", "excite")
-    model, told = (
-        chain_model(context.cell.whole_arm),
-        pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"],
-    )
+    told = pd.read_csv(tmp_path / "run" / "set.csv")["peak torque"]
+    model = chain_model(context.cell.whole_arm)
     data, shares = model.createData(), []
     for k in (1, 2):
         frame = pd.read_csv(tmp_path / "run" / "trajectories" / f"{k}.csv")
@@ -199,14 +178,10 @@ def test_home_is_read_from_an_srdf(excited, caplog, kind, names, value, home):
 
 
 def test_home_is_read_from_an_mjcf_keyframe(tmp_path):
-    bodies, ends = "", ""
-    for k, axis in enumerate(("0 0 1", "0 1 0", "0 1 0", "0 0 1")):
-        bodies += (
-            f'<body name="b{k}" pos="0 0 0.3"><joint name="j{k}" axis="{axis}" range="-160 160"/>'
-            '<geom type="capsule" size="0.04" fromto="0 0 0.06 0 0 0.24"/>'
-        )
-        ends += "</body>"
+    body = '<body name="b{0}" pos="0 0 0.3"><joint name="j{0}" axis="0 1 0" range="-160 160"/>'
+    body += '<geom type="capsule" size="0.04" fromto="0 0 0.06 0 0 0.24"/>'
+    bodies = "".join(map(body.format, range(4))) + 4 * "</body>"
     keys = f"<keyframe>{KEY.format('home')}{KEY.format('other').replace('0.3', '0')}</keyframe>"
-    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}{ends}</worldbody>{keys}</mujoco>")
+    (tmp_path / "arm.xml").write_text(f"<mujoco><worldbody>{bodies}</worldbody>{keys}</mujoco>")
     speeds = "robot.limits.velocity={j0: 2, j1: 2, j2: 2, j3: 2}"
     assert task_of(tmp_path / "arm.xml", [speeds], tmp_path / "out").cell.home == HOME

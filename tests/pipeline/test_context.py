@@ -97,13 +97,6 @@ def test_readings_share_measurements(context):
     assert len({replication(made, name).digest for name in names}) == 4
 
 
-def test_random_seeds_differ_by_purpose_and_seed(context):
-    first, same, other = (context(f"seed={seed}") for seed in (0, 0, 1))
-    assert first.number("gan eigen") == same.number("gan eigen") != other.number("gan eigen")
-    purposes = ["seeds", "gan eigen", "gan diagonal", "tests", "labels 0", "labels 1"]
-    assert len({first.number(purpose) for purpose in purposes}) == len(purposes)
-
-
 PART = "robot.limits.position={shoulder: [0.5, 1.5]}"
 
 
@@ -123,9 +116,7 @@ def test_a_clearance_is_part_of_the_stamp(context):
     stamps = [made.cfg.workspace.stamped(made.cell.arm) for made in (none, some)]
     assert "clearance" not in stamps[0] and stamps[1]["clearance"] == 0.02
     assert len({seed_set(made).digest for made in (none, some, more)}) == 3
-    assert (
-        some.cell.constraints.clearance == 0.02 and "0.02 m kept clear" in some.cell.constraints.described()
-    )
+    assert some.cell.constraints.clearance == 0.02
     assert context(experiment="excite").cell.constraints.clearance == 0.02
     assert context("workspace.clearance=0", experiment="excite").cell.constraints.clearance == 0
 

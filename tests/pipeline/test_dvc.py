@@ -1,9 +1,7 @@
-"""The pipelines of dvc.yaml: their parts fit together, and DVC makes anew what depends on a change alone."""
+"""The pipelines of dvc.yaml: their parts fit together."""
 
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 from string import Template
 
@@ -100,45 +98,3 @@ def test_every_command_composes_valid_settings(pipeline):
     commands = (command for stage in pipeline[1]["stages"].values() for command in stage["cmd"])
     for words in (shlex.split(command) for command in commands if "sidegan.run" in command):
         validate(composed(*words[words.index("sidegan.run") + 1 :]))
-
-
-@pytest.fixture
-def dvc(tmp_path):
-    """DVC in a repository of its own with the files that it watches: arguments → the stages that it ran.
-
-    In the place of a stage's command, another one makes a file in each folder that the stage says it makes.
-    """
-    pytest.importorskip("dvc")
-    files = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True).stdout
-    kept = "conf", "experiments", "small", "dvc.", "params.", ".dvc", ".gitignore"
-    for file in (name for name in files.decode().split("\0") if name.startswith(kept)):
-        (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / file).write_bytes((ROOT / file).read_bytes())
-    pipeline = tmp_path / "small" / "dvc.yaml"
-    written = yaml.safe_load(pipeline.read_text())
-    for stage in written["stages"].values():
-        files = [out if Path(out).suffix else f"{out}/made" for out in listed(stage["outs"])]
-        stage["cmd"] = [f"mkdir -p $(dirname {file}) && touch {file}" for file in files]
-    pipeline.write_text(yaml.safe_dump(written, sort_keys=False))
-
-    def run(*arguments):
-        words = [sys.executable, "-m", "dvc", *arguments]
-        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
-        assert done.returncode == 0, f"{done.stdout}{done.stderr}"
-        return re.findall(r"Running stage '(\w+)'", done.stdout)
-
-    subprocess.run(["git", "init", "-q"], cwd=tmp_path, check=True)
-    return run
-
-
-@pytest.mark.slow
-def test_the_small_scale_is_made_once_and_a_change_makes_anew_what_depends_on_it(dvc, tmp_path):
-    small = "--cd", "small"
-    assert dvc(*small, "repro") == ["seeds", "gan", "sets", "report"]
-    assert dvc(*small, "repro") == []
-    versions = tmp_path / "params.yaml"
-    versions.write_text(re.sub(r"\bdensity: \d+", "density: 99", versions.read_text()))
-    assert dvc(*small, "repro", "--dry") == ["report"]
-    eigen = tmp_path / "conf" / "gan" / "eigen.yaml"
-    eigen.write_text(f"{eigen.read_text()}# another generator\n")
-    assert dvc(*small, "repro", "--dry") == ["gan", "report"]  # the rest follows from gan's results

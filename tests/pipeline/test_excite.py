@@ -1,21 +1,19 @@
 """Trajectories to execute: files for controllers, the table of the set, its page and its rehearsal."""
 
 import html
-import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
-from sidegan.errors import InfeasibleError
+from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.library import Library
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
-from sidegan.pipeline.stages import sending
+from sidegan.pipeline.stages import excite
 from sidegan.robot import load_robot, with_effort
 from sidegan.steps import trajectories
 from sidegan.validity import Constraints, check
@@ -62,25 +60,16 @@ def test_every_trajectory_is_valid_and_written_exactly(folder):
     motion = np.concatenate(family.roll_out(chosen.coefficients, family.times(20))[1:], 2)
     for k in range(6):
         np.testing.assert_allclose(course(folder, k + 1)[STATES], motion[k], rtol=0, atol=1e-7)
-    whole = course(folder, "all")  # at rest at home for a second between two
-    np.testing.assert_allclose(whole.time, np.arange((6 * 8 + 5) * 20 + 1) / 20, atol=1e-9)
-    np.testing.assert_allclose(whole[whole.time % 9 >= 8][STATES], 0, atol=1e-7)
-
-
-def test_the_least_demanding_comes_first_with_a_ros_goal(folder):
+    assert course(folder, "all").time.iloc[-1] == 6 * 8 + 5  # with a second between two
     table = pd.read_csv(folder / "set.csv")
     assert list(table.trajectory) == [1, 2, 3, 4, 5, 6] and table["energy [J]"].is_monotonic_increasing
     assert (table["peak velocity"].map(percent) <= 100).all() and (table["clearance [m]"] >= 0.02).all()
-    goal = yaml.safe_load((folder / "trajectories" / "1.yaml").read_text())
-    assert goal["trajectory"]["joint_names"] == ["shoulder", "elbow"]
     assert {path.suffix for path in (folder / "trajectories").iterdir()} == {".csv", ".yaml"}
+    assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
 
 
 def test_a_first_run_is_slower(ran, folder):
     slow_folder = ran("controllers.speed=0.5", "controllers.formats=[csv]")
-    once, slow = course(folder, 1), course(slow_folder, 1)
-    assert slow.time.iloc[-1] == 2 * once.time.iloc[-1]
-    assert abs(slow.q_elbow[::2].to_numpy() - once.q_elbow.to_numpy()).max() < 1e-7
     said = (slow_folder / "set.md").read_text()
     assert said.startswith("6 trajectories of 16 s,") and "50% of the speed" in said
     fast, table = (pd.read_csv(source / "set.csv") for source in (folder, slow_folder))
@@ -113,18 +102,6 @@ def test_a_slow_run_is_checked_at_its_own_speed(ran, tmp_path, monkeypatch):
     assert refused == [32.0] and not (tmp_path / "run" / "trajectories").exists()
 
 
-def test_a_page_shows_the_arm_moving_and_is_linked_from_the_table(folder):
-    text = (folder / "view.html").read_text()
-    fitness = Library.load(folder / "library.parquet").fitness
-    head = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])
-    assert head["titles"] == [f"{k} · cond {x:.3g}" for k, x in enumerate(fitness, 1)]
-    assert head["joints"] == ["shoulder", "elbow"]
-    assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
-    rows = [re.findall("<td>(.*?)</td>", row) for row in re.findall("<tr>(.*?)</tr>", text)]
-    assert [row for row in rows if row] == pd.read_csv(folder / "set.csv", dtype=str).to_numpy().tolist()
-    assert f"recording=excite recording.sent={folder.resolve()}" in text
-
-
 SPARE = "robot.limits.effort={shoulder: 18}"  # N·m, of 16.3 that gravity asks for
 
 
@@ -141,9 +118,6 @@ def test_default_effort_leaves_a_fifth_of_the_limits_if_possible(ran, context, c
     assert decided == (option != "robot.effort=0.4")
     table = pd.read_csv(folder / "set.csv")
     assert table["peak velocity"].map(percent).max() <= 100 * effort
-    for k in table.trajectory:
-        speed = course(folder, k)[STATES[2:4]].abs().max().to_numpy()
-        assert (speed <= used.velocity_limit + 1e-6).all()
 
 
 def test_acceleration_and_jerk_limits_are_kept_and_peaks_reported(ran, caplog):
@@ -155,8 +129,6 @@ def test_acceleration_and_jerk_limits_are_kept_and_peaks_reported(ran, caplog):
     peaks = table[["peak acceleration", "peak jerk"]].map(percent)
     assert (peaks <= 100).all().all() and peaks.max().max() > 60
     assert all((library.margins[name] >= 0).all() for name in ("acceleration", "jerk"))
-    family = Trajectory(2, 3, 8.0)
-    assert np.abs(family.derivative(library.coefficients, family.times(2000.0), 3)[..., 1]).max() <= 9
     for k in table.trajectory:
         assert (course(folder, k)[STATES[4:]].abs().max() <= [2, 3]).all()
 
@@ -181,8 +153,9 @@ def test_the_page_lists_the_commands_to_send_slow_set_first(ran, folder):
     assert first == f"cd {fast / 'trajectories'}" and last == "send return"
     assert re.findall("^send (.*)", send, re.MULTILINE) == ["approach", "1", "2", "return"]
     assert re.search(r"in this order: approach .*, return", (fast / "set.md").read_text())
-    (_, command), (then, send), _ = sections(folder)  # of a run that was not told where the arm is
+    (_, command), (then, send), (_, last) = sections(folder)  # of a run that was not told where the arm is
     assert "controllers.start=[…]" in command and "approach" not in then + send
+    assert f"recording=excite recording.sent={folder.resolve()}" in last
     assert "must stand at home first: shoulder 0, elbow 0" in then
 
 
@@ -200,14 +173,17 @@ def test_a_run_replaces_files_of_an_earlier_run_only(ran):
     assert then.startswith("This set, at 25% of the planned speed") and "1 … 3 (32 s each)" in then
 
 
-def test_the_approach_of_a_slow_run_is_slow(ran):
-    slow = ran(START, "goal.count=2", "controllers.speed=0.05")
-    speed = [course(slow, name)[STATES[2:4]].abs().max() for name in ("approach", 1)]
-    assert (speed[0] <= 0.05 * 0.2 * load_robot("planar2").velocity_limit).all()
-    assert (speed[1] > 0).all()
+def test_a_page_that_cannot_be_made_costs_only_the_page(ran, monkeypatch, caplog):
+    def fail(*_):
+        raise ArtifactError("no template")
+
+    monkeypatch.setattr(trajectories.TrajectorySet, "view", fail)
+    folder = ran("goal.count=1")
+    assert "there is no view.html: no template" in caplog.text and course(folder, 1).time.iloc[-1] == 8
+    assert not (folder / "view.html").exists() and "view:" not in (folder / "set.md").read_text()
 
 
 def test_a_goal_too_long_for_the_shell_is_read_from_stdin(ran, monkeypatch):
-    monkeypatch.setattr(sending, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
+    monkeypatch.setattr(excite, "SHELL", 1000)  # bytes, for 128 kB, which 20 harmonics of seven joints have
     (_, send) = sections(ran("goal.count=1"))[1]
     assert "--stdin < $1.yaml" in send and "Jazzy" in send and "cat" not in send

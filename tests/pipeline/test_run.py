@@ -10,12 +10,16 @@ import time
 from functools import partial
 
 import pytest
+from hydra.core.config_store import ConfigStore
+from hydra.errors import HydraException
 
 from sidegan.errors import ConfigError, InfeasibleError, StorageError
 from sidegan.pipeline import run
 from sidegan.pipeline.artifact import Artifact
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.compose import explain
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.sweep import job_codes
+from tests.tiny import TINY, composed
 
 
 def write_seeds(build):
@@ -165,13 +169,7 @@ def test_a_failed_sweep_table_is_reported(command, capsys, monkeypatch):
 def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
     assert command("--help") == 0
     shown = capsys.readouterr().out
-    examples = (
-        "+experiment=exp1 ",
-        "seed=0,1,2",
-        "'stages=[seeds]'",
-        "robot.name=arm.urdf",
-        "help=everything",
-    )
+    examples = "+experiment=exp1 ", "seed=0,1,2", "'stages=[seeds]'", "robot.name=arm.urdf", "help=everything"
     assert all(words in shown for words in examples)
     lines = shown.strip().splitlines()
     assert len(lines) <= 40 and max(map(len, lines)) <= 110
@@ -189,6 +187,16 @@ def test_user_settings_come_from_a_user_folder(command, capsys, tmp_path):
     assert "name: planar2" in capsys.readouterr().out
 
 
+def test_help_may_be_cut_short(tmp_path):
+    """As by `--help | head`: whoever reads it has seen enough."""
+    command = [sys.executable, "-m", "sidegan.run", "--help"]
+    pipe, end = os.pipe()
+    os.close(pipe)
+    done = subprocess.run(command, cwd=tmp_path, stdout=end, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(end)
+    assert done.stderr == ""
+
+
 HEAVY = {"torch", "numpy", "pandas", "mlflow", "pytorch_lightning", "pinocchio", "pygmo", "matplotlib"}
 
 
@@ -199,3 +207,43 @@ def test_the_configuration_is_shown_without_a_heavy_import(tmp_path):
     imported = set(re.findall(r"\|\s+(\w+)$", done.stderr, re.MULTILINE))
     assert "omegaconf" in imported and not imported & HEAVY
     assert list(tmp_path.iterdir()) == []
+
+
+JOBLIB, SUBMITIT = "hydra_plugins.hydra_joblib_launcher", "hydra_plugins.hydra_submitit_launcher"
+PLUGINS = {"processes": (JOBLIB, "sweep"), "slurm": (SUBMITIT, "slurm")}
+
+
+@pytest.mark.parametrize("name", PLUGINS)
+def test_a_missing_launcher_plugin_is_reported(name, monkeypatch):
+    composed("hydra/launcher=basic")  # registers the plugins
+    store = ConfigStore.instance().repo["hydra"]["launcher"]
+    for known in [key for key in store if key.startswith(("joblib", "submitit"))]:
+        monkeypatch.delitem(store, known)
+    with pytest.raises(HydraException) as error:
+        composed(f"hydra/launcher={name}")
+    assert explain(error.value) == f"this launcher needs a plugin: pip install 'sidegan[{PLUGINS[name][1]}]'"
+
+
+def sweep(folder, *words):
+    command = [sys.executable, "-m", "sidegan.run", "-m", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=6000, check=False)
+
+
+def test_missing_slurm_is_reported_in_one_line(tmp_path, monkeypatch):
+    pytest.importorskip(SUBMITIT)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = sweep(tmp_path, "hydra/launcher=slurm", "tracking=off", "seed=0,1")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "hydra/launcher=slurm is for a machine that submits to SLURM" in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("launcher", ["processes", "submitit_local"])
+def test_a_sweep_on_another_launcher_returns_the_worst_exit_code(tmp_path, launcher):
+    pytest.importorskip(PLUGINS.get(launcher, PLUGINS["slurm"])[0])
+    words = "+experiment=exp1", *TINY, "stages=[seeds]", "seeds.count=4", "trajectory.home=[0,0],[4,0]"
+    done = sweep(tmp_path, *words, f"hydra/launcher={launcher}")
+    assert done.returncode == 1 and "Traceback" not in done.stderr, done.stderr
+    jobs = sorted((tmp_path / "outputs" / "runs" / "exp1").glob("sweep_*/[0-9]*/status.json"))
+    assert [json.loads(job.read_text())["code"] for job in jobs] == [0, 1]
+    assert len(list((tmp_path / "outputs" / "seeds").glob("planar2-*"))) == 1

@@ -9,29 +9,21 @@ import pytest
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import RECIPES
 from sidegan.pipeline.artifact import flatten
-from sidegan.pipeline.places import CONF, VERSIONS
+from sidegan.pipeline.places import CONF
 from sidegan.pipeline.settings import Config, validate
 from sidegan.robot import Limits, Setup, changes
 from sidegan.seeding import METHODS
 from tests import tiny
 
-ROOT = VERSIONS.parents[2]
-
-
-def composed(*overrides, experiment="reproduction"):
-    return tiny.composed(f"+experiment={experiment}", *overrides)
-
 
 def configured(*overrides, experiment="reproduction"):
-    return validate(composed(*overrides, experiment=experiment))
+    return validate(tiny.composed(f"+experiment={experiment}", *overrides))
 
 
 def options(group):
     return sorted(path.stem for path in (CONF / group).glob("[!_]*.yaml"))
 
 
-EXPERIMENTS = options("experiment")
-SCALES = options("scale")
 GROUPS = {  # options of groups, in an experiment that has them
     "training": ["gan", "seeds", "surrogates"],
     "payload": ["robot", "recording", "model"],
@@ -57,13 +49,13 @@ def test_every_group_has_its_options_tested():
     assert folders == tested | {"hydra", "base", "recorded"}
 
 
-@pytest.mark.parametrize("experiment", EXPERIMENTS)
+@pytest.mark.parametrize("experiment", options("experiment"))
 def test_every_experiment_is_valid(experiment):
     config = configured(experiment=experiment)
     assert config.experiment == experiment and config.stages
 
 
-@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("scale", options("scale"))
 def test_every_scale_is_valid_and_has_what_the_experiments_take_from_one(scale):
     config = configured(f"scale={scale}")
     assert config.scale["name"] == scale and config.scale.keys() == configured().scale.keys()
@@ -96,16 +88,6 @@ def test_conf_and_the_package_have_the_same_variants():
 @pytest.mark.parametrize("method", METHODS)
 def test_conf_and_the_package_have_the_same_optimisers_of_seeds(method):
     assert replace(configured(f"seeds={method}").seeds, shipped=None) == METHODS[method]
-
-
-def test_floors_of_diversity_apply_to_every_variant_and_are_typed_like_any_setting():
-    for group in ("gan=all", "gan=published"):
-        names = configured(group).gan
-        floors = [
-            f"gan.{name}.weights.{floor}=7" for name in names for floor in ("distance", "rank", "offset")
-        ]
-        weights = [variant.weights for variant in configured(group, *floors).gan.values()]
-        assert {(x.distance, x.rank, x.offset) for x in weights} == {(7, 7, 7)}
 
 
 def test_a_command_composes_only_the_groups_it_uses():

@@ -12,7 +12,7 @@ import pytest
 from mlflow import MlflowClient
 
 from sidegan.errors import InfeasibleError
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.sweep import PARENT, job_results, leave_results, sweep_table
 from sidegan.pipeline.tracking import Tracker
 from tests.pipeline.conftest import NOWHERE, client_of
@@ -136,9 +136,8 @@ def test_a_sweep_is_recorded_as_parent_with_children_and_table(command, root, mo
     monkeypatch.setattr("sidegan.pipeline.stages.stage", lambda name: Stage(show=fail_on_odd_seeds))
     words = "stages=[odd]", "seed=0,1", "gan=eigen"
     assert command("-m", *words, f"outputs={root}", tracking="local") == 1
-    (parent,) = called(
-        root, "exp1 sweep seed=0,1 stages=[odd] gan=eigen tracking=local"
-    )  # what varies is first
+    varied_first = "exp1 sweep seed=0,1 stages=[odd] gan=eigen tracking=local"
+    (parent,) = called(root, varied_first)
     assert parent.info.status == "FAILED" and PARENT not in os.environ
     (sweep,) = root.glob("runs/exp1/sweep_*")
     assert pd.read_csv(sweep / "sweep.csv").to_dict("list") == {"name": ["seeds"], "nMSE": [0.5]}

@@ -1,19 +1,68 @@
-"""Numbers that follow from fixed trajectories: where one moves, its maker's version must have been raised.
+"""Numbers stay: whichever process finds them, in which memory, and as long as no maker's version is raised.
 
 Makers that search or train are not watched, since where a search ends differs from one processor to another;
 picks are goldens.
 """
 
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from functools import partial
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from sidegan.library.measure import measured
-from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS
-from sidegan.pipeline.stages.baselines import random_set
-from sidegan.pipeline.stages.identification import identification
+from sidegan.pipeline.artifact import Build
+from sidegan.pipeline.context import EXPECTED, FACTS, LIBRARY, RESULTS, RunContext
+from sidegan.pipeline.stages.baselines import random_set, random_valid
+from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.replication import replication, sums
 from sidegan.pipeline.stages.selection import ExcitationSet, whole_sets
+from sidegan.pipeline.store import Store
 from tests.golden.make import draw
+from tests.tiny import tiny
+
+GARBAGE = {"MALLOC_PERTURB_": "165"}  # in every byte that is allocated, and in every one that is freed
+
+
+def _save(library, task, build):
+    library.save(build.folder / LIBRARY)
+
+
+def digests(*names: str) -> dict[str, str]:
+    """SHA-256 of what stages plant and identification find of sets, made in this order."""
+    found = {}
+    for name in names:
+        with tempfile.TemporaryDirectory() as folder:
+            context = RunContext(tiny(f"outputs={folder}", "trajectory.period=4"), Store(Path(folder)))
+            c = random_valid(context, 4, name).coefficients
+            library = measured(context.cell.constraints, context.cell.trajectory, c, name)
+            source = context.artifact("random", name, partial(_save, library), {"name": name})
+            context.store.produce(source)
+            excitation = ExcitationSet(name, None, context.cell.trajectory, source)
+            for stage in (plant, identification):
+                build = Build(Path(folder, stage.__name__), Path(folder), lambda done, total: None)
+                build.folder.mkdir()
+                stage(context, excitation).make(build)
+                content = (build.folder / RESULTS).read_bytes()
+                found[f"{name}/{stage.__name__}"] = hashlib.sha256(content).hexdigest()
+    return found
+
+
+def test_another_process_with_garbage_memory_gives_the_same_bits():
+    here = digests("first", "second")
+    code = "import json; from tests.pipeline.test_versions import *; print(json.dumps(digests('second')))"
+    variables = {**os.environ, **GARBAGE, "PYTHONPATH": os.pathsep.join(sys.path), "PYTHONHASHSEED": "7"}
+    process = subprocess.run([sys.executable, "-c", code], env=variables, capture_output=True, text=True)
+    assert process.returncode == 0, process.stderr
+    found = json.loads(process.stdout.splitlines()[-1])
+    assert found == {name: digest for name, digest in here.items() if name.startswith("second")}
+
 
 RECORDED = {
     "identification": {
@@ -46,12 +95,8 @@ def means(context, artifact, files):
     """Means of an artifact's numbers over weightings, joints, noise and tests."""
     context.store.produce(artifact)
     tables = {file.partition(".")[0]: context.frame(artifact, file) for file in files}
-    return {
-        f"{name}/{key}": table[key].mean()
-        for name, table in tables.items()
-        for key in COLUMNS
-        if key in table
-    }
+    keys = [(name, key) for name, table in tables.items() for key in COLUMNS if key in table]
+    return {f"{name}/{key}": tables[name][key].mean() for name, key in keys}
 
 
 def identified(context):

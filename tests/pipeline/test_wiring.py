@@ -18,11 +18,10 @@ from sidegan.identification import study
 from sidegan.library import LIBRARY, Library
 from sidegan.library.measure import measured
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
-from sidegan.pipeline.stages import baselines
-from sidegan.pipeline.stages import density as densities
+from sidegan.pipeline.stages import baselines, discussion
 from sidegan.pipeline.stages import identification as plants
 from sidegan.pipeline.stages.baselines import natural_set, random_set, random_valid, searched_set
-from sidegan.pipeline.stages.density import density
+from sidegan.pipeline.stages.discussion import density
 from sidegan.pipeline.stages.identification import identification, plant
 from sidegan.pipeline.stages.measures import measures
 from sidegan.pipeline.stages.selection import ExcitationSet, Pool, selection
@@ -72,14 +71,10 @@ def test_random_trajectories_are_checked_and_invalid_ones_dropped(context, build
     made = context(*TIGHT)
     share = check(made.cell.constraints, made.cell.trajectory, drawn(made, 400)).valid.mean()
     assert 0.1 < share < 0.9, "the workspace tells nothing"
-    draws = random_valid(made, 40, "any")
-    assert (
-        draws.drawn > 40
-        and check(made.cell.constraints, made.cell.trajectory, draws.coefficients).valid.all()
-    )
     random_set(made).make(build)
     library = Library.load(build.folder / LIBRARY, made.cell.arm)
     assert check(made.cell.constraints, made.cell.trajectory, library.coefficients).valid.all()
+    assert read_json(build.folder / REPORT)["drawn"] > len(library)
 
 
 def test_natural_draws_reach_as_far_as_99_percent_are_valid(context, build):
@@ -116,14 +111,9 @@ def test_sets_are_measured_against_half_of_the_seeds(planted, build, monkeypatch
         measures(made, Planted(name, None, (), library)).make(build)
         return read_json(build.folder / REPORT), pd.read_parquet(build.folder / RESULTS)
 
-    (own, draws), (shifted, _), (small, _) = (
-        measures_of(name, c)
-        for name, c in (
-            ("seeds", seeds.coefficients),
-            ("eigen", seeds.coefficients + 0.3),
-            ("exact", 0.1 * seeds.coefficients),
-        )
-    )
+    own, draws = measures_of("seeds", seeds.coefficients)
+    shifted, _ = measures_of("eigen", seeds.coefficients + 0.3)
+    small, _ = measures_of("exact", 0.1 * seeds.coefficients)
     assert own["nearest_seed"] > 0.1 and own["coverage"] > 0.8 and abs(own["told_apart"] - 0.5) < 0.15
     assert shifted["cosine"] > own["cosine"] + 0.1 and shifted["told_apart"] > 0.9
     assert small["error_constant"] > 10 * own["error_constant"] and small["norm"] < 0.2 * own["norm"]
@@ -190,7 +180,7 @@ def test_the_plant_is_scored_on_unseen_motions(executed, build, monkeypatch):
 def test_narrow_density_estimates_sample_near_the_seeds(context, build, monkeypatch):
     made = context("discussion.bandwidths=[1e-6,1]", "discussion.draws=20", experiment="reproduction")
     c = drawn(made, 40, reach=0.5)
-    monkeypatch.setattr(densities, "training_seeds", lambda context: SimpleNamespace(coefficients=c))
+    monkeypatch.setattr(discussion, "training_seeds", lambda context: SimpleNamespace(coefficients=c))
     density(made).make(build)
     narrow, wide = pd.read_parquet(build.folder / RESULTS).from_seed / pdist(flatten(c, 1)).min()
     assert narrow < 1e-4 and 0.1 < wide < 10

@@ -1,7 +1,6 @@
 """What surrounds an arm: every kind of region, and the floor under arms of strangers."""
 
 import logging
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from sidegan.robot import Setup, load_robot
 from sidegan.robot.load import _MODELS
 from sidegan.validity import Convex, Plane, Sphere
-from sidegan.validity.floor import floor_under
 from tests.tiny import tiny
 
 DESK = {"plane": {"normal": (0.0, 0.0, 1.0), "offset": 0.1}, "box": None}
@@ -54,11 +52,7 @@ def test_regions_of_all_kinds(tmp_path, planar):
 
 
 def test_a_mesh_is_stamped_by_its_content(tmp_path, planar):
-    texts = (
-        tetrahedron(tmp_path / "a.obj"),
-        tetrahedron(tmp_path / "b.obj"),
-        tetrahedron(tmp_path / "c.obj", 2.0),
-    )
+    texts = [tetrahedron(tmp_path / f"{name}.obj", scale) for name, scale in zip("abc", (1.0, 1.0, 2.0))]
     first, same, other = (workspace(text).stamped(planar) for text in texts)
     assert first == same != other
 
@@ -88,18 +82,6 @@ def test_obstacles_keep_the_default_floor_and_a_given_floor_replaces_it(stranger
     alone = workspace(BALL)
     assert [type(shape) for shape in alone.shapes(arm)] == [Sphere] and alone.notes(arm) == ""
     assert obstacle.shapes(planar)[0] == Plane((0.0, 0.0, 1.0), 0.1)
-
-
-def test_hanging_arms_have_no_floor_and_shapeless_bases_stand_at_zero(planar, tmp_path):
-    text = PLANAR.replace('lower="-2.6" upper="2.6"', 'lower="2.4" upper="3.8"')
-    text = text.replace('lower="-2.9" upper="2.9"', 'lower="-0.3" upper="0.3"')
-    (tmp_path / "hanging.urdf").write_text(text)
-    hanging, desk = load_robot(tmp_path / "hanging.urdf"), tiny("workspace=desk").workspace
-    assert floor_under(hanging) is None and desk.shapes(hanging) == []
-    assert "no floor" in desk.notes(hanging)
-    parts = {name: getattr(planar.capsules, name)[1:] for name in ("link", "a", "b", "radius", "owners")}
-    bare = replace(planar, urdf=Path("lost.urdf"), capsules=replace(planar.capsules, **parts))
-    assert floor_under(bare).offset == 0
 
 
 @pytest.mark.parametrize(

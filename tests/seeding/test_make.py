@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sidegan.design.search import Descent
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.seeding import Gradient, SeedBatch, Seeds, make_long, make_seeds, optimise, refuse_beyond
@@ -48,6 +49,17 @@ def test_workers_do_not_change_seeds_and_damaged_tasks_are_redone(planar_problem
 def test_failed_starts_are_replaced(planar_problem, tmp_path):
     method = Spied(most=1)
     assert len(made(planar_problem, tmp_path, method=method, count=3)) == method.calls == 3
+
+
+def test_a_search_that_ends_at_nan_is_started_again(planar_problem, tmp_path, monkeypatch):
+    run, runs = Descent.run, []
+
+    def half(self, *start):
+        runs.append(start)
+        return run(self, *start) * (np.nan if len(runs) % 2 else 1.0)
+
+    monkeypatch.setattr(Descent, "run", half)
+    assert np.isfinite(made(planar_problem, tmp_path).fitness).all()
 
 
 def test_a_long_trajectory_is_the_best_of_its_starts(planar_problem):

@@ -1,12 +1,28 @@
 """The stages by name, with a line of help each; a stage's module is imported when it runs."""
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
 
 from sidegan.errors import ConfigError
 
-if TYPE_CHECKING:
-    from sidegan.pipeline.stage import Stage
+if TYPE_CHECKING:  # imports every room: too slow for `--help`
+    from sidegan.pipeline.artifact import Artifact
+    from sidegan.pipeline.context import RunContext
+    from sidegan.pipeline.tracking import Tracker
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A part of an experiment that can be run alone, once its inputs exist."""
+
+    # that are made together, in the order of recording
+    artifacts: "Callable[[RunContext], Iterable[Artifact]]" = lambda run: ()
+    # prints results, and writes them to the run's folder
+    show: "Callable[[RunContext, Tracker], None]" = lambda run, tracker: None
+    check: "Callable[[RunContext], object]" = lambda run: None  # may refuse a run before its first stage
+
 
 STAGES = {
     "seeds": "the seed set: optimised trajectories",
@@ -33,10 +49,12 @@ STAGES = {
 }
 
 _MODULES = {"random": "baselines", "long": "baselines", "surrogates": "training", "gan": "training"}
-_MODULES |= {"subsets": "training", "plant": "identification", "check": "identify", "gains": "payload"}
+_MODULES |= {"subsets": "training", "arms": "measures", "library": "selection", "plant": "identification"}
+_MODULES |= {"check": "identify", "payload": "identify", "gains": "identify"}
+_MODULES |= {"density": "discussion", "timing": "discussion"}
 
 
-def stage(name: str) -> "Stage":
+def stage(name: str) -> Stage:
     """The stage with this name; a ConfigError if there is none."""
     if name not in STAGES:
         raise ConfigError(f"stages: there is no stage {name!r}, expected some of {', '.join(STAGES)}")

@@ -1,6 +1,6 @@
 """Stages random and long: random trajectories, those of a short search, and a single long trajectory."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 
 import numpy as np
@@ -19,7 +19,7 @@ from sidegan.library.measure import measured, summary
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.seeding import Gradient, make_long
 
 REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
@@ -27,7 +27,6 @@ _TRIES = 1000  # most draws per random trajectory
 _DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, their share to be valid, steps to find the reach
 _SEARCHED = 200  # trajectories of each search
 _EVALUATIONS = (10, 40, 160)
-_SEARCH = SearchSettings(evaluations=10)
 
 
 def random_set(run: RunContext) -> Artifact:
@@ -36,16 +35,18 @@ def random_set(run: RunContext) -> Artifact:
     return run.artifact("random", "random", _make_random, settings, title="random", alone=True)
 
 
+def _make_random(run: RunContext, build: Build) -> None:
+    count = run.cfg.library.count
+    draws = random_valid(run, count, "random set")
+    _save(run, build, draws.coefficients, "random", drawn=draws.drawn, valid_share=count / draws.drawn)
+
+
 def random_valid(run: RunContext, count: int, purpose: str, reach: float = REACH) -> Draws:
     """Random valid trajectories, (count, J, H, 2), from the run's random numbers for a purpose."""
     generator = np.random.default_rng(run.number(purpose))
     settings = Expansion(count=count, batch=count, draws=_TRIES * count, least=count)
-    return draw_valid(
-        lambda n: run.cell.problem.start(n, generator, reach),
-        run.cell.check,
-        settings,
-        "drawn at random in this workspace",
-    )
+    problem, drawn = run.cell.problem, "drawn at random in this workspace"
+    return draw_valid(lambda n: problem.start(n, generator, reach), run.cell.check, settings, drawn)
 
 
 def test_trajectories(run: RunContext) -> Array:
@@ -56,33 +57,21 @@ def test_trajectories(run: RunContext) -> Array:
 
 def prediction(run: RunContext, noise: TorqueNoise, family: Trajectory | None = None) -> Prediction:
     """Expected errors on the test trajectories; the excitation is of ``family``, by default the short one."""
-    settings = run.cfg.identification
-    tests = test_trajectories(run)
-    times = run.cell.trajectory.times(settings.rate)
-    wanted = wanted_torques(run.cell.body, run.cell.trajectory, tests, times)
-    return Prediction.at_rate(
-        run.cell.body, family or run.cell.trajectory, wanted, noise, settings.rate, settings.prior
-    )
+    settings, body, short = run.cfg.identification, run.cell.body, run.cell.trajectory
+    wanted = wanted_torques(body, short, test_trajectories(run), short.times(settings.rate))
+    return Prediction.at_rate(body, family or short, wanted, noise, settings.rate, settings.prior)
+
+
+def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) -> None:
+    library = measured(run.cell.constraints, run.cell.trajectory, c, name)
+    library.save(build.folder / LIBRARY)
+    write_json(build.folder / REPORT, {**summary(library), **facts})
 
 
 def natural_set(run: RunContext) -> Artifact:
     """Random draws in natural coordinates, at the largest reach at which nearly all are valid."""
     settings = {"drawn": _DRAWN, "valid": _VALID}
     return run.artifact("baseline", "natural", _make_natural, settings, title="natural")
-
-
-def searched_set(run: RunContext, evaluations: int) -> Artifact:
-    """Trajectories that a search with a number of evaluations each finds for a small condition number."""
-    name = f"search-{evaluations}"
-    settings = {"count": _SEARCHED, **asdict(replace(_SEARCH, evaluations=evaluations))}
-    make = partial(_make_searched, evaluations=evaluations)
-    return run.artifact("baseline", name, make, settings, title=name)
-
-
-def baselines(run: RunContext) -> dict[str, Artifact]:
-    """Sets that generators are compared with, by name."""
-    searched = {f"search-{n}": searched_set(run, n) for n in _EVALUATIONS}
-    return {"random": random_set(run), "natural": natural_set(run), **searched}
 
 
 def _make_natural(run: RunContext, build: Build) -> None:
@@ -102,8 +91,14 @@ def _make_natural(run: RunContext, build: Build) -> None:
     _save(run, build, c[valid], "natural", reach=reach, valid_share=float(valid.mean()))
 
 
-def _make_searched(run: RunContext, build: Build, evaluations: int) -> None:
-    settings = replace(_SEARCH, evaluations=evaluations)
+def searched_set(run: RunContext, evaluations: int) -> Artifact:
+    """Trajectories that a search with a number of evaluations each finds for a small condition number."""
+    name, settings = f"search-{evaluations}", SearchSettings(evaluations=evaluations)
+    make = partial(_make_searched, name=name, settings=settings)
+    return run.artifact("baseline", name, make, {"count": _SEARCHED, **asdict(settings)}, title=name)
+
+
+def _make_searched(run: RunContext, build: Build, name: str, settings: SearchSettings) -> None:
     found = []
     first = run.number("search")
     for k in range(_SEARCHED):
@@ -113,19 +108,13 @@ def _make_searched(run: RunContext, build: Build, evaluations: int) -> None:
             if k + 1 == _SEARCHED and not found:
                 raise
         build.report(k + 1, _SEARCHED)
-    _save(run, build, np.stack(found), f"search-{evaluations}", valid_share=len(found) / _SEARCHED)
+    _save(run, build, np.stack(found), name, valid_share=len(found) / _SEARCHED)
 
 
-def _save(run: RunContext, build: Build, c: Array, name: str, **facts: float) -> None:
-    library = measured(run.cell.constraints, run.cell.trajectory, c, name)
-    library.save(build.folder / LIBRARY)
-    write_json(build.folder / REPORT, {**summary(library), **facts})
-
-
-def _make_random(run: RunContext, build: Build) -> None:
-    count = run.cfg.library.count
-    draws = random_valid(run, count, "random set")
-    _save(run, build, draws.coefficients, "random", drawn=draws.drawn, valid_share=count / draws.drawn)
+def baselines(run: RunContext) -> dict[str, Artifact]:
+    """Sets that generators are compared with, by name."""
+    searched = {f"search-{n}": searched_set(run, n) for n in _EVALUATIONS}
+    return {"random": random_set(run), "natural": natural_set(run), **searched}
 
 
 def long_family(run: RunContext, harmonics: int) -> Trajectory:
@@ -135,31 +124,25 @@ def long_family(run: RunContext, harmonics: int) -> Trajectory:
 
 def long_trajectory(run: RunContext, harmonics: int) -> Artifact:
     """The best single long trajectory with a number of harmonics, optimised by gradients."""
-    settings = run.cfg.long
-    seeds = {"fitness": "eigenvalue", "reserve": run.cfg.seeds.reserve}
-    return run.artifact(
-        "long",
-        f"{settings.steps}-{settings.period:g}s-{harmonics}h",
-        partial(_make_long, harmonics=harmonics),
-        {**asdict(settings), "harmonics": harmonics, **seeds},
-        title=f"long/{harmonics}",
-        alone=True,
-    )
+    chosen = run.cfg.long
+    settings = asdict(chosen) | {"harmonics": harmonics}
+    settings |= {"fitness": "eigenvalue", "reserve": run.cfg.seeds.reserve}
+    label = f"{chosen.steps}-{chosen.period:g}s-{harmonics}h"
+    make = partial(_make_long, harmonics=harmonics)
+    return run.artifact("long", label, make, settings, title=f"long/{harmonics}", alone=True)
 
 
 def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     settings = run.cfg.long
     family = long_family(run, harmonics)
-    seeds = run.cfg.seeds
     problem = Problem(run.cell.constraints, family, settings.samples)
-    method = Gradient(settings.steps, attempts=1, reserve=seeds.reserve or 0.0)
+    method = Gradient(settings.steps, attempts=1, reserve=run.cfg.seeds.reserve or 0.0)
     random, workers = run.random(f"long {harmonics}"), run.cfg.parallel.workers
     made = make_long(problem, method, settings.starts, random, workers)
     library = measured(run.cell.constraints, family, made.coefficients, f"long-{harmonics}")
     library.save(build.folder / LIBRARY)
     build.costs["cpu_seconds"] = made.cpu_seconds
-    condition = float(library.fitness[0])
-    report = {"condition": condition, "starts": made.attempts, "evaluations": settings.steps}
+    report = {"condition": float(library.fitness[0]), "starts": made.attempts, "evaluations": settings.steps}
     write_json(build.folder / REPORT, report)
 
 

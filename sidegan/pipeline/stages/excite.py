@@ -1,79 +1,83 @@
-"""Stage excite: design trajectories for a goal, and write files to execute them."""
+"""Stage excite: design trajectories for a goal, and write files and instructions to execute them."""
 
 import logging
 import math
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import groupby
 from pathlib import Path
+from shlex import quote
 
 import numpy as np
 import pandas as pd
 
 from sidegan.base.names import counted, plain
-from sidegan.controllers import approach, require_exportable
+from sidegan.controllers import APPROACH, SHELL, approach, require_exportable
 from sidegan.design.beside import compile_beside
-from sidegan.design.search import ConditionGoal
 from sidegan.errors import ArtifactError
 from sidegan.identification.goals import Uncertain
-from sidegan.motion.trajectory import Motion
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stage import Stage
-from sidegan.pipeline.stages.sending import Steps, next_steps, order_of
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.tracking import Tracker
-from sidegan.plant import Executed, Plant
+from sidegan.plant import Plant
 from sidegan.recording.commanded import FOLDER
 from sidegan.report.export import publish
-from sidegan.robot import require_consistent
+from sidegan.robot import changes, require_consistent
 from sidegan.steps.excite import aim_of, excite
 from sidegan.steps.trajectories import TrajectorySet
 
 VIEW, GOAL, SET, REHEARSAL = "view.html", "goal", "set", "rehearsal"
-_TRAJECTORY = "trajectory", "trajectories"
 _EVERY = 0.02  # time between the configurations of a rehearsal whose distances are computed [s]
+
+_FIRST = 0.25  # speed of the first run, as a share of the planned speed
+_PER_RUN = ("controllers.speed=", "controllers.start=", "controllers.rehearse=")  # overrides not to repeat
+_SLOWLY = "First slowly: the same set at a quarter of the speed, with a path from where the arm stands:"
+_LOG = "Log positions and torques or currents throughout, run the whole set at least twice; then:"
+_ACTION = "/joint_trajectory_controller/follow_joint_trajectory"
+_GOAL = "control_msgs/action/FollowJointTrajectory"
 log = logging.getLogger(__name__)
 
 
 def _show(run: RunContext, tracker: Tracker) -> None:
     """Design a set, and write its files, tables and page."""
-    cfg = run.cfg
-    folder = run.store.run_folder
+    cfg, folder = run.cfg, run.store.run_folder
+    speed = cfg.controllers.speed
+    pace = "" if speed == 1 else f", at {speed:.0%} of the speed"
     chosen = excite(
         run.cell, None, cfg.seed, goal=cfg.goal, search=cfg.search, model=cfg.model, known=cfg.known
     )
-    slowed = chosen.at_speed(cfg.controllers.speed)
-    _delete_old_files(folder)
+    slowed = chosen.at_speed(speed)
+    for name in (VIEW, *(f"{name}.{kind}" for name in (GOAL, REHEARSAL, SET) for kind in ("csv", "md"))):
+        (folder / name).unlink(missing_ok=True)  # of an earlier run: this one might not overwrite it
     durations = chosen.save(folder, replace(cfg.controllers, rehearse=False))  # rehearsed below
     tracker.log_metrics({"excite/condition": slowed.condition})
-    steps = next_steps(run, durations)
+    view = folder / VIEW
+    try:
+        slowed.view(view, cfg.controllers.rate, _next_steps(run, durations))
+        tracker.log_artifact(view, "view")
+    except ArtifactError as error:  # the trajectories are written: the page is optional
+        log.warning("there is no %s: %s", VIEW, error)
     caption = [
-        f"{counted(len(slowed), *_TRAJECTORY)} of {slowed.family.period:g} s, condition of the set "
-        f"{plain(slowed.condition)}, for controllers ({', '.join(cfg.controllers.formats)}"
-        f"{_slow(run)}) in {folder / FOLDER}",
-        order_of(run, durations),
-        _goal(run, chosen.aim, tracker),
+        f"{counted(len(slowed), 'trajectory', 'trajectories')} of {slowed.family.period:g} s, condition of "
+        f"the set {plain(slowed.condition)}, for controllers ({', '.join(cfg.controllers.formats)}{pace}) in "
+        f"{folder / FOLDER}",
+        _order(run, durations),
+        _goal(run, chosen.aim, tracker) if isinstance(chosen.aim, Uncertain) else "",
         f"checked: {run.cell.constraints.described()}",
         f"effort {run.cell.effort:.0%}" if run.cell.effort < 1 else "",
-        _view(run, slowed, steps, tracker),
+        f"view: {view.resolve().as_uri()}" if view.exists() else "",
     ]
     table = slowed.demands(cfg.controllers.rate)
     publish(table, folder / SET, "\n".join(filter(None, caption)), tracker)
     for doubt in chosen.warnings:
         log.warning("%s", doubt)
     if cfg.controllers.rehearse:
-        title = f"The set in MuJoCo, with servos, friction and rotors of plant{_slow(run)}"
+        title = f"The set in MuJoCo, with servos, friction and rotors of plant{pace}"
         publish(_rehearsed(run, slowed), folder / REHEARSAL, title, tracker)
 
 
-def _delete_old_files(folder: Path) -> None:
-    """Delete an earlier run's files that this run might not overwrite."""
-    tables = [f"{name}.{kind}" for name in (GOAL, REHEARSAL, SET) for kind in ("csv", "md")]
-    for name in (VIEW, *tables):
-        (folder / name).unlink(missing_ok=True)
-
-
-def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Tracker) -> str:
+def _goal(run: RunContext, aim: Uncertain, tracker: Tracker) -> str:
     """Caption on how well the set meets its goal; publishes the table."""
-    if not isinstance(aim, Uncertain):
-        return ""
     columns = {"before": aim.before, "with the set": aim.deviations}
     shown = {name: [plain(x) for x in column.tolist()] for name, column in columns.items()}
     of = "the description" if run.cfg.known is None else run.cfg.known
@@ -82,51 +86,81 @@ def _goal(run: RunContext, aim: Uncertain | ConditionGoal | None, tracker: Track
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
     planned = ", executed with and without the tool" if aim.purpose.goal.runs > 1 else ""
-    planned += ", at full speed" if _slow(run) else ""
+    planned += ", at full speed" if run.cfg.controllers.speed != 1 else ""
     left = plain(100 * aim.left, ".2g")
     return f"with the set the expected deviations fall to {left}% (geometric mean){planned}, given {of}"
 
 
-def _slow(run: RunContext) -> str:
-    speed = run.cfg.controllers.speed
-    return "" if speed == 1 else f", at {speed:.0%} of the speed"
-
-
-def _view(run: RunContext, slowed: TrajectorySet, steps: Steps, tracker: Tracker) -> str:
-    """Write the page that animates the arm, with the next steps; its address for the caption."""
-    path = run.store.run_folder / VIEW
-    try:
-        slowed.view(path, run.cfg.controllers.rate, steps)
-    except ArtifactError as error:  # the trajectories are written: the page is optional
-        log.warning("there is no %s: %s", VIEW, error)
-        return ""
-    tracker.log_artifact(path, "view")
-    return f"view: {path.resolve().as_uri()}"
-
-
 def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
-    """Tracking error, largest torque and closest approach of each trajectory in MuJoCo."""
-    plant = Plant(run.cell.whole_arm, run.cfg.plant)
-    family = slowed.family
-    times = slowed.family.times(plant.settings.rate)
+    """Tracking error, largest torque and closest approach of each trajectory in MuJoCo, as text."""
+    arm, joints, rate = run.cell.whole_arm, run.cell.arm.joint_names, run.cfg.plant.rate
+    plant = Plant(arm, run.cfg.plant)
     rows = []
     for c in slowed.coefficients:
-        planned = family.roll_out(c[None], times)
-        rows.append(_executed(run, planned, plant.follow(planned)))
+        planned = slowed.family.roll_out(c[None], slowed.family.times(rate))
+        executed = plant.follow(planned)
+        error = np.abs(executed.position - planned.position[0]).max(0)
+        share = (np.abs(executed.torque) / arm.torque_limit).max(0)
+        seen = executed.position[:: max(1, round(_EVERY * rate))]
+        nearest = float(run.cell.constraints.nearest(seen)[0].min())
+        row = {
+            "tracking error [rad]": f"{error.max():.2g} ({joints[error.argmax()]})",
+            "largest torque": f"{share.max():.0%} ({joints[share.argmax()]})",
+            "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
+        }
+        rows.append(row)
     return pd.DataFrame(rows, index=pd.RangeIndex(1, len(rows) + 1, name="trajectory"))
 
 
-def _executed(run: RunContext, planned: Motion, executed: Executed) -> dict[str, str]:
-    """Tracking error, largest torque and closest approach of an execution, as text."""
-    error = np.abs(executed.position - planned.position[0]).max(0)
-    share = (np.abs(executed.torque) / run.cell.whole_arm.torque_limit).max(0)
-    stride = max(1, round(_EVERY * run.cfg.plant.rate))
-    nearest = float(run.cell.constraints.nearest(executed.position[::stride])[0].min())
-    return {
-        "tracking error [rad]": f"{error.max():.2g} ({run.cell.arm.joint_names[error.argmax()]})",
-        "largest torque": f"{share.max():.0%} ({run.cell.arm.joint_names[share.argmax()]})",
-        "closest [m]": f"{nearest:.3f}" if math.isfinite(nearest) else "—",
-    }
+def _order(run: RunContext, durations: Mapping[str, float]) -> str:
+    """Which files to send in which order, how long each takes, and where the arm must stand before."""
+    groups = [(length, [*names]) for length, names in groupby(durations, lambda name: plain(durations[name]))]
+    parts = [
+        f"{names[0]} ({length} s)" if len(names) == 1 else f"{names[0]} … {names[-1]} ({length} s each)"
+        for length, names in groups
+    ]
+    ways = APPROACH in durations
+    q = run.cfg.controllers.start if ways else run.cell.trajectory.home or [0.0] * run.cell.arm.joints
+    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q or ()))
+    place = f"at controllers.start: {where}"
+    if not ways:
+        place = f"at home first: {where} (controllers.start=[…] writes a path there)"
+    return f"to be sent in this order: {', '.join(parts)}; the arm must stand {place}"
+
+
+def _next_steps(run: RunContext, durations: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Next steps with the set, a sentence and a command each; the slow run comes first."""
+    speed, start = run.cfg.controllers.speed, run.cfg.controllers.start
+    folder = run.store.run_folder.resolve()
+    robot = " ".join([quote(f"robot.name={run.cfg.robot.name}"), *changes("robot", run.cfg.robot.setup)])
+    pace = "at the planned speed" if speed == 1 else f"at {speed:.0%} of the planned speed"
+    then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {_order(run, durations)}."
+    if run.cell.arm.locked:
+        then += f" Standing still: {run.cell.arm.locked}."
+    where = "…" if start is None else ",".join(f"{x:.6g}" for x in start)
+    kept = [override for override in run.overrides if not override.startswith(_PER_RUN)]
+    new = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
+    same = " ".join(map(quote, kept)) or f"+experiment=excite {robot}"
+    slower = f"sidegan {same} {' '.join(map(quote, new))}"
+    identify = (
+        f"sidegan +experiment=identify {robot} 'recordings=[log.csv]' validation=0.25 \\\n"
+        f"    recording=excite recording.sent={quote(str(folder))}"
+    )
+    steps = [(_SLOWLY, slower), (then, _send(run, folder / FOLDER, durations)), (_LOG, identify)]
+    return steps if speed > _FIRST else steps[1:]
+
+
+def _send(run: RunContext, folder: Path, durations: Mapping[str, float]) -> str:
+    """Commands that send the goals of a set one by one, or the files if it has no goals."""
+    formats = run.cfg.controllers.formats
+    if "ros2" not in formats:
+        ending = "script" if "urscript" in formats else "csv"
+        return "\n".join(f"{folder / name}.{ending}" for name in durations)
+    large = max((folder / f"{name}.yaml").stat().st_size for name in durations) >= SHELL
+    goal = "--stdin < $1.yaml" if large else '"$(cat $1.yaml)"'
+    needs = "  # too long for a command line: --stdin needs ROS 2 Jazzy or newer" if large else ""
+    send = f"send() {{ ros2 action send_goal {_ACTION} \\\n    {_GOAL} {goal}; }}{needs}"
+    return "\n".join([f"cd {quote(str(folder))}", send, *(f"send {name}" for name in durations)])
 
 
 def _check(run: RunContext) -> None:

@@ -14,22 +14,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sidegan.base.arrays import Array
 from sidegan.base.storage import write_parquet
 from sidegan.design.prediction import TorqueNoise
 from sidegan.identification import Measurements, TorqueModel, estimate, score, study
-from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import prediction, test_trajectories
 from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets
 from sidegan.plant.recorded import recorded
 from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
 from sidegan.robot import require_consistent
-
-_METHODS = {False: "ols", True: "weighted"}
 
 
 def identification(run: RunContext, excitation: ExcitationSet) -> Artifact:
@@ -45,47 +41,32 @@ def plant(run: RunContext, excitation: ExcitationSet) -> Artifact:
 
 
 def _of_set(
-    maker: str, run: RunContext, excitation: ExcitationSet, make: Callable[..., None], values: dict[str, Any]
+    maker: str, run: RunContext, chosen: ExcitationSet, make: Callable[..., None], settings: dict[str, Any]
 ) -> Artifact:
-    return run.artifact(
-        maker,
-        excitation.name,
-        partial(make, excitation=excitation),
-        values,
-        {excitation.source.maker: excitation.source},
-        training=excitation.training,
-        metrics=_mean_errors,
-    )
+    make, inputs = partial(make, excitation=chosen), {chosen.source.maker: chosen.source}
+    return run.artifact(maker, chosen.name, make, settings, inputs, chosen.training, metrics=_mean_errors)
 
 
 def _mean_errors(folder: Path) -> Metrics:
     """Mean nMSE over joints and noise draws, unweighted and weighted."""
     mean = pd.read_parquet(folder / RESULTS).groupby("weighted").nmse.mean()
-    names = {False: "nmse", True: "nmse_weighted"}
-    return {names[bool(key)]: float(value) for key, value in mean.items()}
+    return {"nmse_weighted" if key else "nmse": float(value) for key, value in mean.items()}
 
 
 def _identify(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
-    settings = run.cfg.identification
-    body = run.cell.body
-    name = excitation.name
+    settings, body, name = run.cfg.identification, run.cell.body, excitation.name
     tests = run.cell.trajectory, test_trajectories(run)
-    family = excitation.family, run.load(excitation.source).coefficients
+    family, c = excitation.family, run.load(excitation.source).coefficients
     random = run.random("identification")
-    frames = study.drawn_errors(body, name, family, tests, settings, random, build.report)
-    expected = study.expected_errors(body, family, tests, settings).assign(noise="paper")
-    expected = pd.concat([expected, _under_constant_noise(run, *family)]).assign(set=name)
-    for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
-        write_parquet(build.folder / file, arrow(frame.assign(training=excitation.training or 0)))
-
-
-def _under_constant_noise(run: RunContext, family: Trajectory, c: Array) -> pd.DataFrame:
-    """Expected nMSE by joint under constant noise, with joints weighted by it."""
-    noise = TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
-    predicting = prediction(run, noise, family)
+    frames = study.drawn_errors(body, name, (family, c), tests, settings, random, build.report)
+    expected = study.expected_errors(body, (family, c), tests, settings).assign(noise="paper")
+    # under constant noise, with joints weighted by it
+    predicting = prediction(run, TorqueNoise.constant(body, settings.constant), family)
     nmse = predicting.nmse(*(x.sum(0, keepdims=True) for x in predicting.informations(c)))[0].tolist()
     columns = {"weighted": True, "joint": run.cell.arm.joint_names, "nmse": nmse, "noise": "constant"}
-    return pd.DataFrame(columns)
+    expected = pd.concat([expected, pd.DataFrame(columns)]).assign(set=name)
+    for file, frame in zip((RESULTS, FACTS, EXPECTED), (*frames, expected)):
+        write_parquet(build.folder / file, arrow(frame.assign(training=excitation.training or 0)))
 
 
 def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
@@ -97,28 +78,17 @@ def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
     for number, seed in enumerate(run.random("plants").spawn(settings.count)):
         machine = VariedPlant(run.cell.arm, settings.plant, seed)
         random = np.random.default_rng(run.number(f"plant {number}"))
-        training = _measured(run, machine, excitation.family, coefficients, random)
-        test = _measured(run, machine, run.cell.trajectory, tests)
-        for weighted, method in _METHODS.items():
-            parameters = estimate(method, model, training).parameters
+        training = recorded(machine, excitation.family, coefficients, settings.sensors, random)
+        unseen = recorded(machine, run.cell.trajectory, tests, settings.sensors)  # without noise
+        learned, test = ([Measurements(*parts) for parts in zip(*states)] for states in (training, unseen))
+        for weighted, method in {False: "ols", True: "weighted"}.items():
+            parameters = estimate(method, model, learned).parameters
             errors = score(model, parameters, test).nmse.tolist()
             key = (excitation.name, excitation.training or 0, number, weighted)
             rows += [(*key, joint, error) for joint, error in zip(run.cell.arm.joint_names, errors)]
         build.report(number + 1, settings.count)
     columns = ["set", "training", "repeat", "weighted", "joint", "nmse"]
     write_parquet(build.folder / RESULTS, arrow(pd.DataFrame(rows, columns=columns)))
-
-
-def _measured(
-    run: RunContext,
-    machine: VariedPlant,
-    family: Trajectory,
-    coefficients: Array,
-    random: np.random.Generator | None = None,
-) -> list[Measurements]:
-    """A recording of every trajectory of a set, without noise if ``random`` is None."""
-    states = recorded(machine, family, coefficients, run.cfg.plants.sensors, random)
-    return [Measurements(*parts) for parts in zip(*states)]
 
 
 STAGES = {

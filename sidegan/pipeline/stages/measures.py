@@ -1,4 +1,4 @@
-"""Stage measures: how well each set identifies the arm, and how similar it is to the seeds.
+"""Stages measures and arms: how well each set identifies an arm, or several, and is like the seeds.
 
 The error is that of identification from random draws of a set, expected on the test trajectories; unlike a
 pick, a draw does not favour the set's best. Similarity is to one half of the seeds; the seeds' own is that of
@@ -6,23 +6,25 @@ the other half.
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
 
-from sidegan.base.arrays import Array, geometric_mean
-from sidegan.base.storage import write_json, write_parquet
+from sidegan.base.arrays import geometric_mean
+from sidegan.base.storage import finite, write_json, write_parquet
 from sidegan.design.prediction import TOGETHER, TorqueNoise, torque_size
 from sidegan.library.measure import likeness
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RESULTS, RunContext
-from sidegan.pipeline.stage import Stage, finite
+from sidegan.pipeline.stages import Stage, stage
 from sidegan.pipeline.stages.baselines import baselines, prediction
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
+_OF_ARMS = ("seeds", "surrogates", "gan", "library", "random", "measures")  # stages of each of several arms
 _SMALLEST = 1e-6  # lower bound of a joint's torque, as a share of the largest joint's
 
 
@@ -34,10 +36,11 @@ def pools(run: RunContext) -> list[Pool]:
 def measures(run: RunContext, pool: Pool) -> Artifact:
     """Expected errors of random draws from a pool, and its similarity to the seeds."""
     study = run.cfg.identification
+    level = study.noise.level if study.noise.torque else 0.0  # relative noise of measured torques
     settings = {key: getattr(study, key) for key in ("rate", "prior", "constant", "tests", "reach")}
-    settings |= {"level": _level(run), "together": together(run)}
+    settings |= {"level": level, "together": together(run)}
     inputs = {"seeds": seed_set(run), **({} if pool.name == SEEDS else pool.inputs)}
-    make = partial(_make, pool=pool)
+    make = partial(_make, pool=pool, level=level)
     return run.artifact("measures", pool.name, make, settings, inputs, training=pool.training)
 
 
@@ -46,31 +49,22 @@ def together(run: RunContext) -> int:
     return run.cfg.selection.count if run.cfg.has("selection") else TOGETHER
 
 
-def _level(run: RunContext) -> float:
-    """Relative noise of measured torques."""
-    noise = run.cfg.identification.noise
-    return noise.level if noise.torque else 0.0
-
-
-def _noises(run: RunContext, c: Array) -> Iterator[tuple[str, TorqueNoise]]:
-    """Name of each error with its torque noise and weights of joints."""
-    size = torque_size(run.cell.body, run.cell.trajectory, c)
-    size = np.maximum(size, _SMALLEST * size.max())
-    yield "error", TorqueNoise.proportional(_level(run), np.ones_like(size))
-    yield "error_weighted", TorqueNoise.proportional(_level(run), 1 / size)
-    yield "error_constant", TorqueNoise.constant(run.cell.body, run.cfg.identification.constant)
-
-
-def _make(run: RunContext, build: Build, pool: Pool) -> None:
-    library = pool.load(run)
-    seeds = run.load(seed_set(run))
-    count = together(run)
+def _make(run: RunContext, build: Build, pool: Pool, level: float) -> None:
+    library, seeds = pool.load(run), run.load(seed_set(run))
+    count, body = together(run), run.cell.body
     reference, others = (seeds.take(range(k, len(seeds), 2)) for k in (0, 1))
     compared = others if pool.name == SEEDS else library
     report = likeness(compared, reference) if min(len(compared), len(reference)) > 1 else {}
+    size = torque_size(body, run.cell.trajectory, library.coefficients)
+    size = np.maximum(size, _SMALLEST * size.max())
+    noises = {
+        "error": TorqueNoise.proportional(level, np.ones_like(size)),
+        "error_weighted": TorqueNoise.proportional(level, 1 / size),
+        "error_constant": TorqueNoise.constant(body, run.cfg.identification.constant),
+    }
     frames = list[pd.DataFrame]()
     random = run.number("draws")
-    for name, noise in _noises(run, library.coefficients):
+    for name, noise in noises.items():
         errors = np.full((1, 1), np.nan)
         if len(library) >= count:
             errors = prediction(run, noise).of_draws(library.coefficients, count, seed=random)
@@ -83,4 +77,26 @@ def _make(run: RunContext, build: Build, pool: Pool) -> None:
     write_json(build.folder / REPORT, finite(report))
 
 
-STAGES = {"measures": Stage(lambda run: [measures(run, pool) for pool in pools(run)])}
+def of_arms(run: RunContext) -> dict[str, RunContext]:
+    """The run for each configured arm, by the arm's name in the settings."""
+    return {name: run.with_other("robot", name) for name in run.cfg.arms}
+
+
+def _arms(run: RunContext) -> Iterator[Artifact]:
+    for name, arm_run in of_arms(run).items():
+        for part in map(stage, _OF_ARMS):
+            for artifact in part.artifacts(arm_run):
+                yield replace(artifact, title=f"{name} {artifact.title}")
+
+
+def _check_arms(run: RunContext) -> None:
+    for arm_run in of_arms(run).values():
+        _ = arm_run.cell.constraints
+        for part in map(stage, _OF_ARMS):
+            part.check(arm_run)
+
+
+STAGES = {
+    "measures": Stage(lambda run: [measures(run, pool) for pool in pools(run)]),
+    "arms": Stage(_arms, check=_check_arms),
+}

@@ -16,7 +16,7 @@ from sidegan.identification.study import combined, measured_sums
 from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import FACTS, RESULTS, RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import test_trajectories
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
@@ -42,21 +42,16 @@ class Replication:
         noise = settings.of_generated(reading)
         return cls(noise, 1 if noise.exact else settings.draws(reading), 1)
 
-    @property
-    def mark(self) -> str:
-        """Suffix of the artifact's label; empty if everything is noisy."""
-        if self.noise.exact:
-            return "-exact"
-        if self.noise.state and self.noise.torque:
-            return ""
-        return "-states" if self.noise.state else "-torques"
-
 
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
     """Sums over the measurements of a whole set; readings that measure it the same way share them."""
     measured = Replication.of(run, pool, reading)
     settings = asdict(measured) | {"rate": run.cfg.identification.rate}
-    label = pool.name + measured.mark
+    label = pool.name
+    if measured.noise.exact:
+        label += "-exact"
+    elif not (measured.noise.state and measured.noise.torque):
+        label += "-states" if measured.noise.state else "-torques"
     make = partial(_measure, pool=pool, measured=measured)
     return run.artifact("sums", label, make, settings, pool.inputs, training=pool.training)
 
@@ -64,17 +59,12 @@ def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
 def replication(run: RunContext, reading: Reading) -> Artifact:
     """Errors of identification from each combination of whole sets, under a reading."""
     inputs = {f"{pool.name} {pool.training or 0}": sums(run, pool, reading) for pool in whole_sets(run)}
-    settings = asdict(run.cfg.replication) | {"repeats": run.cfg.replication.draws(reading)}
+    settings = asdict(run.cfg.identification) | asdict(run.cfg.replication)
+    settings |= {"repeats": run.cfg.replication.draws(reading), "reading": reading}
     del settings["readings"], settings["others"]
-    return run.artifact(
-        "replication",
-        "-".join([*run.cfg.gan, reading]),
-        partial(_combine, reading=reading),
-        asdict(run.cfg.identification) | settings | {"reading": reading},
-        inputs,
-        title=f"replication {reading}",
-        metrics=_mean_errors,
-    )
+    label, title = "-".join([*run.cfg.gan, reading]), f"replication {reading}"
+    make = partial(_combine, reading=reading)
+    return run.artifact("replication", label, make, settings, inputs, title=title, metrics=_mean_errors)
 
 
 def draws(run: RunContext, pool: Pool, reading: Reading) -> list[list[Sums]]:

@@ -14,7 +14,7 @@ from sidegan.library.measure import measured, summary
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import REPORT, RunContext, report_and_history
 from sidegan.pipeline.places import CONF
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.seeding.optimise import SeedBatch, shipped
 from sidegan.steps.seeds import optimised
 from sidegan.validity import summarise_faults

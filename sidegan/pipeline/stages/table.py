@@ -9,7 +9,7 @@ from types import ModuleType
 
 from sidegan.errors import ConfigError
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stage import Stage
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.tracking import Tracker
 
 

@@ -1,6 +1,5 @@
 """Stages surrogates, gan and subsets: success predictor and converters, variants, both on fewer seeds."""
 
-import logging
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
 from functools import partial
@@ -11,12 +10,12 @@ import numpy as np
 from sidegan.base.arrays import split
 from sidegan.base.extras import extra, require
 from sidegan.base.parallel import Job, run_jobs
-from sidegan.base.storage import read_arrays, write_arrays, write_json
+from sidegan.base.storage import finite, read_arrays, write_arrays, write_json
 from sidegan.gan.settings import PublishedSurrogates, SurrogateSettings, Variant
 from sidegan.library import Library
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import GENERATOR, HISTORY, REPORT, RunContext
-from sidegan.pipeline.stage import Stage, finite
+from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.seeds import FEATURES, seed_set
 from sidegan.seeding import refuse_beyond
 from sidegan.seeding.published import WEIGHTS, Layout
@@ -26,7 +25,6 @@ if TYPE_CHECKING:  # imports torch
 
 _CHECKED = 500  # trajectories per validity check
 SAMPLES = "samples.npz"  # of every epoch
-log = logging.getLogger(__name__)
 _NEGATIVES_TRAINING = 0  # training of the generator whose samples the surrogates learn from
 
 
@@ -44,14 +42,19 @@ def generators(run: RunContext) -> list[tuple[str, int]]:
 def generator(run: RunContext, name: str, training: int, variant: Variant | None = None) -> Artifact:
     """A trained variant, by default the configured one of this name."""
     variant = variant or run.cfg.gan[name]
-    samples = _samples(run, variant)
-    inputs: dict[str, Artifact | str] = {"seeds": seed_set(run)} if variant.seeded else {}
-    inputs |= {"surrogates": surrogates(run)} if variant.features else {}
-    settings = taught(run) if variant.seeded else {}
-    settings |= asdict(variant) | {"evaluation": run.cfg.evaluation, "box": _box(run, variant)}
-    if samples:
-        settings["samples"] = samples
-    make = partial(_train, name=name, training=training, variant=variant)
+    box = run.cfg.seeds.box if variant.boxed else None  # of absolute coefficients [rad/s]
+    inputs: dict[str, Artifact | str] = {}
+    settings: dict[str, Any] = {}
+    if variant.seeded:
+        inputs["seeds"] = seed_set(run)
+        settings |= taught(run)
+    if variant.features:
+        inputs["surrogates"] = surrogates(run)
+    settings |= asdict(variant) | {"evaluation": run.cfg.evaluation, "box": box}
+    samples = 0  # to keep of each epoch: published surrogates learn from a vanilla GAN's samples
+    if variant.published is not None and not variant.features:
+        settings["samples"] = samples = -(-run.cfg.surrogates.samples // variant.epochs)
+    make = partial(_train, name=name, training=training, variant=variant, box=box, samples=samples)
     return run.artifact("gan", name, make, settings, inputs, training=training)
 
 
@@ -63,17 +66,6 @@ def load_generator(run: RunContext, made: Artifact) -> "TrajectoryGenerator":
     return TrajectoryGenerator.load(run.store.require(made) / GENERATOR, run.cell.arm)
 
 
-def _box(run: RunContext, variant: Variant) -> float | None:
-    """Bound on the absolute coefficients [rad/s] that a generator yields; None: no bound."""
-    return run.cfg.seeds.box if variant.boxed else None
-
-
-def _samples(run: RunContext, variant: Variant) -> int:
-    """Samples to keep of each epoch: published surrogates learn from a vanilla GAN's samples."""
-    vanilla = variant.published is not None and not variant.features
-    return -(-run.cfg.surrogates.samples // variant.epochs) if vanilla else 0
-
-
 def surrogates(run: RunContext) -> Artifact:
     """Success predictor and converters."""
     chosen = run.cfg.surrogates
@@ -81,11 +73,9 @@ def surrogates(run: RunContext) -> Artifact:
     inputs = {"seeds": seed_set(run), "negatives": negatives(run)}
     make: Callable[[RunContext, Build], None]
     if isinstance(chosen, PublishedSurrogates):
-        make = partial(_pretrain_published, settings=chosen)
-        label = "published"
+        label, make = "published", partial(_pretrain_published, settings=chosen)
     else:
-        make = partial(_pretrain, settings=chosen)
-        label = "all"
+        label, make = "all", partial(_pretrain, settings=chosen)
     return run.artifact("surrogates", label, make, settings, inputs, title="surrogates", alone=True)
 
 
@@ -105,17 +95,22 @@ def taught(run: RunContext) -> dict[str, Any]:
     return {} if run.cfg.subset is None else {"subset": run.cfg.subset}
 
 
-def _train(run: RunContext, build: Build, name: str, training: int, variant: Variant) -> None:
+def _train(
+    run: RunContext,
+    build: Build,
+    name: str,
+    training: int,
+    variant: Variant,
+    box: float | None,
+    samples: int,
+) -> None:
     from sidegan.gan.training import Run
     from sidegan.steps.train import trained
 
-    seeds, folder = None, None
-    if variant.seeded:
-        seeds = training_seeds(run).coefficients
+    seeds = training_seeds(run).coefficients if variant.seeded else None
+    if seeds is not None:
         refuse_beyond(seeds, run.cfg.seeds.box)
-    if variant.features:
-        folder = run.store.require(surrogates(run))
-    samples = _samples(run, variant)
+    folder = run.store.require(surrogates(run)) if variant.features else None
     how = Run(
         name,
         run.number(f"gan {name}", training),
@@ -125,7 +120,7 @@ def _train(run: RunContext, build: Build, name: str, training: int, variant: Var
         device=run.cfg.device,
         progress=build.report,
     )
-    made = trained(run.cell, variant, seeds, how, surrogates=folder, box=_box(run, variant))
+    made = trained(run.cell, variant, seeds, how, surrogates=folder, box=box)
     made.generator.save(build.folder / GENERATOR)
     if samples:
         write_arrays(build.folder / SAMPLES, {"images": made.samples})
@@ -163,8 +158,7 @@ def _pretrain_published(run: RunContext, build: Build, settings: PublishedSurrog
 def _pretrain(run: RunContext, build: Build, settings: SurrogateSettings) -> None:
     from sidegan.steps.train import pretrain
 
-    vanilla = load_generator(run, negatives(run))
-    seeds = training_seeds(run).coefficients
+    vanilla, seeds = load_generator(run, negatives(run)), training_seeds(run).coefficients
     workers = run.cfg.parallel.workers
     report = pretrain(run.cell, seeds, vanilla, settings, build.folder, seed=run.cfg.seed, workers=workers)
     write_json(build.folder / REPORT, finite(report))
@@ -189,13 +183,6 @@ def _gan(run: RunContext) -> list[Artifact]:
     return [generator(run, name, training) for name, training in generators(run)]
 
 
-def _surrogates(run: RunContext) -> list[Artifact]:
-    needed = needed_surrogates(run, run.cfg.gan.values())
-    if not needed:
-        log.info("no surrogates: none of %s learns from them", ", ".join(run.cfg.gan))
-    return needed
-
-
 def _check(run: RunContext) -> None:
     """Refuse to begin without the packages for training."""
     require("paper", "pytorch_lightning")
@@ -211,7 +198,7 @@ def _check_surrogates(run: RunContext) -> None:
 
 
 STAGES = {
-    "surrogates": Stage(_surrogates, check=_check_surrogates),
+    "surrogates": Stage(lambda run: needed_surrogates(run, run.cfg.gan.values()), check=_check_surrogates),
     "gan": Stage(_gan, check=_check),
     "subsets": Stage(_subsets, check=_check),
 }
