@@ -12,7 +12,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.base.names import listed
+from sidegan.base.names import listed, plain
 from sidegan.design.objective import Goal
 from sidegan.errors import ConfigError
 from sidegan.identification.model import POWERS, Terms, TorqueModel, typical
@@ -24,6 +24,8 @@ from sidegan.plant.varied import torque_scale
 
 _TOOL, _ARM = 1.0, 0.1  # mass [kg] and lever arm [m] of a typical tool
 _DOUBT = 10.0  # prior deviation of a tool's parameters, in units of the typical ones
+_IDENTIFIED = 0.5  # largest ratio of deviations after and before at which a parameter counts as identified
+_UNITS = ("kg", "kg·m", "kg·m²")
 _FLOOR = 0.02  # lower bound of a joint's usual torque, as a share of the largest joint's
 _SAMPLES = 160  # samples of a trajectory for its information
 _LEAST = 1e-9  # relative lower bound of prior variance and information: keeps factors of singular ones finite
@@ -41,6 +43,7 @@ class Parameters:
                 f"move, {', '.join(dict.fromkeys(places))}, or goal.objective=parameters"
             )
         selected = [links is None or place in links for place in places]
+        self._links = links
         self._selected = np.array(selected)
         self.names = tuple(itertools.compress(model.names, selected))
         self._unit = unit[self._selected]
@@ -50,6 +53,13 @@ class Parameters:
         """Standard deviation of each parameter, (K,)."""
         variances = np.linalg.inv(known + motion).diagonal()[self._selected]
         return np.sqrt(np.maximum(variances, 0)) * self._unit
+
+    def summary(self, deviations: Array, before: Array) -> str:
+        """Sentence on how far the deviations fall."""
+        share = geometric_mean(deviations / before)
+        whose = "with them" if self._links is None else f"of {', '.join(self._links)}"
+        percent = plain(100 * share, ".2g")
+        return f"{whose} the parameters' deviations fall to {percent}% (geometric mean)"
 
 
 class Tool:
@@ -76,6 +86,16 @@ class Tool:
         variances = np.linalg.inv(self._columns.T @ tool - tool.T @ solved + self._doubt).diagonal()
         return np.sqrt(np.maximum(variances, 0)) * self._typical
 
+    def summary(self, deviations: Array, before: Array) -> str:
+        """Sentence on the errors of mass, mass times centre and inertia, as far as they are identified."""
+        found = deviations < _IDENTIFIED * before
+        groups = zip(_UNITS, np.split(deviations, [1, 4]), np.split(found, [1, 4]))
+        sizes = [f"± {np.sqrt(np.square(x[ok]).mean()):.2g} {unit}" for unit, x, ok in groups if ok.any()]
+        missing = [name.removeprefix("tool ") for name in itertools.compress(self.names, ~found)]
+        runs = "" if self._runs == 1 else ", executed with and without it"
+        but = f" except for {', '.join(missing)}" if missing else ""
+        return f"a tool is identified to {', '.join(sizes) or 'nothing'}{but}{runs}"
+
 
 class Prediction:
     """Expected squared error of torques within the limits, relative to the joints' usual torques."""
@@ -94,6 +114,11 @@ class Prediction:
         """Root mean square error of each joint's torque, relative to its usual torque, (J,)."""
         covariance = np.linalg.inv(known + motion)
         return np.sqrt(np.maximum((self._squares * covariance).sum((1, 2)), 0))
+
+    def summary(self, deviations: Array, before: Array) -> str:
+        """Sentence on the mean error."""
+        now, then = (float(np.sqrt(np.square(x).mean())) for x in (deviations, before))
+        return f"torques of other motions are uncertain by {now:.2%} of their usual size, {then:.2%} before"
 
 
 class Uncertain:

@@ -98,7 +98,10 @@ def test_a_set_for_a_tool_states_the_expected_deviations(tmp_path):
     wanted = "robot=planar2", "trajectory.period=6", "model=motor_current", "goal.count=1"
     folder = ran(tmp_path, "excite", *wanted, *SMALL, "goal.objective=payload")
     said = (folder / "set.md").read_text()
-    assert "% (geometric mean), executed with and without the tool, given the description" in said
+    assert (
+        "a tool is identified to ±" in said and "executed with and without it, given the description" in said
+    )
+    assert "kg·m² except for my, Ixx, Ixy, Ixz, Iyz, Izz, exe" in said  # an arm in a plane tells no more
     table = pd.read_csv(folder / "goal.csv", index_col=0)
     assert table.index[0] == "tool m" and len(table) == 10
     assert (table["with the set"] <= table["before"]).all()

@@ -85,10 +85,8 @@ def _goal(run: RunContext, aim: Uncertain, tracker: Tracker) -> str:
     rows = pd.DataFrame(shown, index=pd.Index(aim.purpose.names, name="quantity"))
     publish(rows, run.store.run_folder / GOAL, caption, tracker)
     tracker.log_metrics({"excite/left": aim.left})
-    planned = ", executed with and without the tool" if aim.purpose.goal.runs > 1 else ""
-    planned += ", at full speed" if run.cfg.controllers.speed != 1 else ""
-    left = plain(100 * aim.left, ".2g")
-    return f"with the set the expected deviations fall to {left}% (geometric mean){planned}, given {of}"
+    planned = ", at full speed" if run.cfg.controllers.speed != 1 else ""
+    return f"{aim.purpose.summary(aim.deviations, aim.before)}{planned}, given {of}"
 
 
 def _rehearsed(run: RunContext, slowed: TrajectorySet) -> pd.DataFrame:
