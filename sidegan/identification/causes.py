@@ -97,7 +97,7 @@ def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0
 
 
 def _error_with(found: IdentifiedArm, gravity: Array) -> float:
-    """The same with another gravity [m/s²], (3,)."""
+    """Mean nMSE of the chosen method with another gravity [m/s²], (3,)."""
     turned = RigidBody(replace(found.model.arm, gravity=gravity))
     return _error_of(found, TorqueModel(turned, found.model.terms))
 

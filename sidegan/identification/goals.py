@@ -1,4 +1,4 @@
-"""What a set of trajectories is designed for: parameters, a tool, or torques, given what is already known.
+"""Goals of a set of trajectories: parameters, a tool, or torques, given what is already known.
 
 Information matrices (P, P) are in units of the parameters' prior deviations: ``known`` is the information
 before the set, ``motion`` that of the set, G = Σ Yᵀ Y over the noise variance.

@@ -1,4 +1,4 @@
-"""What would explain a misfit if it was fitted, too: encoder zeros, gravity, or a change of the arm."""
+"""Refits with encoder zeros, another gravity, or a change of the arm, as explanations of a misfit."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

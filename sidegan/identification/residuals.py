@@ -1,4 +1,4 @@
-"""What a model leaves of the torques: noise, or effects that it lacks, with their kinds, sizes and errors.
+"""Residuals of a model: noise, or effects that it lacks, with their kinds, sizes and errors.
 
 An unmodelled torque b changes the least-squares parameters by B b. What remains, b − Y B b, is in the
 residuals; at other states the same expression is the error of the prediction. More motion of the same kind

@@ -24,10 +24,6 @@ class Sums(NamedTuple):
         """Sums over both sets of samples."""
         return Sums(*(a + b for a, b in zip(self, other)))
 
-    def minus(self, other: "Sums") -> "Sums":
-        """Sums without a part of the samples."""
-        return Sums(*(a - b for a, b in zip(self, other)))
-
     def weighted(self, weights: Array) -> tuple[Array, Array]:
         """Information (P, P) and moment (P,) of all joints, with joint j's equations times ``weights[j]``."""
         squares = np.square(weights)
