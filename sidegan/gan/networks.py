@@ -118,7 +118,8 @@ class RollOut(nn.Module):
     the coefficients: position, velocity and, if present, acceleration and jerk.
     """
 
-    basis: Tensor
+    basis: Tensor  # of the positions and the derivatives in ``orders``, (L, P T, 2 H)
+    acceleration: Tensor  # basis of the accelerations, (T, 2 H)
     home: Tensor
     middle: Tensor
     room: Tensor
@@ -131,9 +132,10 @@ class RollOut(nn.Module):
         self.linear = 1 + len(self.orders)
         self.channels = 5 * arm.joints + self.linear
         times = trajectory.grid(steps * _PEAKS)
-        motion = range(4 if arm.higher_limits else 3)
+        fine = np.stack([flatten(trajectory.basis(times, order), 1) for order in range(4)])
         buffers = {
-            "basis": np.stack([flatten(trajectory.basis(times, order), 1) for order in motion]),
+            "basis": fine[[0, *self.orders]],
+            "acceleration": fine[2, ::_PEAKS],
             "home": np.array(trajectory.home),
             "middle": (arm.position_upper + arm.position_lower) / 2,
             "room": (arm.position_upper - arm.position_lower) / 2,
@@ -144,14 +146,17 @@ class RollOut(nn.Module):
 
     def forward(self, c: Tensor) -> Tensor:
         """Channels (B, 5 J + L, T)."""
-        motion = torch.einsum("dtk,bjk->dbjt", self.basis, c.flatten(2))
-        q = motion[0] + self.home[:, None]
+        x = c.flatten(2)
+        motion = (x @ self.basis.flatten(0, 1).T).unflatten(2, (self.linear, -1))
+        q, *rates = motion.unbind(2)
+        q = q + self.home[:, None]
         used = (q - self.middle[:, None]) / self.room[:, None]
-        rates = [motion[order] / limit[:, None] for order, limit in zip(self.orders, self.limits)]
-        tightest = [x.abs().amax(1, keepdim=True) for x in (used, *rates)]
-        peaks = [nn.functional.max_pool1d(x, _PEAKS) for x in tightest]
-        q, used, rate, ddq = (x[..., ::_PEAKS] for x in (q, used, rates[0], motion[2]))
-        return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq / _ACCELERATION, *peaks], 1)
+        rates = [rate / limit[:, None] for rate, limit in zip(rates, self.limits)]
+        shares = [rate.abs().amax(1, keepdim=True) for rate in (used, *rates)]
+        peaks = [share.unflatten(2, (-1, _PEAKS)).amax(3) for share in shares]
+        q, used, rate = (y[..., ::_PEAKS] for y in (q, used, rates[0]))
+        ddq = x @ self.acceleration.T / _ACCELERATION
+        return torch.cat([torch.sin(q), torch.cos(q), used, rate, ddq, *peaks], 1)
 
 
 class Correction(nn.Module):
