@@ -92,7 +92,7 @@ def read_description(
     missing = dict(source.missing if planning else {})
     own = {x for link in moved.values() for joint in tree.path(link) for x in (joint.parent, joint.child)}
     for link, element in links.items():
-        if link not in own and not any(joint.name in moved for joint in tree.path(link)):
+        if link not in own and not {*[*moved][-1:]} & {joint.name for joint in tree.path(link)}:
             _separate(element)
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
