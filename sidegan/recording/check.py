@@ -28,7 +28,7 @@ from sidegan.robot import Arm
 
 log = logging.getLogger(__name__)
 
-Role = Literal["training", "validation"]
+Role = Literal["training", "validation", "loaded"]  # loaded: with a load that the description lacks
 _LEAST_PART = 20  # samples in each part of a split recording
 _UNUSED_GAINS = (
     "robot.gains is not used, since torques were recorded; if they are currents: recording.effort=current "
@@ -155,6 +155,10 @@ def read_and_check(
     elif common is not None:
         found = [replace(checked, delay=common) for checked in found]
     found = [replace(checked, role=role) for checked, (_, role) in zip(found, files)]
+    for checked in found:
+        if checked.role == "loaded":  # the runs without the load show what contradicts the description
+            contradictions = checked.agreement.warnings(arm)
+            checked.warnings[:] = [x for x in checked.warnings if x not in contradictions]
     warned = defaultdict[str, list[str]](list)
     for (file, role), checked in zip(files, found):
         name = recording_name(file) if isinstance(file, Files) else file.removeprefix(folder)

@@ -22,8 +22,9 @@ _OTHERS = {  # words of set points, contact estimates, and quantities not measur
     *("d", "des", "desired", "target", "targets", "cmd", "command", "commands", "commanded", "ref"),
     *("reference", "goal", "set", "setpoint", "action", "ipo", "ext", "external", "err", "error", "limit"),
     *("max", "min", "std", "window", "gain", "temperature", "model", "predicted", "gravity", "friction"),
-    *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian"),
+    *("gripper", "finger", "fingers", "tcp", "ee", "eef", "tool", "cartesian", "sin", "cos", "next"),
 }
+_COMMANDED = {"des", "desired", "target", "cmd", "command", "commands", "commanded"}
 _TIMES = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "datetime"}
 _SPANS = {"cycle", "execution", "computation", "delta", "start", "end"}  # times that are not time stamps
 _SECONDS, _NANOSECONDS = {"s", "sec", "secs", "seconds"}, {"ns", "nsec", "nsecs", "nanosec", "nanosecs"}
@@ -59,18 +60,27 @@ class Series:
         """The pattern of the column names."""
         return f"{self.before}{{{'joint' if self.named else 'index' if base else 'index0'}}}{self.after}"
 
-    def signal(self, effort: str) -> str | None:
-        """The signal that the last known word names: a "current position" is a position."""
+    def signal(self, effort: str, commanded: bool = False) -> str | None:
+        """The signal that the last known word names: a "current position" is a position.
+
+        With ``commanded``, commanded torques count as measured ones.
+        """
         signals = [_WORDS[word] for word in self.words if word in _WORDS]
         loads = {"torque", "effort", "current"} & {*signals}
-        if not signals or self.foreign or (loads and _RATES & {*self.words}):
+        foreign = self.foreign - (_COMMANDED if commanded and loads else set())
+        if not signals or foreign or (loads and _RATES & {*self.words}):
             return None
         return effort if signals[-1] == "effort" else signals[-1]
 
     @property
-    def foreign(self) -> bool:
-        """Whether a word rules out that these are joint measurements."""
-        return bool(_OTHERS & {*self.words})
+    def foreign(self) -> set[str]:
+        """Words that rule out that these are joint measurements."""
+        return _OTHERS & {*self.words}
+
+
+def is_commanded(column: str) -> bool:
+    """Whether a column of torques is named as commanded ones."""
+    return bool(_COMMANDED & {*_words(column)})
 
 
 def series_of(available: Sequence[str], names: Sequence[str]) -> list[Series]:

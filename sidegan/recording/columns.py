@@ -7,7 +7,7 @@ from typing import NoReturn
 
 from sidegan.base.names import counted, listed
 from sidegan.errors import RecordingError
-from sidegan.recording.column_names import Series, is_split, own_names, series_of, stamps_of
+from sidegan.recording.column_names import Series, is_commanded, is_split, own_names, series_of, stamps_of
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
@@ -75,6 +75,8 @@ class Finder:
         self.only = only
         self.count = len(joints.places)
         self.effort = settings.effort
+        loads = {Series(c, "", True, {}).signal(self.effort) for c in self.available}
+        self.commanded = not {"torque", "current"} & loads  # whether torques are commanded ones, if any
         self.series = series_of(self.available, joints.chain)
         self.numberings = self._numberings()
         self.numbering, *others = self._likeliest()
@@ -96,13 +98,19 @@ class Finder:
             else:
                 self._refuse_missing(signal)
         loads = [name for name in ("torque", "current") if getattr(self.settings, name) is not None]
+        remarks = []
+        if AUTO in (self.settings.torque or "") and any(map(is_commanded, where.get("torque", ()))):
+            remarks.append(
+                f"torques are commanded ones, {listed(where['torque'])}, since none are measured: they lack "
+                "what the drives' controllers add"
+            )
         if not self.only and loads and not {"torque", "current"} & {*where}:
             like = "no column like 'tau{index}' or 'effort.{joint}'"
             raise RecordingError(
                 f"{self.file} has no torque or current: {like}; it has {self._has()}"
                 f"{self._offers('torque') or self._another_file('position')}"
             )
-        return where, [*self._shifted(guessed), *self._left_over(where, patterns)]
+        return where, [*remarks, *self._shifted(guessed), *self._left_over(where, patterns)]
 
     def _time(self) -> list[str]:
         """Columns of time stamps; none if the file has none but its rate is known."""
@@ -147,7 +155,7 @@ class Finder:
 
     def _candidates(self, signal: str) -> list[Series]:
         """Series named like a signal; if the file is for that signal only, else those named like none."""
-        called = [s for s in self.series if s.signal(self.effort) == signal]
+        called = [s for s in self.series if s.signal(self.effort, self.commanded) == signal]
         return called or [s for s in self.series if self.only and s.signal("") is None and not s.foreign]
 
     def _own(self, series: Sequence[Series]) -> list[Series]:
@@ -157,7 +165,9 @@ class Finder:
 
     def _arrays(self, signal: str | None) -> list[str]:
         """Columns of lists with an element per joint that are named like a signal, or like none."""
-        called = [c for c in self.available if Series(c, "", True, {}).signal(self.effort) == signal]
+        called = [
+            c for c in self.available if Series(c, "", True, {}).signal(self.effort, self.commanded) == signal
+        ]
         return [c for c in called if self.table.width(c) == self.count]
 
     def _of(self, series: Series, numbering: Numbering) -> tuple[tuple[str, ...], str]:

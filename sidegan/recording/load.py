@@ -31,7 +31,8 @@ _PARQUET = b"PAR1"  # first bytes of such files
 _READERS = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), text_table),
     **dict.fromkeys((".parquet", ".pq"), tables.parquet_table),
-    **dict.fromkeys((".jsonl", ".ndjson"), tables.json_table),
+    **dict.fromkeys((".jsonl", ".ndjson", ".json"), tables.json_table),
+    **dict.fromkeys((".h5", ".hdf5"), tables.hdf5_table),
     ".npz": tables.npz_table,
     ".mat": tables.mat_table,
 }
@@ -46,7 +47,7 @@ def load_recording(
 ) -> Recording:
     """A recording of an arm's joints, from one file or from a file per signal.
 
-    Files are CSV (first line: column names), Parquet, JSON lines, NPZ, MATLAB, ROS 2 bags (folder, .db3,
+    Files are CSV (first line: column names), Parquet, JSON, NPZ, HDF5, MATLAB, ROS 2 bags (folder, .db3,
     .mcap) or LeRobot datasets (folder). ``chain`` names the arm's joints and those locked between them, from
     the base outwards; empty if none are locked. ``sliding`` names prismatic joints. Positions of the others
     are unwrapped where they jump by a turn. Rows at rest with the drives off are removed.

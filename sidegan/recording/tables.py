@@ -1,7 +1,8 @@
-"""Tables of columns, read from Parquet, JSON lines, NPZ and MATLAB files, and from LeRobot datasets."""
+"""Tables of columns, read from Parquet, JSON, NPZ, HDF5 and MATLAB files, and from LeRobot datasets."""
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,14 +13,19 @@ import numpy as np
 import pandas as pd
 
 from sidegan.base.arrays import Array
+from sidegan.base.extras import extra
 from sidegan.base.storage import reading
 from sidegan.errors import RecordingError
+from sidegan.recording.column_names import stamps_of
 
 Where = dict[str, list[str]]  # columns of time and each signal; a single column may hold all joints
 _NAMES = re.compile(r"(.*[._])?(joint_?)?names?", re.IGNORECASE)  # columns that may list joints
 _INFO, _FRAMES = "meta/info.json", "data/chunk-*/*.parquet"  # of LeRobot datasets, versions 2 and 3
 _TIME, _EPISODE = "timestamp", "episode_index"
 _PAUSE = 10.0  # [s] inserted between episodes, whose clocks start at zero
+_APART = 10_000  # steps, the same where the unit of time is not known: seconds to minutes at usual rates
+_GROUP = re.compile(r"(?:^|(?:demo|episode|traj|trajectory|rollout|trial|run)_?)(\d+)\.")  # of an episode
+_WIDEST = 50  # columns of a stack of joints' signals; wider ones are images
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,15 +125,24 @@ class _Parquet(Mapping[str, Any]):
 
 
 def json_table(path: Path) -> Table:
-    """Table of JSON lines, an object per row; nested names are joined by dots, lists are numbered."""
+    """Table of JSON lines, or an array, of an object per row; nested names are joined by dots.
+
+    Lists are numbered. An object of arrays is read as an NPZ file is.
+    """
     rows, found, skipped = [], [], []
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        for row, line in enumerate(file, 1):
-            try:
-                found.append(dict(_leaves(json.loads(line), "")))
-                rows.append(row)
-            except ValueError:
-                skipped += [(row, "is not a JSON object")] if line.strip() else []
+    text = path.read_text(encoding="utf-8-sig", errors="replace")
+    try:
+        content = json.loads(text)
+    except ValueError:
+        content = text.split("\n")
+    if isinstance(content, dict):
+        return _of_arrays(dict(_fields(content)))
+    for row, line in enumerate(content, 1):
+        try:
+            found.append(dict(_leaves(json.loads(line) if isinstance(line, str) else line, "")))
+            rows.append(row)
+        except ValueError:
+            skipped += [(row, "is not a JSON object")] if line != "" else []
     frame = pd.DataFrame(found)
     return Table({str(name): frame[name] for name in frame}, np.array(rows, dtype=np.int64), skipped)
 
@@ -153,11 +168,29 @@ def npz_table(path: Path) -> Table:
 
 
 def mat_table(path: Path) -> Table:
-    """Table of a MATLAB file up to version 7, as of an NPZ file; names in structures are joined by dots."""
+    """Table of a MATLAB file, as of an NPZ file; names in structures are joined by dots."""
     import scipy
 
+    with path.open("rb") as file:
+        if file.read(10) == b"MATLAB 7.3":
+            return hdf5_table(path)
     content = scipy.io.loadmat(path, simplify_cells=True)
     return _of_arrays({name: x for name, x in _fields(content) if not name.startswith("__")})
+
+
+def hdf5_table(path: Path) -> Table:
+    """Table of an HDF5 file, as of an NPZ file, without images; names in groups are joined by dots."""
+    with extra("hdf5"):
+        import h5py
+    arrays: dict[str, Any] = {}
+
+    def keep(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset) and 0 < item.ndim <= 3 and item.dtype.kind in "fi":
+            arrays[name.replace("/", ".")] = item[...]
+
+    with h5py.File(path) as file:
+        file.visititems(keep)
+    return _of_arrays(arrays)
 
 
 def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -170,12 +203,39 @@ def _fields(content: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str,
 
 
 def _of_arrays(arrays: Mapping[str, Any]) -> Table:
-    """A table of arrays (S,), (S, J), or (J, S)."""
+    """A table of arrays (S,), (S, J), or (J, S), or of N episodes: (N, S, J), or each in its own group."""
+    groups: dict[str, dict[str, Any]] = {}
+    for name, x in arrays.items():
+        if number := _GROUP.search(name):
+            groups.setdefault(number[1], {})[_GROUP.sub("", name, 1)] = x
+    leads = Counter(x.shape[:2] for x in arrays.values() if x.ndim == 3 and x.shape[2] <= _WIDEST)
+    ((lead, several),) = leads.most_common(1) or [((0, 0), 0)]
+    if groups:
+        return _episodes([groups[key] for key in sorted(groups, key=int)])
+    if several > 1:  # the time may be the same in all episodes, (S,)
+        stacked = {name: x for name, x in arrays.items() if x.shape[:2] == lead}
+        same = {name: x for name, x in arrays.items() if x.shape == lead[1:]}
+        return _episodes([{k: x[n] for k, x in stacked.items()} | same for n in range(lead[0])])
     longest = max((max(x.shape) for x in arrays.values() if x.ndim in (1, 2)), default=0)
     upright = {
         name: x.T if x.ndim == 2 and x.shape[1] == longest != x.shape[0] else x for name, x in arrays.items()
     }
     return Table(upright, np.arange(max((len(x) for x in upright.values() if x.ndim), default=0)) + 1)
+
+
+def _episodes(episodes: Sequence[Mapping[str, Any]]) -> Table:
+    """A table of episodes, arrays (S, ...) each, on one clock, with pauses between them."""
+    names = [name for name in episodes[0] if all(name in episode for episode in episodes)]
+    parts = [_of_arrays({name: episode[name] for name in names}) for episode in episodes]
+    columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in names}
+    first = np.cumsum([0, *(len(part.rows) for part in parts)])[1:-1]
+    for name in stamps_of(names):
+        time = columns[name].ravel()
+        steps = np.diff(time, prepend=time[:1])
+        steps[first] = _APART * np.median(steps)
+        columns[name] = time[0] + np.cumsum(steps)
+    rows = [part.rows + k * _APART + at for (k, part), at in zip(enumerate(parts), (0, *first))]
+    return Table(columns, np.concatenate(rows))
 
 
 def is_dataset(path: Path) -> bool:

@@ -39,7 +39,15 @@ def text_table(path: Path) -> Table:
     lines = lines[skipped:]
     if not lines or not lines[0].strip():
         raise RecordingError(f"{path} is empty, or begins with a blank line, expected a header line")
-    separator, decimal = _format_of(lines)
+    try:
+        separator, decimal = _format_of(lines)
+    except csv.Error:  # a field too long for any table
+        separator = ""
+    if not separator:
+        raise RecordingError(
+            f"{path} is no table: expected a line of column names, and below it a line of numbers for each "
+            "sample, separated by commas, semicolons, tabs or spaces"
+        )
     lines[0] = lines[0].lstrip(_MARKS)
     names = _fields(lines[0], separator)
     form = {"sep": separator, "decimal": decimal, "encoding": encoding}
@@ -88,7 +96,7 @@ def _encoding_of(path: Path) -> str:
 
 
 def _format_of(lines: Sequence[str]) -> tuple[str, str]:
-    """Separator with which the rows hold the most numbers, and the decimal mark."""
+    """Separator with which the rows hold the most numbers, and the decimal mark; empty if they hold none."""
     rows = lines[1:] or lines
     counts = {}
     for separator in ";\t, ":
@@ -97,6 +105,8 @@ def _format_of(lines: Sequence[str]) -> tuple[str, str]:
         points = [field for field in fields if _is_number(field)]
         comma = separator in ";\t" and commas and not any("." in field for field in points)
         counts[separator, "," if comma else "."] = len(points) + (commas if comma else 0)
+    if lines[1:] and not any(counts.values()):
+        return "", ""
     return max(counts, key=lambda form: (counts[form], lines[0].count(form[0])))
 
 

@@ -1,5 +1,6 @@
 """Reading and checking of a description, reduced to what the physics needs, before Pinocchio parses it."""
 
+import copy
 import math
 import xml.etree.ElementTree as ET
 from collections import defaultdict
@@ -89,7 +90,10 @@ def read_description(
             tree.require_link(link)
         may_touch += ((*pair, "robot.may_touch"),)
     missing = dict(source.missing if planning else {})
+    own = {x for link in moved.values() for joint in tree.path(link) for x in (joint.parent, joint.child)}
     for link, element in links.items():
+        if link not in own and not {*[*moved][-1:]} & {joint.name for joint in tree.path(link)}:
+            _separate(element)
         if absent := _prepare_shapes(element, path, f"{where}: link {link!r}", meshes=planning):
             missing[link] = absent
     mount = mount_of(setup.mount, source.gravity)
@@ -179,6 +183,16 @@ def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> l
                 shape.set("filename", str(file))
                 shape.set("scale", xml.words(metres_per_unit(file) * x for x in scale))
     return absent
+
+
+def _separate(link: ET.Element) -> None:
+    """Give each of several shapes in one geometry its own collision element."""
+    for collision in link.findall("collision"):
+        for shape in [*collision.findall("geometry/*")][1:]:
+            twin = copy.deepcopy(collision)
+            twin.find("geometry")[:] = [shape]  # type: ignore[index]
+            collision.find("geometry").remove(shape)  # type: ignore[union-attr]
+            link.append(twin)
 
 
 def _checked_shape(collision: ET.Element, where: str) -> ET.Element:

@@ -2,18 +2,21 @@
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.xml import Source
 
 _TAG = re.compile(rb"<[A-Za-z_/][^<>]*>")
 _PREFIX = re.compile(rb"(?:^<|\s)([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*")
 _DECLARED, _ROOT = re.compile(rb"\sxmlns:([\w.-]+)\s*="), re.compile(rb"<(?:robot|mujoco)\b")
+_XACRO = re.compile(r"\{[^}]*\bxacro/?\}")  # the namespace, of which there are several spellings
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _UNSET = re.compile(r"Undefined substitution argument (\w+)")
 _LOST = re.compile(r"Package not found: (\S+)")
+_USD = b"#usda", b"PXR-USDC"  # first bytes of such files
 _SHALLOW = 4  # parts of a path below which a folder is too large to search for packages
 
 
@@ -23,6 +26,8 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
         text = _expanded(path, args or {}) if path.suffix == ".xacro" else path.read_bytes()
     except OSError as error:
         raise RobotError(f"cannot read {path}: {error.strerror}") from error
+    if text.startswith(_USD) or path.suffix == ".usdz":
+        raise RobotError(f"{path} is a USD file, expected URDF, xacro or MJCF: export one of these from it")
     text = _bound(text)
     try:
         root = ET.fromstring(text)
@@ -37,6 +42,8 @@ def read_source(path: Path, args: Mapping[str, str] | None = None) -> Source:
             f"{path} is not a robot description: its root element is <{root.tag}>, "
             "expected <robot> or <mujoco>"
         )
+    if path.suffix == ".xacro" and root.find("link") is None:
+        raise RobotError(f"{path} has no link{_only_macros(path)}{_arguments(path, args or {})}")
     return Source(text, root)
 
 
@@ -70,9 +77,50 @@ def _expanded(path: Path, args: Mapping[str, str]) -> bytes:
         return xacro.process_file(str(path), mappings=dict(args)).toxml("utf-8")
     except Exception as error:  # xacro evaluates expressions, which may raise anything
         words = " ".join(str(error).split()) or type(error).__name__
-        if unset := _UNSET.search(words):
-            given = "".join(f"{name}: {value}, " for name, value in args.items())
-            words += f"; set it by 'robot.args={{{given}{unset[1]}: …}}'"
-        elif lost := _LOST.search(words):
+        if lost := _LOST.search(words):
             words = f"package {lost[1]} was not found; add the folder that contains it to ROS_PACKAGE_PATH"
-        raise RobotError(f"{path}: xacro refuses it: {words}") from error
+        raise RobotError(
+            f"{path}: xacro refuses it: {words}{_arguments(path, args, _UNSET.findall(words))}"
+        ) from error
+
+
+def _elements(path: Path, kind: str) -> list[ET.Element]:
+    """The xacro elements of a kind outside of macros in a file that is not expanded; none if it is no XML."""
+    try:
+        root = ET.fromstring(_bound(path.read_bytes()))
+    except (OSError, ET.ParseError, ValueError, LookupError):
+        return []
+    for parent in [*root.iter()] if kind != "macro" else []:
+        for macro in [x for x in parent if _XACRO.sub("", x.tag) == "macro"]:
+            parent.remove(macro)
+    return [x for x in root.iter() if _XACRO.fullmatch(x.tag[: -len(kind)]) and x.tag.endswith(kind)]
+
+
+def _arguments(path: Path, args: Mapping[str, str], undefined: Sequence[str] = ()) -> str:
+    """The end of a message: a file's arguments, and how to set those without a value, if any."""
+    declared = {x.get("name", ""): x.get("default") for x in _elements(path, "arg")}
+    values = {**dict.fromkeys(undefined), **declared, **args}
+    if not (lacking := [name for name, value in values.items() if not value]):
+        return ""
+    shown = [f"{name}={value}" if value else f"{name} (without a value)" for name, value in values.items()]
+    typed = ", ".join([f"{name}: {x}" for name, x in args.items() if x] + [f"{name}: …" for name in lacking])
+    return f"; its arguments are {listed(shown, len(shown))}: 'robot.args={{{typed}}}'"
+
+
+def _only_macros(path: Path) -> str:
+    """The middle of a message: the macros that a file only defines, and what file calls one."""
+    macros = {x.get("name", "").removeprefix("xacro:"): x.get("params", "") for x in _elements(path, "macro")}
+    if not macros:
+        return ""
+    defined = [f"{name}({', '.join(params.split())})" for name, params in macros.items()]
+    found = f": it only defines {listed(defined)}; use the file that calls "
+    around = [file for folder in (".", "..", "../*") for file in path.parent.glob(f"{folder}/*.xacro")]
+    if callers := [file for file in around if any(_elements(file, name) for name in macros)]:
+        return f"{found}it, such as {callers[0].resolve()}"
+    name = [*macros][-1]  # the macros before are its parts
+    needed = [word for word in macros[name].split() if not re.search(r"[=*]", word)]
+    call = " ".join([f"xacro:{name}", *(f'{word}="…"' for word in needed)])
+    return (
+        f'{found}it, or write one: <robot name="{name}" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        f'<xacro:include filename="{path.name}"/><{call}/></robot>'
+    )

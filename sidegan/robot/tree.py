@@ -130,6 +130,8 @@ def read_tree(root: ET.Element, where: str) -> Tree:
             raise RobotError(f"{at} is a second joint with child link {joint.child!r}; expected no loops")
         children.add(joint.child)
     bases = [link for link in names["link"] if link not in children]
+    if not names["link"]:
+        raise RobotError(f"{where} has no link, expected those of an arm")
     if len(bases) != 1:
         raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected only the base")
     tree = Tree(where, bases[0], joints)

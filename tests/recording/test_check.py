@@ -12,13 +12,14 @@ from sidegan.errors import RecordingError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.plant import IDEAL, Plant
-from sidegan.recording.check import check_recording, split
+from sidegan.recording.check import check_recording, read_and_check, split
 from sidegan.recording.delay import Delay, delay_of, pooled
 from sidegan.recording.gravity import load_of
 from sidegan.recording.recording import Recording
 from sidegan.robot import Limits, Setup, load_robot
 from tests.chains import random_states
 from tests.recording.conftest import moved, of_file, part_of, recorded
+from tests.recording.files import frame
 
 
 def test_a_good_recording_has_no_warnings(planar, recording):
@@ -209,3 +210,13 @@ def test_gravity_and_torque_scales_are_recovered_in_any_unit(arm, seed):
     angle = math.acos(min(1.0, float(found.gravity @ gravity / np.linalg.norm(gravity) ** 2)))
     assert angle < 3e-4 and np.linalg.norm(found.gravity) == pytest.approx(np.linalg.norm(gravity))
     assert (np.abs(found.scale / units - 1) < share).all()
+
+
+def test_a_load_that_is_to_be_identified_is_no_contradiction(planar, recording, tmp_path):
+    """Torques three times those described are questioned only in a run without the load."""
+    heavy = replace(recording, torque=3 * recording.torque)
+    frame(heavy).to_csv(tmp_path / "a.csv", index=False)
+    path = str(tmp_path / "a.csv")
+    plain, loaded = read_and_check([(path, "training"), (path, "loaded")], planar, of_file())
+    assert any("times those expected" in warning for warning in plain.warnings)
+    assert not any("times those expected" in warning for warning in loaded.warnings)

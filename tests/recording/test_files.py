@@ -156,6 +156,41 @@ def matlab(made, path):
     scipy.io.savemat(path / "a.mat", {"log": log})
 
 
+def hdf5(name, userblock=0, **arrays):
+    """An HDF5 file with these arrays of a recording."""
+
+    def write(made, path):
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path / name, "w", userblock_size=userblock) as file:
+            for key, of in arrays.items():
+                file[key.replace("__", "/")] = of(made)
+            file["images/top"] = np.zeros((len(made), 2, 2, 3), np.uint8)
+        if userblock:
+            content = (path / name).read_bytes()[userblock:]
+            (path / name).write_bytes(b"MATLAB 7.3 MAT-file".ljust(userblock) + content)
+
+    return write
+
+
+def array_of_records(made, path):
+    signals = zip(made.time.tolist(), made.position.tolist(), made.torque.tolist())
+    (path / "a.json").write_text(json.dumps([dict(zip(("t", "q", "tau"), row)) for row in signals], indent=1))
+
+
+def object_of_arrays(made, path):
+    arrays = {"t": made.time.tolist(), "q": made.position.tolist(), "tau": made.torque.tolist()}
+    (path / "a.json").write_text(json.dumps({"log": arrays}))
+
+
+def only_commanded(made, path):
+    named_in_units = {"q_rad": made.position, "qd_rad_s": made.velocity, "tau_cmd_Nm": made.torque}
+    np.savez(path / "a.npz", t_s=made.time, **named_in_units)
+
+
+def also_commanded(made, path):
+    np.savez(path / "a.npz", t=made.time, q_rad=made.position, tau_cmd=9 * made.torque, tau_Nm=made.torque)
+
+
 def units_below(made, path):
     """A row of units below the header."""
     rows = headed(made, "t", "q{}", "tau{}").to_csv(index=False).splitlines()
@@ -166,6 +201,10 @@ def two_arms(made, path):
     other = {f"{name}_right_joint_{k}": 9.0 + k for name in ("q", "tau") for k in (1, 2)}
     names = {f"{name}{k}": f"{name}_left_joint_{k}" for name in ("q", "tau") for k in (1, 2)}
     text(table(made).rename(columns=names).assign(**other), path)
+
+
+def TORQUE(made):  # noqa: N802
+    return made.torque
 
 
 SPOKEN = ("Time (ms)", "Joint {} Position (deg)", "Joint {} Torque (mNm)")
@@ -214,6 +253,25 @@ KINDS = {  # how it is written, its first stamp beyond that of the recording [s]
     "echo --csv": (echoed, 1, ""),
     "JSON lines": (lines, 1, ""),
     "MATLAB": (matlab, 0, ""),
+    "MATLAB 7.3": (
+        hdf5("a.mat", 512, log__t=lambda m: m.time[None], log__q=lambda m: m.position.T, log__tau=TORQUE),
+        0,
+        "",
+    ),
+    "HDF5": (
+        hdf5("a.h5", t=lambda m: m.time, obs__qpos=lambda m: m.position, obs__effort=TORQUE, action=TORQUE),
+        0,
+        "",
+    ),
+    "JSON array": (array_of_records, 0, ""),
+    "JSON arrays": (object_of_arrays, 0, ""),
+    "commanded torques": (only_commanded, 0, "torques are commanded ones, tau_cmd_Nm, since none are"),
+    "commanded and measured torques": (also_commanded, 0, ""),
+    "units before numbers": (
+        lambda m, p: text(headed(m, "t_ms", "joint_pos_deg_{}", "tau_cmd_mNm_{}"), p),
+        0,
+        "torques are commanded ones, tau_cmd_mNm_1",
+    ),
     "arrays": (lambda m, p: files.arrays(q=m.position.T, pose=np.ones((len(m), 6)))(m, p), 0, ""),
     "two arms": (two_arms, 0, ""),
 }
@@ -229,6 +287,43 @@ def test_timestamps_units_and_encodings_are_recognised(made, tmp_path, kind):
     assert_same(found, made, start=start, late=1e-3 if "ms " in kind else 2e-6)
     assert remark in "".join(found.remarks) and bool(remark) == bool(found.remarks)
     assert [row for row, _ in found.corrupt] == ([201] if lines else [])
+
+
+def stacked(time):
+    def write(made, folder):
+        halves = {"q_rad": made.position, "tau_Nm": made.torque} | ({"t": made.time} if time == "own" else {})
+        arrays = {name: np.stack([x[:100], x[100:]]) for name, x in halves.items()}
+        np.savez(folder / "a.npz", **arrays | ({"t": made.time[:100]} if time == "shared" else {}))
+
+    return write
+
+
+def groups(made, folder):
+    """As robomimic has them: a group for each episode, which also holds each sample's successor."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "a.hdf5", "w") as file:
+        for k, rows in enumerate((slice(100), slice(100, None))):
+            for group in ("obs", "next_obs"):
+                here = file.create_group(f"data/demo_{k}/{group}")
+                here["robot0_joint_pos"], here["robot0_joint_pos_cos"] = (
+                    made.position[rows],
+                    made.torque[rows],
+                )
+                here["robot0_joint_torque"] = made.torque[rows]
+
+
+EPISODES = [(stacked("own"), None), (stacked("shared"), None), (stacked("none"), 100.0), (groups, 100.0)]
+
+
+@pytest.mark.parametrize(("write", "rate"), EPISODES)
+def test_stacked_episodes_are_read_with_a_gap_between_them(made, tmp_path, write, rate):
+    write(made, tmp_path)
+    (path,) = tmp_path.iterdir()
+    found = load_recording(path, of_file(rate=rate), JOINTS)
+    np.testing.assert_allclose(found.position, made.position)
+    np.testing.assert_allclose(found.torque, made.torque)
+    (gap,) = np.flatnonzero(np.diff(found.time) > 10)
+    assert gap == 99
 
 
 NAMES = [  # of time, positions and torques; {i} counts from 0, {n} from 1

@@ -40,6 +40,14 @@ def of_text(_, folder):
 bag = partial(files.write_bag, names=["1", "2"])
 
 
+def of_words(text):
+    def write(_, folder):
+        (folder / "a.txt").write_text(text)
+        return folder / "a.txt"
+
+    return write
+
+
 def without(*columns):
     return files.written(lambda table: table.drop(columns=[*columns]))
 
@@ -91,6 +99,8 @@ FILES = [
     (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
     ("time as 't' and as 'time'; choose one: 'recording.time=\"t\"'", twice(time="t"), {}),
     (r"position as 'q\{index\}' and as 'q_\{index\}'; choose one", twice(q_1="q1", q_2="q2"), {}),
+    ("is no table: expected a line of column names", of_words("q1,q2\n" + "x" * 200_000), {}),
+    ("is no table", of_words("Dear colleagues,\nhere is what you\nasked for\n"), {}),
     ("begins with numbers.*add one", files.written(header=False), {}),
     (
         "100% of its rows .* number, in column t",

@@ -45,6 +45,16 @@ PERSON = robot(
 )
 
 
+def test_two_shapes_in_one_geometry_of_another_limb_both_count(tmp_path):
+    """They stop only whoever asks for the arm that has them."""
+    both = SOLID.replace("<geometry>", '<geometry><box size="0.1 0.1 0.3"/>')
+    (tmp_path / "a.urdf").write_text(PERSON.replace(link("right_upper", SOLID), link("right_upper", both)))
+    arm = load_robot(tmp_path / "a.urdf", Setup(tip="left_lower"))
+    assert arm.capsules.owners.count("right_upper") == 2
+    with pytest.raises(RobotError, match="'right_upper' has a collision geometry of box, sphere"):
+        load_robot(tmp_path / "a.urdf", Setup(tip="right_lower"))
+
+
 LEFT = {"left_shoulder": 0.25, "left_elbow": 0.25, "left_thumb": 0.25, "left_index": -0.4}
 RIGHT = {"right_shoulder": 0.25, "right_elbow": 0.0}
 PARTS = {  # what is asked for, and where the joints stand that do not move

@@ -232,10 +232,43 @@ def lost_obj(folder):
     return load_robot(folder / "toy.xml")
 
 
+MACRO = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+<xacro:macro name="crane" params="prefix parent:=world *origin"><link name="${{prefix}}base"/></xacro:macro>
+{argument}</robot>"""
+SIZED = """<robot name="made" xmlns:xacro="http://ros.org/wiki/xacro">
+<xacro:arg name="size" default=""/><xacro:arg name="sim" default="no"/>
+<xacro:include filename="body_$(arg size).xacro"/></robot>"""
+
+
+def called(folder):
+    """A file of macros, beside a file that calls one and another of macros that does."""
+    inside = MACRO.replace("crane", "cell").replace("<link", "<xacro:crane/><link")
+    (folder / "cell.xacro").write_text(inside.format(argument=""))
+    (folder / "top.xacro").write_text(MACRO.format(argument="<xacro:crane/>"))
+    return xacro(text=MACRO)(folder)
+
+
+def usd(folder, content=b"#usda 1.0\n"):
+    (folder / "arm.usd").write_bytes(content)
+    return load_robot(folder / "arm.usd")
+
+
 LOST = XACRO.replace("{argument}", '<xacro:include filename="$(find no_such_package)/a.xacro"/>')
 REFUSED = {
     "a mesh that is lost": (lost_obj, r"toy\.xml: MuJoCo refuses it: .*gone\.obj"),
     "no argument": (xacro(), r"xacro refuses it: .*'robot\.args=\{reach: …\}'"),
+    "only macros": (
+        xacro(text=MACRO),
+        r"has no link: it only defines crane\(prefix, parent:=world, \*origin\); use the file that calls "
+        r'it, or write one: .*<xacro:crane prefix="…"/></robot>',
+    ),
+    "macros that another file calls": (called, r"use the file that calls it, such as \S*/top\.xacro"),
+    "an argument without a value": (
+        xacro(text=SIZED),
+        r"arguments are size \(without a value\), sim=no: 'robot\.args=\{size: …\}'",
+    ),
+    "USD": (usd, "is a USD file, expected URDF, xacro or MJCF"),
+    "binary USD": (lambda at: usd(at, b"PXR-USDC\0"), "is a USD file"),
     "no package": (xacro(text=LOST), r"package no_such_package was not found; .* to ROS_PACKAGE_PATH"),
     "no xacrodoc": (xacro(), r"pip install 'sidegan\[xacro\]'"),
     "an unknown name": (lambda _: load_robot("toi"), "named 'toi', expected kuka_lwr4, planar2 or"),
@@ -248,7 +281,7 @@ def test_an_unusable_source_is_refused(known, monkeypatch, what):
     case, words = REFUSED[what]
     if what == "no xacrodoc":
         monkeypatch.setitem(sys.modules, "xacrodoc", None)
-    elif what in ("no argument", "no package"):
+    elif what in ("no argument", "no package", "an argument without a value") or "macros" in what:
         pytest.importorskip("xacrodoc")
     with pytest.raises(RobotError, match=words):
         case(known)

@@ -147,7 +147,8 @@ def _both(
     cfg = run.cfg
     if not cfg.loaded:
         raise ConfigError("loaded is empty, expected recordings with the load: 'loaded=[a.csv]'")
-    files: list[tuple[Recorded, Role]] = [(file, "training") for file in (*cfg.recordings, *cfg.loaded)]
+    files: list[tuple[Recorded, Role]] = [(file, "training") for file in cfg.recordings]
+    files += [(file, "loaded") for file in cfg.loaded]
     found = read_and_check(files, arm, recording, gains, cfg.model.sign_width)
     refuse_shared([(recording.name, recording.statistics.rows) for recording in found])
     return [found[: len(cfg.recordings)], found[len(cfg.recordings) :]]
