@@ -188,11 +188,12 @@ def _prepare_shapes(link: ET.Element, path: Path, where: str, meshes: bool) -> l
 def _separate(link: ET.Element) -> None:
     """Give each of several shapes in one geometry its own collision element."""
     for collision in link.findall("collision"):
-        for shape in [*collision.findall("geometry/*")][1:]:
-            twin = copy.deepcopy(collision)
-            twin.find("geometry")[:] = [shape]  # type: ignore[index]
-            collision.find("geometry").remove(shape)  # type: ignore[union-attr]
-            link.append(twin)
+        for geometry in collision.findall("geometry"):
+            for shape in geometry[1:]:
+                geometry.remove(shape)
+                twin = copy.deepcopy(collision)
+                twin.findall("geometry")[0][:] = [shape]
+                link.append(twin)
 
 
 def _checked_shape(collision: ET.Element, where: str) -> ET.Element:

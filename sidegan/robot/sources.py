@@ -108,19 +108,12 @@ def _arguments(path: Path, args: Mapping[str, str], undefined: Sequence[str] = (
 
 
 def _only_macros(path: Path) -> str:
-    """The middle of a message: the macros that a file only defines, and what file calls one."""
+    """The middle of a message: the macros that a file only defines, and a file nearby that calls one."""
     macros = {x.get("name", "").removeprefix("xacro:"): x.get("params", "") for x in _elements(path, "macro")}
     if not macros:
         return ""
     defined = [f"{name}({', '.join(params.split())})" for name, params in macros.items()]
-    found = f": it only defines {listed(defined)}; use the file that calls "
     around = [file for folder in (".", "..", "../*") for file in path.parent.glob(f"{folder}/*.xacro")]
-    if callers := [file for file in around if any(_elements(file, name) for name in macros)]:
-        return f"{found}it, such as {callers[0].resolve()}"
-    name = [*macros][-1]  # the macros before are its parts
-    needed = [word for word in macros[name].split() if not re.search(r"[=*]", word)]
-    call = " ".join([f"xacro:{name}", *(f'{word}="…"' for word in needed)])
-    return (
-        f'{found}it, or write one: <robot name="{name}" xmlns:xacro="http://www.ros.org/wiki/xacro">'
-        f'<xacro:include filename="{path.name}"/><{call}/></robot>'
-    )
+    callers = [file for file in around if any(_elements(file, name) for name in macros)]
+    it = f"it, such as {callers[0].resolve()}" if callers else "it, or write one that includes and calls it"
+    return f": it only defines {listed(defined)}; use the file that calls {it}"
