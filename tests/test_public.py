@@ -16,6 +16,7 @@ import torch
 import sidegan as sg
 from sidegan.design.excitation import information_of
 from sidegan.gan.settings import RECIPES
+from sidegan.steps.identify import check_recordings
 
 SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
 SEARCH = {"evaluations": 60, "patience": 60}
@@ -133,6 +134,44 @@ def test_a_fit_that_fails_repeats_what_was_found_in_the_recordings(cell, excitat
     table = part[["time", "q_shoulder", "q_elbow"]].assign(**columns)[part.trajectory == 1]
     with pytest.raises(sg.SideganError, match=r"no physically possible links .*; .* runs against the descr"):
         sg.identify(cell, table)
+
+
+ENDLESS = """<robot name="two"><link name="base"/>{}</robot>""".format(
+    "".join(
+        f"""<joint name="{name}" type="continuous"><parent link="{at}"/><child link="{name}_link"/>
+        <axis xyz="0 1 0"/><limit velocity="2" effort="90"/></joint><link name="{name}_link"><inertial>
+        <mass value="2"/><inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>"""
+        for at, name in (("base", "first"), ("first_link", "second"), ("second_link", "third"))
+    )
+)
+
+
+def test_an_arm_with_a_joint_that_stood_still_is_the_one_of_its_cell(tmp_path, monkeypatch):
+    """The same file, wherever the process went in between, and the ranges about the same home."""
+    (tmp_path / "away").mkdir()
+    monkeypatch.chdir(tmp_path)
+    Path("arm.urdf").write_text(ENDLESS)
+    cell = sg.Cell("arm.urdf", home=[2.0, 0.5, -1.0], locked=None)
+    monkeypatch.chdir("away")
+    time = np.arange(0, 10, 0.01)
+    columns = {"t": time, "q1": 2 + np.sin(time), "q2": 0.4 + 0 * time, "q3": np.cos(time) - 1}
+    table = pd.DataFrame(columns | {"tau1": np.sin(3 * time), "tau3": np.cos(2 * time)})
+    settings = {"without": ["second"], "joints": ["1", "2", "3"]}
+    found = check_recordings(cell, table, recording=settings).arm
+    assert found.joint_names == ("first", "third") and found.setup.locked == {"second": 0.4}
+    middle = (found.position_lower + found.position_upper) / 2
+    np.testing.assert_allclose(middle, [2, -1])
+
+
+def test_a_set_is_an_array_as_numpy_asks_for_it(excitation):
+    c = excitation.coefficients
+    for same in (np.asarray(excitation), np.array(excitation, copy=False), np.asarray(excitation, float)):
+        assert np.shares_memory(same, c) and not same.flags.writeable
+    for other in (np.array(excitation), np.asarray(excitation, np.float32)):
+        assert not np.shares_memory(other, c) and other.flags.writeable
+        np.testing.assert_allclose(other, c, rtol=1e-6)
+    with pytest.raises(ValueError, match="copy"):
+        np.asarray(excitation, np.float32, copy=False)
 
 
 def test_finished_parts_of_seeds_serve_the_same_call_alone(cell, tmp_path):
@@ -266,7 +305,7 @@ def test_a_model_is_identified_from_tables_or_files(cell, excitation, tmp_path, 
     np.testing.assert_allclose(arm.torque(q, dq, ddq), tau, atol=1)
     arm.save(tmp_path / "model")
     assert {"report.html", "verdict.json", "planar2.urdf"} <= {x.name for x in (tmp_path / "model").iterdir()}
-    assert "'recordings=[recording 1,recording 2]'" in arm.origin.command
+    assert '\'recordings=["recording 1", "recording 2"]\'' in arm.origin.command
     files = sg.identify(cell, [tmp_path / "1.csv", tmp_path / "2.csv"], validation=[tmp_path / "3.csv"])
     np.testing.assert_allclose(files.parameters.value, arm.parameters.value, rtol=1e-6)
     more = sg.excite(cell, 1, known=tmp_path / "model", search=SEARCH, goal={"objective": "parameters"})

@@ -133,6 +133,14 @@ class Cell:
         """
         return load_robot(self._description, self.setup, self.choices.home, planning=False)
 
+    def recorded_with(self, locked: Mapping[str, float]) -> Arm:
+        """The arm as needed for recordings, with more of its joints locked at positions [rad or m]."""
+        home = self.choices.home
+        if home is not None:
+            home = [q for name, q in zip(self.recorded_arm.joint_names, home) if name not in locked]
+        setup = replace(self.setup, locked={**(self.setup.locked or {}), **locked})
+        return load_robot(self._description, setup, home, planning=False)
+
     @cached_property
     def arm(self) -> Arm:
         """The arm with its velocity and torque limits scaled by the effort."""

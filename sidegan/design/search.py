@@ -5,6 +5,7 @@ Example, the best proven trajectory within 50 ms: ``search(problem, Goal(), sett
 
 import logging
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from time import perf_counter as clock
 from typing import Protocol
@@ -99,12 +100,12 @@ def proven(problem: Problem, c: Array, smallest: float) -> tuple[Array, Array, V
     c = np.where(np.isfinite(c).all((1, 2, 3), keepdims=True), c, 0.0)
     valid = np.zeros(len(c), dtype=bool)
     for share in _SHARES:
-        if share < smallest or valid.all():
-            break
         left = np.flatnonzero(~valid)
         verdict = check(problem.constraints, problem.trajectory, c[left] * share)
         c[left[verdict.valid]] *= share
         valid[left[verdict.valid]] = True
+        if share <= smallest or valid.all():
+            break
     return c, valid, verdict
 
 
@@ -201,32 +202,50 @@ def design_set(problem: Problem, goal: SetGoal, count: int, settings: SearchSett
     """A set of proven trajectories [rad/s], (count, J, H, 2), each designed given those before it.
 
     A trajectory that had to be scaled down much is searched again. If it stays tiny, it is left out, unless
-    all are: the set may be smaller than ``count``.
+    all are; if none is proven, it is missing: the set may be smaller than ``count``. The goal takes what is
+    in the set.
 
     Raises:
-        InfeasibleError: when no trajectory is proven.
+        InfeasibleError: when no first trajectory is proven.
     """
-    found: list[Found] = []
-    failed: InfeasibleError | None = None
+    kept, tiny, unproven = list[Array](), list[Array](), list[InfeasibleError]()
     for index in range(count):
-        tried: list[Found] = []
-        for again in range(_AGAIN):
-            try:
-                tried.append(search(problem, goal.next(), settings, seed + index + again * count))
-            except InfeasibleError as error:
-                failed = error
-            if tried and tried[-1].share >= _WHOLE:
-                break
-        if tried:
-            found.append(max(tried, key=lambda trajectory: trajectory.share))
-            goal.take(problem.trajectory, found[-1].coefficients)
-        elif failed is not None and not found:
-            raise failed
-    kept = [trajectory for trajectory in found if trajectory.share >= _SCRAP] or found
-    if len(kept) < count:
-        small = [trajectory.coefficients for trajectory in found if trajectory.share < _SCRAP]
-        where = binding(problem.constraints, problem.trajectory, np.stack(small)) if small else None
+        seeds = range(seed + index, seed + _AGAIN * count, count)
+        try:
+            found = _largest(problem, goal.next(), settings, seeds)
+        except InfeasibleError as error:
+            if not kept and not tiny:
+                raise
+            unproven.append(error)
+            continue
+        (kept if found.share >= _SCRAP else tiny).append(found.coefficients)
+        if found.share >= _SCRAP:
+            goal.take(problem.trajectory, found.coefficients)
+    if not kept:
+        kept, tiny = tiny, []
+        for c in kept:
+            goal.take(problem.trajectory, c)
+    if tiny:
+        where = binding(problem.constraints, problem.trajectory, np.stack(tiny))
         why = f", limited by {' of '.join(where)}: {remedy(problem.constraints, where)}" if where else ""
         left_out = "%d of %d trajectories hardly move the arm and are left out%s"
-        _log.warning(left_out, count - len(kept), count, why)
-    return np.stack([trajectory.coefficients for trajectory in kept])
+        _log.warning(left_out, len(tiny), count, why)
+    if unproven:
+        _log.warning("%d of %d trajectories are missing: %s", len(unproven), count, unproven[-1])
+    return np.stack(kept)
+
+
+def _largest(problem: Problem, goal: Goal, settings: SearchSettings, seeds: Iterable[int]) -> Found:
+    """The trajectory that was scaled down least, of searches that end with one that hardly was."""
+    found: list[Found] = []
+    for seed in seeds:
+        try:
+            found.append(search(problem, goal, settings, seed))
+        except InfeasibleError as error:
+            failed = error
+        else:
+            if found[-1].share >= _WHOLE:
+                break
+    if not found:
+        raise failed
+    return max(found, key=lambda trajectory: trajectory.share)

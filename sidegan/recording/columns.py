@@ -11,6 +11,7 @@ from sidegan.recording.column_names import Series, is_commanded, is_split, own_n
 from sidegan.recording.settings import AUTO, PLACEHOLDER, SIGNALS, RecordingSettings
 from sidegan.recording.stamps import dated
 from sidegan.recording.tables import Table, Where
+from sidegan.robot import setting
 
 _MOST_LEFT = 2  # columns after the arm's last joint that may be a gripper's; more belong to another arm
 _SHOWN = 3  # patterns that a message suggests
@@ -270,14 +271,13 @@ class Finder:
         if signal == "position" or not partial:
             return self._offers(signal) or self._another_file("effort") * (not partial and not self.only)
         if signal in ("torque", "current"):
-            return f"; joints that do not move can be left out: 'recording.without=[{','.join(joints)}]'"
+            return f"; joints that do not move can be left out: {setting('recording.without', joints)}"
         return f"; to derive it instead: recording.{signal}=null"
 
     def _another_file(self, has: str) -> str:
         """The end of a message: how to give this file for the signal it has, and others for the rest."""
         files = {"position": "FILE", "effort": "FILE"} | {has: self.file}
-        paths = ", ".join(f"{signal}: {file}" for signal, file in files.items())
-        return f"; is it in another file? 'recordings=[{{{paths}}}]'"
+        return f"; is it in another file? {setting('recordings', [files])}"
 
     def _offers(self, signal: str) -> str:
         """The end of a message: settings that would read the signal from other columns of the file."""
@@ -287,8 +287,8 @@ class Finder:
         patterns += self._arrays(None)
         if patterns:
             return f"; would one of these fit? {', '.join(_typed(signal, p) for p in patterns[:_SHOWN])}"
-        names = ",".join(own_names(self.available, signal, self.count))
-        return f"; are its joints, in the arm's order, 'recording.joints=[{names}]'?" if names else ""
+        names = own_names(self.available, signal, self.count)
+        return f"; are its joints, in the arm's order, {setting('recording.joints', names)}?" if names else ""
 
     def _refuse_several(self, signal: str, ways: Sequence[str]) -> NoReturn:
         """Raise because a signal occurs in several, equally plausible ways."""
@@ -302,5 +302,5 @@ class Finder:
 
 
 def _typed(signal: str, pattern: str) -> str:
-    """A setting as an argument of the command."""
-    return f"'recording.{signal}=\"{pattern}\"'"
+    """The pattern of a signal as an argument of the command."""
+    return setting(f"recording.{signal}", pattern)

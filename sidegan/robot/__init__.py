@@ -14,7 +14,7 @@ from sidegan.robot.consistency import (
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.setup import Limits, Setup, changes
+from sidegan.robot.setup import Limits, Setup, changes, robot_settings, setting
 from sidegan.robot.write import write_urdf
 from sidegan.robot.write_mjcf import write_mjcf
 
@@ -38,6 +38,8 @@ __all__ = [
     "possible_links",
     "pseudo_inertia",
     "require_consistent",
+    "robot_settings",
+    "setting",
     "with_effort",
     "write_mjcf",
     "write_urdf",

@@ -102,7 +102,7 @@ def _offered(chain: list[Joint]) -> str:
     """A choice of the arm's tip, for a message: the setting, and the joints up to there."""
     first, last = chain[0].name, chain[-1].name
     joints = f"{len(chain)} joints: {first} to {last}" if len(chain) > 1 else f"1 joint: {first}"
-    return f"{setting('tip', chain[-1].child)} ({joints})"
+    return f"{setting('robot.tip', chain[-1].child)} ({joints})"
 
 
 def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:

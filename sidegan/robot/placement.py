@@ -77,7 +77,7 @@ def mount_of(given: Mount | None, gravity: Sequence[float] | None = None) -> Mou
         RobotError: when angles look like degrees.
     """
     if given is not None and (meant := meant_in_degrees(given)):
-        stated = setting("mount", meant)
+        stated = setting("robot.mount", meant, ".6g")
         raise RobotError(f"robot.mount is {list(given)} rad: are these degrees? In radians they are {stated}")
     if given is not None or gravity is None:
         return given or (0.0, 0.0, 0.0)

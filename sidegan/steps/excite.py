@@ -55,7 +55,7 @@ def excite(
 
     Returns:
         The set: ``coefficients`` (N, J, H, 2) [rad/s], ``motion(rate)``, ``condition``, ``to_frame()``,
-        ``save(folder)``. It has fewer trajectories if some would hardly move the arm.
+        ``save(folder)``. It has fewer trajectories if some hardly move or are not proven.
 
     Raises:
         ConfigError: when a setting is out of range or does not fit the arm.

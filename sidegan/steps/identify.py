@@ -26,7 +26,7 @@ from sidegan.recording.settings import Files, Recorded, RecordingSettings
 from sidegan.recording.stationary import refuse_elsewhere, stationary_positions
 from sidegan.report.identification import Origin, write_results
 from sidegan.report.identification.content import error_table, headline, link_table, parameter_table
-from sidegan.robot import Arm, changes, load_robot
+from sidegan.robot import Arm, changes, robot_settings, setting
 
 # A recording: a file, a table with the same columns, or one of them for each signal.
 Given: TypeAlias = str | Path | pd.DataFrame | Files | Mapping[str, str | pd.DataFrame]
@@ -197,11 +197,11 @@ def check_recordings(
     training, validated = found[: len(first)], found[len(first) :]
     if share is not None:
         training, validated = map(list, zip(*(split(checked, share) for checked in training)))
-    given = {"recordings": first, "validation": held_out}
-    identification, excitation = _commands(cell, arm, given, share)
+    given: dict[str, Any] = {"recordings": first, "validation": held_out or share}
+    given |= {} if gains is None else {"robot.gains": np.asarray(gains, float).tolist()}
+    identification, excitation = _commands(cell, arm, given)
     identification = identification.replace(f"{folder}/", "")  # data frames are shown by their names
-    more = [*changes("recording", settings), *([] if gains is None else [f"robot.gains={list(gains)}"])]
-    commands = " ".join([identification, *more]), excitation
+    commands = " ".join([identification, *changes("recording", settings)]), excitation
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
     origin = Origin(*commands, {"robot": robot, "recording": asdict(settings)})
     return Checked(arm, found, training, validated, origin)
@@ -215,8 +215,7 @@ def recorded_arm(cell: Cell, recordings: Sequence[Recorded], settings: Recording
     """
     if not settings.without:
         return cell.recorded_arm
-    locked = {**(cell.setup.locked or {}), **stationary_positions(cell.recorded_arm, recordings, settings)}
-    return load_robot(cell.robot, replace(cell.setup, locked=locked), planning=False)
+    return cell.recorded_with(stationary_positions(cell.recorded_arm, recordings, settings))
 
 
 def identified(cell: Cell, checked: Checked, terms: Terms, estimation: EstimationSettings) -> IdentifiedModel:
@@ -287,15 +286,10 @@ def _stored(frame: pd.DataFrame, path: Path) -> str:
     return str(path)
 
 
-def _commands(
-    cell: Cell, arm: Arm, lists: Mapping[str, Sequence[Recorded]], share: float | None
-) -> tuple[str, str]:
-    """The commands that identify an arm from recordings, and that then excite uncertain parameters."""
-    files = " ".join(f"'{name}=[{','.join(map(str, group))}]'" for name, group in lists.items() if group)
-    files += "" if share is None else f" validation={share:g}"
+def _commands(cell: Cell, arm: Arm, given: Mapping[str, Any]) -> tuple[str, str]:
+    """The commands that identify an arm from what is given, and that then excite uncertain parameters."""
+    settings = " ".join(setting(name, x) for name, x in given.items() if x)
     locked = replace(cell.setup, locked=arm.setup.locked)  # including joints that stood still
-    robot, recorded = (
-        " ".join([f"robot.name={cell.robot}", *changes("robot", x)]) for x in (cell.setup, locked)
-    )
     run = "python -m sidegan.run +experiment="
-    return f"{run}identify {robot} {files}", f"{run}excite {recorded} goal.count=4"
+    identify = f"{run}identify {robot_settings(cell.robot, cell.setup)} {settings}"
+    return identify, f"{run}excite {robot_settings(cell.robot, locked)} goal.count=4"

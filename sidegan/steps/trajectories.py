@@ -102,8 +102,8 @@ class TrajectorySet:
         return replace(self, library=self.library.take(rows), aim=None)  # the aim is that of all together
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
-        """The coefficients."""
-        return np.array(self.coefficients, dtype)
+        """The coefficients, which cannot be changed unless they are a copy."""
+        return np.array(self.coefficients, dtype, copy=copy)
 
     def __repr__(self) -> str:
         return (

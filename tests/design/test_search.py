@@ -12,7 +12,7 @@ import pytest
 from sidegan.design import search as design_search
 from sidegan.design.objective import Goal
 from sidegan.design.problem import Problem, SearchSettings
-from sidegan.design.search import ConditionGoal, design_set, search
+from sidegan.design.search import ConditionGoal, Found, design_set, proven, search
 from sidegan.errors import InfeasibleError, ShapeError
 from sidegan.identification import TorqueModel
 from sidegan.motion.dynamics import RigidBody
@@ -102,6 +102,20 @@ def test_more_starts_are_never_worse_and_results_repeat(problem_of):
     assert problem.fitness(other.coefficients[None])[0] < 400
 
 
+def test_a_small_penalty_first_helps_short_searches(problem_of, monkeypatch):
+    """Most starts end at a lower condition number than with the large penalty alone."""
+    gains = []
+    for case in ("no torque", "walls", "acceleration", "friction"):
+        for seed in range(10):
+            values = []
+            for rough in (design_search._ROUGH, design_search._STRICT):
+                with monkeypatch.context() as patched:
+                    patched.setattr(design_search, "_ROUGH", rough)
+                    values.append(searched(problem_of(case), evaluations=45, seed=seed).value)
+            gains.append(values[1] - values[0])  # of log condition numbers
+    assert np.mean(np.array(gains) > 0) > 0.6 and np.median(gains) > 0.03
+
+
 def test_a_deadline_is_kept_and_the_best_so_far_returned(problem_of, monkeypatch):
     problem, reads = problem_of("box"), count()
     monkeypatch.setattr(design_search, "clock", lambda: 1e-3 * next(reads))
@@ -158,6 +172,66 @@ def test_a_set_is_designed_greedily(problem_of):
     subspace = problem.body.base.subspace
     condition = [float(np.linalg.cond(subspace.T @ x @ subspace)) for x in (grams.sum(0), *grams)]
     assert condition[0] < min(condition[1:])
+
+
+class Taken:
+    """A goal that keeps what it takes."""
+
+    def __init__(self):
+        self.taken, self.told = [], []
+
+    def next(self):
+        self.told.append(len(self.taken))
+        return Goal()
+
+    def take(self, trajectory, c):
+        self.taken.append(c)
+
+
+NEVER = "no trajectory was proven in 60 evaluations: velocity of elbow"
+TINY = "{} of 4 trajectories hardly move the arm and are left out"
+MISSING = "{} of 4 trajectories are missing"
+SETS = [  # the scale of each trajectory, None if none is proven; which are in the set, and what is said
+    ([1, 0.6, 1, 1], [0, 1, 2, 3], []),
+    ([1, 0.02, 1, 0.1], [0, 2], [TINY.format(2)]),
+    ([0.02, 1, 1, 1], [1, 2, 3], [TINY.format(1)]),
+    ([1, None, None, 1], [0, 3], [MISSING.format(2)]),
+    ([1, 0.02, None, 1], [0, 3], [TINY.format(1), MISSING.format(1)]),
+    ([0.02, 0.1, 0.02, 0.1], [0, 1, 2, 3], []),
+    ([0.02, None, 0.02, 0.1], [0, 2, 3], [MISSING.format(1)]),
+]
+
+
+@pytest.mark.parametrize(("shares", "kept", "said"), SETS)
+def test_a_set_is_what_its_goal_took_and_what_it_lacks_is_said(
+    planar_problem, monkeypatch, caplog, shares, kept, said
+):
+    c = planar_problem.start(len(shares), np.random.default_rng(0), 0.1)
+
+    def found(problem, goal, settings, seed):
+        if (share := shares[seed % len(shares)]) is None:
+            raise InfeasibleError(NEVER)
+        return Found(c[seed % len(shares)], 0.0, share)
+
+    monkeypatch.setattr(design_search, "search", found)
+    goal = Taken()
+    chosen = design_set(planar_problem, goal, len(shares), SETTINGS, 0)
+    assert np.array_equal(chosen, c[kept]) and np.array_equal(goal.taken, chosen)
+    assert len(said) == len(caplog.messages)
+    assert all(message.startswith(words) for message, words in zip(caplog.messages, said))
+    assert (NEVER in caplog.text) == (None in shares)
+
+
+def test_a_set_whose_first_trajectory_is_never_proven_is_refused(planar, monkeypatch):
+    problem = Problem(Constraints(planar), Trajectory(2, 3, 8.0))
+    monkeypatch.setattr(design_search, "_SHARES", (1e6,))
+    with pytest.raises(InfeasibleError, match=r"proven in 60 evaluations: .* of "):
+        design_set(problem, Taken(), 2, SETTINGS, 0)
+
+
+def test_no_trajectories_are_proven_at_once(planar_problem):
+    c, valid, verdict = proven(planar_problem, planar_problem.start(2, np.random.default_rng(0))[:0], 0.5)
+    assert c.shape == (0, 2, 3, 2) and valid.shape == verdict.valid.shape == (0,) and not verdict.faults()
 
 
 @pytest.mark.parametrize(

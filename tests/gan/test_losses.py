@@ -96,6 +96,19 @@ def test_a_common_offset_costs_although_distances_do_not_change(seeds):
     assert loss_of(offset)(opposed) == 0
 
 
+@pytest.mark.parametrize(("common", "needed"), [(0.1, 0.01), (1.0, 0.5), (10.0, 0.99)])
+def test_what_seeds_have_in_common_is_allowed_only_as_far_as_it_is_little(common, needed):
+    """By closed form: rows in orthogonal directions, and one direction that all share."""
+    own, shared = torch.eye(40).split([39, 1])
+    c = (own + common * shared).reshape(39, 2, 5, 4)
+    cosine = common**2 / (1 + common**2)  # between any two
+    assert cosine >= 0.97 * needed
+    loss = loss_of(common_offset(c.double().numpy()))
+    assert float(loss(c)) == pytest.approx(max(cosine - 0.03, 0), abs=1e-5)
+    apart = own.reshape(c.shape)
+    assert loss_of(common_offset(torch.cat([apart, -apart]).double().numpy()))(apart) < 1e-6
+
+
 def test_coefficients_pushed_against_the_box_are_drawn_back(made, full):
     model = made(full)
     model.generator.box, bias = Box(0.2), model.generator.network.shortcut.bias

@@ -2,11 +2,14 @@
 
 import html
 import re
+import shlex
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from omegaconf import OmegaConf
 
 from sidegan.errors import ArtifactError, InfeasibleError
 from sidegan.library import Library
@@ -14,7 +17,7 @@ from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import excite
-from sidegan.robot import load_robot, with_effort
+from sidegan.robot import load_robot, setting, with_effort
 from sidegan.steps import trajectories
 from sidegan.validity import Constraints, check
 from tests.tiny import tiny
@@ -157,6 +160,25 @@ def test_the_page_lists_the_commands_to_send_slow_set_first(ran, folder):
     assert "controllers.start=[…]" in command and "approach" not in then + send
     assert f"recording=excite recording.sent={folder.resolve()}" in last
     assert "must stand at home first: shoulder 0, elbow 0" in then
+
+
+def test_commands_on_the_page_read_the_same_files_whatever_their_paths(outputs, tmp_path):
+    folder = tmp_path / """it's 50% (of) a, b [1] = {x} ${y} "ä" """.strip()
+    folder.mkdir()
+    urdf = folder / "arm, 2.urdf"
+    urdf.write_text(load_robot("planar2").urdf.read_text())
+    config = tiny(f"outputs={outputs}", *shlex.split(setting("robot.name", urdf)), experiment="excite")
+    run_stages(config, folder / "run", "excite")
+    (_, slower), (_, send), (_, identify) = sections(folder / "run")
+    assert shlex.split(send)[:2] == ["cd", str(folder / "run" / "trajectories")]
+    for command in (slower, identify):
+        words = shlex.split(command.replace("\\\n", "").replace("[…]", "[0,0]"))[1:]
+        parsed = OverridesParser.create().parse_overrides(words)
+        named = {override.key_or_group: override.value() for override in parsed}
+        read = OmegaConf.to_container(OmegaConf.create(named), resolve=True)
+        assert read["robot.name"] == str(urdf)
+        assert read.get("hydra.run.dir", f"{folder / 'run'}-slow") == f"{folder / 'run'}-slow"
+        assert read.get("recording.sent", str(folder / "run")) == str(folder / "run")
 
 
 def test_a_run_replaces_files_of_an_earlier_run_only(ran):

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import shlex
 from dataclasses import replace
 
 import mujoco
@@ -10,11 +11,15 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 
+from sidegan.cell import Cell
 from sidegan.identification import Terms, TorqueModel
 from sidegan.motion.dynamics import RigidBody
+from sidegan.pipeline.compose import composed
 from sidegan.pipeline.run import run_stages
 from sidegan.pipeline.stages import identify
 from sidegan.pipeline.store import PARAMS
+from sidegan.recording.settings import Files
+from sidegan.steps.identify import check_recordings
 from tests.pipeline.conftest import client_of
 from tests.recording.conftest import moved
 from tests.recording.files import frame
@@ -190,6 +195,31 @@ def test_the_python_class_uses_the_weighted_model_if_better(planar, tmp_path):
     expected = body.torque(np.array(numbers["parameters"], float), *states)
     np.testing.assert_allclose(python_class(folder).torque(*states), expected, rtol=0, atol=1e-9)  # N·m
     mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))  # of the consistent one: it exists
+
+
+NASTY = """it's 50% (of) a, b [1] = {x} ${y} "ä" """.strip()
+
+
+def test_the_command_that_reproduces_a_model_reads_the_same_files(tmp_path, planar):
+    """Whatever the paths, by the shell's words and Hydra's grammar; and numbers to the last digit."""
+    folder = tmp_path / NASTY
+    folder.mkdir()
+    urdf = folder / "arm, 2.urdf"
+    urdf.write_text(planar.urdf.read_text())
+    paths = [str(write(folder, name, planar, k)) for k, name in enumerate(("a, b.csv", "c.csv", "d.csv"))]
+    files = {"position": paths[1], "velocity": paths[1], "torque": paths[1]}
+    cell = Cell(urdf, limits={"velocity": 10 / 3}, locked=None)
+    for validation in ([paths[2]], 0.1 + 0.2):
+        gains = np.array([2.0, 1 / 3])
+        origin = check_recordings(cell, [paths[0], files], validation, gains=gains).origin
+        python, run, module, *words = shlex.split(origin.command)
+        read = composed(*words)
+        assert [python, run, module] == ["python", "-m", "sidegan.run"]
+        assert read.recordings == [paths[0], Files(**files)] and read.validation == validation
+        assert (read.robot.name, read.robot.setup) == (str(urdf), cell.setup)
+        assert read.robot.gains == gains.tolist()
+    read = composed(*shlex.split(origin.excite)[3:])
+    assert (read.robot.name, read.robot.setup) == (str(urdf), cell.setup)
 
 
 def test_a_held_out_end_and_a_hostile_robot_name(files, tmp_path, planar):

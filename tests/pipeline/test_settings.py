@@ -5,13 +5,17 @@ from dataclasses import replace
 from itertools import zip_longest
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hypothesis import example, given
+from hypothesis import strategies as st
+from omegaconf import OmegaConf
 
 from sidegan.errors import ConfigError
 from sidegan.gan.settings import RECIPES
 from sidegan.pipeline.artifact import flatten
 from sidegan.pipeline.places import CONF
 from sidegan.pipeline.settings import Config, validate
-from sidegan.robot import Limits, Setup, changes
+from sidegan.robot import Limits, Setup, changes, setting
 from sidegan.seeding import METHODS
 from tests import tiny
 
@@ -124,6 +128,25 @@ SETUPS = [
         for name in ("elbow", "joint_8.0", "body_1/left-arm", "j 1", "7")
     ),
 ]
+
+
+TEXT = st.text("ab1/._-~ ,:;='\"\\\\$%&#@!|?*+<>()[]{}ä…\t\n", max_size=12).filter(lambda text: text != "…")
+NAME = st.text("ab /._-,:=()[]{}", min_size=1, max_size=8).filter(lambda name: name == name.strip())
+VALUES = st.recursive(
+    TEXT | st.integers() | st.floats(allow_nan=False) | st.booleans() | st.none(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(NAME, inner, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(VALUES)
+@example(["/home/me/my logs/a, b.csv", "~/ä.csv", ".5"])
+@example("C:\\logs\\")
+@example("${oc.env:HOME}\\${x}\\")
+def test_any_printed_setting_is_read_as_it_was(value):
+    (word,) = shlex.split(setting("x", value))
+    read = OverridesParser.create().parse_override(word).value()
+    assert OmegaConf.to_container(OmegaConf.create({"x": read}), resolve=True) == {"x": value}
 
 
 @pytest.mark.parametrize("setup", SETUPS)

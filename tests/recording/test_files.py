@@ -367,7 +367,7 @@ def test_unused_columns_are_reported(made, tmp_path, names, more, words):
 REFUSED = [
     ({"q": "theta{i}"}, r"fit\? 'recording.position=\"theta\{index0\}\"'"),
     ({"tau": "load{n}"}, r"no torque or current.* fit\? 'recording.torque=\"load\{index\}\"'"),
-    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"'recording.joints=\[shoulderx,elbowx\]'"),
+    ({"q": "{j}x.pos", "tau": "{j}x.tau"}, r"'recording.joints=\[shoulderx, elbowx\]'"),
 ]
 
 

@@ -97,7 +97,7 @@ FILES = [
     ("position of 5 joints, the arm has 2; if the first 2", twice(q3="q1", q4="q1", q5="q2"), {}),
     ("no torque for 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
     (r"no column like 't' or 'time' of time stamps.*recording\.rate=1000", without("t"), {}),
-    ("time as 't' and as 'time'; choose one: 'recording.time=\"t\"'", twice(time="t"), {}),
+    ("time as 't' and as 'time'; choose one: recording.time=t", twice(time="t"), {}),
     (r"position as 'q\{index\}' and as 'q_\{index\}'; choose one", twice(q_1="q1", q_2="q2"), {}),
     ("is no table: expected a line of column names", of_words("q1,q2\n" + "x" * 200_000), {}),
     ("is no table", of_words("Dear colleagues,\nhere is what you\nasked for\n"), {}),

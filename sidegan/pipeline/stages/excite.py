@@ -22,7 +22,7 @@ from sidegan.pipeline.tracking import Tracker
 from sidegan.plant import Plant
 from sidegan.recording.commanded import FOLDER
 from sidegan.report.export import publish
-from sidegan.robot import changes, require_consistent
+from sidegan.robot import require_consistent, robot_settings, setting
 from sidegan.steps.excite import aim_of, excite
 from sidegan.steps.trajectories import TrajectorySet
 
@@ -130,19 +130,19 @@ def _next_steps(run: RunContext, durations: Mapping[str, float]) -> list[tuple[s
     """Next steps with the set, a sentence and a command each; the slow run comes first."""
     speed, start = run.cfg.controllers.speed, run.cfg.controllers.start
     folder = run.store.run_folder.resolve()
-    robot = " ".join([quote(f"robot.name={run.cfg.robot.name}"), *changes("robot", run.cfg.robot.setup)])
+    robot = robot_settings(run.cell.robot, run.cell.setup)
     pace = "at the planned speed" if speed == 1 else f"at {speed:.0%} of the planned speed"
     then = f"{'Then this set' if speed > _FIRST else 'This set'}, {pace}, {_order(run, durations)}."
     if run.cell.arm.locked:
         then += f" Standing still: {run.cell.arm.locked}."
     where = "…" if start is None else ",".join(f"{x:.6g}" for x in start)
     kept = [override for override in run.overrides if not override.startswith(_PER_RUN)]
-    new = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]", f"hydra.run.dir={folder}-slow"]
+    new = [f"controllers.speed={_FIRST}", f"controllers.start=[{where}]"]
     same = " ".join(map(quote, kept)) or f"+experiment=excite {robot}"
-    slower = f"sidegan {same} {' '.join(map(quote, new))}"
+    slower = f"sidegan {same} {' '.join(map(quote, new))} {setting('hydra.run.dir', f'{folder}-slow')}"
     identify = (
         f"sidegan +experiment=identify {robot} 'recordings=[log.csv]' validation=0.25 \\\n"
-        f"    recording=excite recording.sent={quote(str(folder))}"
+        f"    recording=excite {setting('recording.sent', folder)}"
     )
     steps = [(_SLOWLY, slower), (then, _send(run, folder / FOLDER, durations)), (_LOG, identify)]
     return steps if speed > _FIRST else steps[1:]
