@@ -20,7 +20,7 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
-from sidegan.robot import describe_placeholder_links
+from sidegan.robot import describe_other_units, describe_placeholder_links
 
 log = logging.getLogger(__name__)
 
@@ -64,6 +64,7 @@ class RunContext:
         else:
             placeholders = describe_placeholder_links(arm := self.cell.recorded_arm)
             warnings = [f"{placeholders}: they are not used as prior or reference"] if placeholders else []
+            warnings += filter(None, [describe_other_units(arm)])
             notes = list(filter(None, [described(arm)]))
         for text in warnings:
             log.warning("%s", text)
