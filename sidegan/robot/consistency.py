@@ -8,8 +8,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
 from sidegan.robot import units
-from sidegan.robot.arm import Arm
-from sidegan.robot.collision import length_of
+from sidegan.robot.arm import Arm, length_of
 
 _ROUNDING = 1e-9  # of the largest principal moment: flat plates meet the triangle inequality with equality
 # Shares of the mean distance between joints: farthest centre of mass from its joint; radius of gyration

@@ -13,8 +13,8 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
-from sidegan.robot.arm import Arm, digest_of
-from sidegan.robot.collision import collision_shapes, length_of
+from sidegan.robot.arm import Arm, digest_of, length_of
+from sidegan.robot.collision import collision_shapes
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.model import build, kinematics_and_inertias
 from sidegan.robot.setup import PLAIN, Setup, allowed
