@@ -121,8 +121,7 @@ class Cell:
         """The arm with its full limits.
 
         Raises:
-            RobotError: when the description is not a serial chain with limits, or its numbers must be in
-                other units; says what helps.
+            RobotError: when the description is not a serial chain with limits, in SI units; says what helps.
         """
         arm = load_robot(self._description, self.setup, self.choices.home)
         if self.workspace.torque:

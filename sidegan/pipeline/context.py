@@ -20,7 +20,8 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
-from sidegan.robot import describe_other_units, describe_placeholder_links
+from sidegan.robot import describe_placeholder_links
+from sidegan.robot.consistency import describe_other_units
 
 log = logging.getLogger(__name__)
 

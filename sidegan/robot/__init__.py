@@ -4,7 +4,6 @@ from sidegan.robot.arm import DERIVATIVE_ORDER, Arm, Capsules, with_effort
 from sidegan.robot.consistency import (
     about_the_centre,
     describe_doubtful_links,
-    describe_other_units,
     describe_placeholder_links,
     doubtful_links,
     inconsistent_links,
@@ -30,7 +29,6 @@ __all__ = [
     "built_in_robots",
     "changes",
     "describe_doubtful_links",
-    "describe_other_units",
     "describe_placeholder_links",
     "doubtful_links",
     "inconsistent_links",

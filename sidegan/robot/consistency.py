@@ -139,12 +139,11 @@ def _masses(arm: Arm) -> tuple[Array, Array, Array]:
 
 def _gyration(arm: Arm) -> Array:
     """Largest radii of gyration of the links about their centres of mass [m], (J,); 0 without mass."""
-    links = arm.inertial_parameters
-    heavy = links[:, 0] > 0
-    found = np.zeros(arm.joints)
-    moments = about_the_centre(links[heavy])[1].trace(0, 1, 2) / 2
-    found[heavy] = np.sqrt(np.maximum(moments, 0.0) / links[heavy, 0])
-    return found
+    with np.errstate(divide="ignore", invalid="ignore"):  # masses may be zero
+        square = (
+            about_the_centre(arm.inertial_parameters)[1].trace(0, 1, 2) / 2 / arm.inertial_parameters[:, 0]
+        )
+    return np.sqrt(np.nan_to_num(np.maximum(square, 0.0), posinf=0.0))
 
 
 def _sizes(arm: Arm) -> Array:

@@ -12,7 +12,7 @@ TURN = 2.02 * math.pi  # [rad] usual limit of a joint or an angle, rounded up
 LIMITS = {
     "position": ((4 * math.pi, "degrees", math.pi / 180), (30.0, "millimetres", 1e-3)),
     "velocity": ((60.0, "degrees per second", math.pi / 180), (10.0, "millimetres per second", 1e-3)),
-    "effort": ((1e5, "mN·m", 1e-3), (1e5, "mN", 1e-3)),
+    "effort": ((1e6, "mN·m", 1e-3), (1e7, "mN", 1e-3)),  # excavators have a half
 }
 LONGEST = 100.0  # [m] of all links together, beyond which they must be in millimetres
 TIP, JOINT = 12.0, 15.0  # [m/s] of the tip at half of the joints' limits, if these are above that [rad/s]

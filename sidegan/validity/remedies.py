@@ -10,7 +10,8 @@ from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm, describe_other_units, units
+from sidegan.robot import Arm, units
+from sidegan.robot.consistency import describe_other_units
 from sidegan.robot.setup import allowed, override
 from sidegan.robot.sources import read_source
 from sidegan.robot.units import reductions_of
@@ -98,8 +99,8 @@ def describe_placeholder_limits(arm: Arm) -> str:
     if not wrong:
         return ""
     return (
-        f"implausible limits: {'; '.join(wrong)}; are they the motors', or placeholders? The arm may not "
-        f"follow; state the real ones by {' '.join(settings)}"
+        f"implausible limits: {'; '.join(wrong)}; are they the motors', in mN·m, or placeholders? The arm "
+        f"may not follow; state the real ones by {' '.join(settings)}"
     )
 
 

@@ -20,12 +20,12 @@ from sidegan.robot import (
     Limits,
     Setup,
     describe_doubtful_links,
-    describe_other_units,
     doubtful_links,
     inconsistent_links,
     load_robot,
     possible_links,
 )
+from sidegan.robot.consistency import describe_other_units
 from sidegan.robot.visuals import visual_parts
 from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.validity.pairs import describe_displaced_shapes, sampled
@@ -200,7 +200,7 @@ LIMITS_ELSEWHERE = {  # descriptions, what is asked, and the line that is filled
     "speeds": (arm_of(limit=limit(velocity=180)), "degrees per second?", "velocity={joint0: 3.14159, joint1"),
     "motors' speeds": (geared(100, velocity=314), "the motors', ", "velocity={joint0: 3.14, joint1: 3.14"),
     "strokes": (mixed(limit(-180, 20), kind=SLIDE), "millimetres?", "position={joint0: [-0.18, 0.02]}'"),
-    "mN·m": (arm_of(limit=limit(effort=250_000)), "mN·m?", "effort={joint0: 250, joint1: 250"),
+    "mN·m": (arm_of(limit=limit(effort=2_500_000)), "mN·m?", "effort={joint0: 2500, joint1: 2500"),
 }
 
 
@@ -229,7 +229,7 @@ SOUND = {  # arms with unusual numbers, of which nothing is asked
     "an endless base": mixed(limit(-999999, 999999)),
     "fast wrists": mixed(limit(velocity=26.2)),
     "a rail": RAIL,
-    "a strong one": arm_of(limit=limit(effort=30_000)),
+    "an excavator": arm_of(limit=limit(effort=450_000)),
     "gears": geared(100),
     "heavy": arm_of({0: inertial(mass="80", moments=(1, 1, 0.5)) + rod()}),
     "a flange": arm_of(
