@@ -21,6 +21,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm, Setup, load_robot, with_effort
 from sidegan.validity import Constraints, Validity, check, usual_effort
 from sidegan.validity.home import refuse_degrees
+from sidegan.validity.remedies import refuse_other_units
 
 _SAMPLES = 60  # time points per period of an optimisation
 _SAME = 1e-9  # [rad or m] tolerance of home in the middle of the limits
@@ -120,9 +121,12 @@ class Cell:
         """The arm with its full limits.
 
         Raises:
-            RobotError: when the description is not a serial chain with limits; says what helps.
+            RobotError: when the description is not a serial chain with limits, in SI units; says what helps.
         """
-        return load_robot(self._description, self.setup, self.choices.home)
+        arm = load_robot(self._description, self.setup, self.choices.home)
+        if self.workspace.torque:
+            refuse_other_units(arm)
+        return arm
 
     @cached_property
     def recorded_arm(self) -> Arm:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from sidegan.base.names import counted, listed
 from sidegan.robot import describe_doubtful_links, describe_placeholder_links, doubtful_links
-from sidegan.robot.collision import length_of
+from sidegan.robot.arm import length_of
 from sidegan.robot.setup import allowed
 from sidegan.validity.pairs import describe_displaced_shapes, mostly_touching
 from sidegan.validity.regions import distance

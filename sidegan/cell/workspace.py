@@ -16,7 +16,8 @@ from sidegan.base.typed import NonNegative, Number, Positive
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.robot import Arm, is_built_in
 from sidegan.robot.meshes import metres_per_unit, read_mesh
-from sidegan.robot.placement import from_rpy, meant_in_degrees, stands
+from sidegan.robot.placement import from_rpy, stands
+from sidegan.robot.units import meant_in_degrees
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 from sidegan.validity.home import default_home, rests_at

@@ -21,6 +21,7 @@ from sidegan.pipeline.compose import composed
 from sidegan.pipeline.settings import Config
 from sidegan.pipeline.store import Store
 from sidegan.robot import describe_placeholder_links
+from sidegan.robot.consistency import describe_other_units
 
 log = logging.getLogger(__name__)
 
@@ -64,6 +65,7 @@ class RunContext:
         else:
             placeholders = describe_placeholder_links(arm := self.cell.recorded_arm)
             warnings = [f"{placeholders}: they are not used as prior or reference"] if placeholders else []
+            warnings += filter(None, [describe_other_units(arm)])
             notes = list(filter(None, [described(arm)]))
         for text in warnings:
             log.warning("%s", text)

@@ -1,7 +1,7 @@
 """An arm as plain arrays."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -148,6 +148,18 @@ def with_effort(arm: Arm, effort: float) -> Arm:
     limits = digest_of({"velocity_limit": speed, "torque_limit": torque}, arm.capsules)
     digest = hashlib.sha256(f"{arm.digest} {limits}".encode()).hexdigest()
     return replace(arm, digest=digest, velocity_limit=speed, torque_limit=torque)
+
+
+def length_of(arm: Mapping[str, Array]) -> float:
+    """Approximate reach of an arm from its first joint [m]; ``arm`` has arrays named as in `Arm`.
+
+    The median centre of mass stands for the last link if its tip is nearer.
+    """
+    mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
+    centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
+    slides = np.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
+    offsets = np.linalg.norm(arm["translation"][1:], axis=1).sum() + slides.sum()
+    return float(offsets + max(np.linalg.norm(arm["tip"]), np.median(centres)))
 
 
 def rounded(numbers: Array) -> bytes:

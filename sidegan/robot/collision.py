@@ -1,14 +1,13 @@
 """Collision geometry of an arm, refined where hulls of hollow links collide although their meshes do not."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import combinations
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot.description import Description
@@ -70,18 +69,6 @@ def _refuse_other_orders(
             f"{description.path}: shapes far too large or small for an arm of {length:.2g} m: {shapes}; "
             'the scale of a mesh is in metres per unit of its file, such as scale="0.001 0.001 0.001"'
         )
-
-
-def length_of(arm: Mapping[str, Array]) -> float:
-    """Approximate reach of an arm from its first joint [m]; ``arm`` has arrays named as in `Arm`.
-
-    The median centre of mass stands for the last link if its tip is nearer.
-    """
-    mass = np.maximum(arm["inertial_parameters"][:, 0], 1e-9)
-    centres = np.linalg.norm(arm["inertial_parameters"][:, 1:4], axis=1) / mass
-    slides = np.where(arm["prismatic"], arm["position_upper"] - arm["position_lower"], 0.0)
-    offsets = np.linalg.norm(arm["translation"][1:], axis=1).sum() + slides.sum()
-    return float(offsets + max(np.linalg.norm(arm["tip"]), np.median(centres)))
 
 
 def of_another_order(size: float, length: float, moves: bool, mesh: bool) -> str:

@@ -1,11 +1,14 @@
 """Physical consistency of links: whether mass, centre of mass and inertia belong to a real body."""
 
+import math
+
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError, ShapeError
-from sidegan.robot.arm import Arm
+from sidegan.robot import units
+from sidegan.robot.arm import Arm, length_of
 
 _ROUNDING = 1e-9  # of the largest principal moment: flat plates meet the triangle inequality with equality
 # Shares of the mean distance between joints: farthest centre of mass from its joint; radius of gyration
@@ -54,11 +57,44 @@ def about_the_centre(parameters: Array) -> tuple[Array, Array]:
 
 
 def doubtful_links(arm: Arm) -> dict[str, str]:
-    """Links that are physically inconsistent, weigh next to nothing or have their mass far off, and why."""
+    """Links that are inconsistent, weigh next to nothing, or have mass or inertia far outside, and why."""
     mass, place, located = _masses(arm)
-    links = zip(arm.link_names, mass.tolist(), place.tolist(), located)
-    found = {name: f"{m:.3g} kg at {x:.3g} m from its joint" for name, m, x, known in links if not known}
+    radius, size, usual = _gyration(arm), _sizes(arm), float(np.median(mass))
+    outside = radius > units.OUTSIDE * np.maximum(size, units.SHORT * length_of(vars(arm)))
+    light = (mass < units.LIGHT * usual) & (mass < units.FOAM * size**3)
+    found = dict[str, str]()
+    for i, name in enumerate(arm.link_names):
+        if not located[i]:
+            found[name] = f"{mass[i]:.3g} kg at {place[i]:.3g} m from its joint"
+        elif outside[i] and not _placeholders(arm)[i]:
+            found[name] = f"radius of gyration {radius[i]:.3g} m in a link of {size[i]:.2g} m"
+        elif light[i]:
+            found[name] = f"{mass[i]:.3g} kg in a link of {size[i]:.2g} m, where {usual:.3g} kg is usual"
     return found | dict(inconsistent_links(arm))
+
+
+def describe_other_units(arm: Arm) -> str:
+    """A question on masses and inertias that no arm has, with converted values; empty if there are none."""
+    links, reach, radius = arm.inertial_parameters, length_of(vars(arm)), _gyration(arm)
+    whole = links[:, 0].sum()
+    said = []
+    if whole > max(units.HEAVY, units.DENSE * reach**3):
+        kilograms = [f"{name} {m:.4g}" for name, m in zip(arm.link_names, links[:, 0] / 1e3)]
+        said.append(
+            f"the links weigh {whole:.5g} kg and reach {reach:.2g} m: are these grams? In kg: "
+            f"{listed(kilograms)}; look at inertias, too"
+        )
+    wrong = np.flatnonzero(radius > max(units.FAR, units.REACHES * reach))
+    if wrong.size:
+        inside = (_PLAIN * reach / 2 / np.median(radius[wrong])) ** 2
+        unit, factor = min(units.INERTIAS.items(), key=lambda one: abs(math.log(one[1] / inside)))
+        moments = factor * about_the_centre(links[wrong])[1].diagonal(0, 1, 2)
+        right = [f"{arm.link_names[i]} {radius[i]:.3g} m, {row.round(5)}" for i, row in zip(wrong, moments)]
+        said.append(
+            f"radii of gyration are far beyond the reach of {reach:.2g} m: are inertias in {unit}? Radii, "
+            f"and then ixx, iyy, izz in kg·m²: {listed(right)}"
+        )
+    return f"{arm.name}: {'; '.join(said)}" if said else ""
 
 
 def describe_doubtful_links(arm: Arm) -> str:
@@ -67,7 +103,7 @@ def describe_doubtful_links(arm: Arm) -> str:
     for name, reason in doubtful_links(arm).items():
         reasons.setdefault(reason, []).append(name)
     links = "; ".join(f"{listed(names)} ({reason})" for reason, names in reasons.items())
-    return f"links of {arm.name} that are physically impossible as described: {links}" if links else ""
+    return f"links of {arm.name} that cannot be as described: {links}" if links else ""
 
 
 def possible_links(arm: Arm) -> Array:
@@ -99,6 +135,27 @@ def _masses(arm: Arm) -> tuple[Array, Array, Array]:
         place = np.linalg.norm(links[:, 1:4], axis=1) / mass
     heavy = (mass > 0) & (mass > _NEXT_TO_NOTHING * mass.max())
     return mass, place, heavy & (place < _FARTHEST * _length(arm)) & np.isfinite(links).all(1)
+
+
+def _gyration(arm: Arm) -> Array:
+    """Largest radii of gyration of the links about their centres of mass [m], (J,); 0 without mass."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # masses may be zero
+        square = (
+            about_the_centre(arm.inertial_parameters)[1].trace(0, 1, 2) / 2 / arm.inertial_parameters[:, 0]
+        )
+    return np.sqrt(np.nan_to_num(np.maximum(square, 0.0), posinf=0.0))
+
+
+def _sizes(arm: Arm) -> Array:
+    """Distances of the links' centres of mass from their farthest joint or point of a shape [m], (J,)."""
+    centre = arm.inertial_parameters[:, 1:4] / np.maximum(arm.inertial_parameters[:, :1], 1e-9)
+    ends = np.concatenate([arm.translation[1:], arm.tip[None]])
+    found = np.maximum(np.linalg.norm(centre, axis=1), np.linalg.norm(ends - centre, axis=1))
+    shapes, moving = arm.capsules, arm.capsules.link >= 0
+    link = shapes.link[moving]
+    for end in (shapes.a[moving], shapes.b[moving]):
+        np.maximum.at(found, link, np.linalg.norm(end - centre[link], axis=1) + shapes.radius[moving])
+    return found
 
 
 def placeholder_links(arm: Arm) -> list[str]:

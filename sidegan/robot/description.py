@@ -23,6 +23,7 @@ from sidegan.robot.placement import GRAVITY, hang, lock, mount_of, turned, unit_
 from sidegan.robot.setup import PLAIN, Mount, Setup
 from sidegan.robot.sources import read_source
 from sidegan.robot.tree import Joint, Tree, read_tree
+from sidegan.robot.units import refuse_angles
 
 _HOMES = "home", "ready"  # names of home postures, in order of preference
 _SIZES = {  # attributes of each shape's sizes, and how many numbers each has
@@ -66,9 +67,10 @@ def read_description(
     robot = root.get("name") or path.stem
     root.set("name", robot)
     may_touch = _touching(root, where)
+    tree = read_tree(root, where)
+    refuse_angles(root, where)
     for extra in [element for element in root if element.tag not in ("link", "joint")]:
         root.remove(extra)
-    tree = read_tree(root, where)
     moving, locked = choose(tree, setup)
     for joint in moving:
         unit_axis(joint, tree.at(joint))

@@ -4,6 +4,7 @@ import logging
 import math
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, TypeVar
 
 from sidegan.base.names import listed
@@ -13,13 +14,14 @@ from sidegan.robot.arm import DERIVATIVE_ORDER
 from sidegan.robot.joint_limits import with_file
 from sidegan.robot.setup import Limits, override
 from sidegan.robot.tree import Joint, Tree, meant
+from sidegan.robot.units import LIMITS, TURN, made_up
 
 _EXAMPLE = {"revolute": (-3.14, 3.14), "prismatic": (0.0, 0.5)}  # suggested ranges [rad or m]
 _EXAMPLE_SPEED = {"prismatic": 0.1}  # [m/s]; 1 rad/s for the others
 # Attributes of a joint's <limit>, with any prefix.
 _DERIVATIVES = {"acceleration": ("acceleration", "deceleration"), "jerk": ("jerk",)}
 _ROUNDED = 1e-3  # relative tolerance of limits wider than the description's
-_TURN, _NEVER = 2.02 * math.pi, 4 * math.pi  # [rad] usual limit, and one that then must be in degrees
+_SIDES = {"position": ["lower", "upper"], "velocity": ["velocity"], "effort": ["effort"]}
 _Value = TypeVar("_Value")
 _Span = tuple[float, float]  # lower and upper limit [rad or m]
 _log = logging.getLogger(__name__)
@@ -44,7 +46,7 @@ def limits_of(
 
     They are also written into the tree's XML, since Pinocchio requires them. Continuous joints may turn by
     half a turn from home [rad]. Missing or impossible limits are refused together, with the settings that
-    state them; without planning, defaults replace them.
+    state them, and so are limits in other units; without planning, these become defaults or are converted.
     """
     given, read = with_file(tree, given.of_joints(joint.name for joint in moving))
     stated = _stated(tree, given)
@@ -62,7 +64,8 @@ def limits_of(
             acceleration=own.get("acceleration") or described.derivative(joint, "acceleration"),
             jerk=own.get("jerk") or described.derivative(joint, "jerk"),
         )
-        _refuse_degrees(tree, joint, stated["position"])
+    doubts = _in_other_units(moving, found, stated)
+    for joint in moving:
         wider += _wider(joint, found[joint.name])
         _write(joint, found[joint.name])
     notes = list(read)
@@ -83,6 +86,10 @@ def limits_of(
             missing = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in others)])
             raise RobotError(f"{missing}; state the arm's limits, for example {lines}")
         notes.append(f"limits missing from the description are assumed to be {lines}")
+    if doubts and planning:
+        raise RobotError(f"{tree.where}: {doubts} if not, state the real ones in the same way")
+    if doubts:
+        _log.warning("%s: %s so they are read", tree.where, doubts)
     for kind in DERIVATIVE_ORDER:
         finite = [name for name, limits in found.items() if math.isfinite(getattr(limits, kind))]
         if names := [name for name in finite if name not in stated[kind]]:
@@ -190,17 +197,46 @@ class _Described:
         return value
 
 
-def _refuse_degrees(tree: Tree, joint: Joint, stated: dict[str, _Span]) -> None:
-    """Refuse a range that looks like degrees, of a joint whose described range is within a turn."""
-    span = stated.get(joint.name)
-    if joint.kind == "revolute" and span:
-        own = max(abs(_plain(joint.part("limit").get(key, ""))) for key in ("lower", "upper"))
-        if 0 < own <= _TURN < _NEVER < max(map(abs, span)):
-            meant = {joint.name: tuple(map(math.radians, span))}
-            raise RobotError(
-                f"{tree.at(joint)}: position limits are {span[0]:.4g} to {span[1]:.4g} rad: are these "
-                f"degrees? In radians they are {override('limits.position', meant, stated)}"
-            )
+def _in_other_units(
+    moving: tuple[Joint, ...], found: dict[str, JointLimits], stated: dict[str, dict[str, Any]]
+) -> str:
+    """Questions on limits that no arm has, with settings that state them; converts the limits.
+
+    All limits of a kind are in the other unit if half of them must be.
+    """
+    said = []
+    for kind, slides in product(_SIDES, (False, True)):
+        largest, other, factor = LIMITS[kind][slides]
+        given = stated[kind]
+        joints = [x for x in moving if (x.kind == "prismatic") == slides and _described(x, kind, given)]
+        own = {x: [getattr(found[x.name], side) for side in _SIDES[kind]] for x in joints}
+        size = {x: max(map(abs, limits)) for x, limits in own.items()}
+        beyond = [x for x in joints if largest < size[x] < math.inf]
+        wrong = [x.name for x in beyond if x.name in given or not made_up(size[x], largest)]
+        if not wrong:
+            continue
+        least = 0.0 if len(wrong) > 1 and 2 * len(wrong) >= len(own) else largest / 2
+        if geared := kind == "velocity" and all(x.reduction > 1 for x in beyond):
+            other = "the motors', of which mechanicalReduction makes the joints'"
+        values = dict[str, Any]()
+        for x in (x for x in joints if least < size[x] < math.inf):
+            value = [limit / x.reduction if geared else factor * limit for limit in own[x]]
+            vars(found[x.name]).update(zip(_SIDES[kind], value))
+            values[x.name] = (value if len(value) > 1 else value[0]) if max(value) <= largest else "…"
+        right = override(f"limits.{kind}", values, given)
+        said.append(
+            f"{kind} limits of {listed(wrong, 4)} (up to {max(size[x] for x in beyond):.4g}) are beyond any "
+            f"arm's: are these {other}? In SI units they are then {right};"
+        )
+    return " ".join(said)
+
+
+def _described(joint: Joint, kind: str, given: dict[str, Any]) -> bool:
+    """Whether a joint's limit is the description's, or may be in degrees as the description's is not."""
+    own = max(abs(xml.plain(joint.part("limit").get(key))) for key in ("lower", "upper"))
+    if kind == "position":
+        return joint.kind != "continuous" and (joint.name not in given or 0 < own <= TURN)
+    return joint.name not in given
 
 
 def _wider(joint: Joint, limits: JointLimits) -> list[str]:
@@ -212,18 +248,10 @@ def _wider(joint: Joint, limits: JointLimits) -> list[str]:
     wider = []
     for kind, unit in units.items():
         value = getattr(limits, kind)
-        own = _plain(joint.part("limit").get(kind, ""))
+        own = xml.plain(joint.part("limit").get(kind))
         if own and (own - value if kind == "lower" else value - own) > _ROUNDED * abs(own):
             wider.append(f"{kind} of {joint.name} {value:.4g} instead of {own:.4g} {unit}")
     return wider
-
-
-def _plain(text: str) -> float:
-    """A limit in a description; zero if it is missing or unreadable."""
-    try:
-        return float(text) if math.isfinite(float(text)) else 0.0
-    except ValueError:
-        return 0.0
 
 
 def _assumed(found: dict[str, JointLimits], moving: tuple[Joint, ...], stated: dict[str, _Span]) -> list[str]:

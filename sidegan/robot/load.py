@@ -13,12 +13,13 @@ import numpy as np
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
-from sidegan.robot.arm import Arm, digest_of
-from sidegan.robot.collision import collision_shapes, length_of
+from sidegan.robot.arm import Arm, digest_of, length_of
+from sidegan.robot.collision import collision_shapes
 from sidegan.robot.description import Description, read_description
 from sidegan.robot.model import build, kinematics_and_inertias
 from sidegan.robot.setup import PLAIN, Setup, allowed
 from sidegan.robot.shapes import VERSION, capsules_of
+from sidegan.robot.units import LONGEST
 
 _MODELS = Path(__file__).parent / "models"
 _LIMITS = {
@@ -29,7 +30,6 @@ _LIMITS = {
     "acceleration": "acceleration_limit",
     "jerk": "jerk_limit",
 }
-_LONGEST = 100.0  # [m] sum of link lengths beyond which they must be in other units
 _log = logging.getLogger(__name__)
 
 
@@ -72,7 +72,7 @@ def load_robot(
     model = build(description)
     chain = kinematics_and_inertias(model, setup.tip)
     length = float(np.linalg.norm([*chain["translation"][1:], chain["tip"]], axis=1).sum())
-    if length > _LONGEST:
+    if length > LONGEST:
         raise RobotError(f"{path}: the links are {length:.4g} m long together: are these millimetres?")
     names = tuple(model.names)[1:]
     numbers = chain | _limits(description, names)

@@ -13,10 +13,10 @@ from sidegan.robot import xml
 from sidegan.robot.arm import Arm, FilePlane
 from sidegan.robot.setup import Mount, setting
 from sidegan.robot.tree import TURNING, Joint
+from sidegan.robot.units import meant_in_degrees
 
 GRAVITY = 9.81  # [m/s²]
 _AXIS = (1e-6, 1e6)  # lengths of an axis that can be normalised
-_TURN = 2.02 * math.pi  # [rad] beyond which an angle must be in degrees
 _WORLD = "sidegan_world"
 _STANDING = 0.7  # cosine of the largest tilt of a base that counts as standing
 _STRAIGHT = 0.05  # [rad] within which a direction is taken for an axis
@@ -58,11 +58,6 @@ def write_placement(origin: ET.Element, turn: Array, place: Array) -> None:
     """Write a rotation (3, 3) and a translation [m], (3,), into a URDF's origin."""
     origin.set("xyz", xml.words(place))
     origin.set("rpy", xml.words(pin.rpy.matrixToRpy(turn)))
-
-
-def meant_in_degrees(rpy: tuple[float, ...]) -> list[float]:
-    """Roll, pitch and yaw [rad] that were stated in degrees; empty unless one is beyond a turn."""
-    return [math.radians(x) for x in rpy] if max(map(abs, rpy)) > _TURN else []
 
 
 def from_rpy(rpy: tuple[float, ...]) -> Array:

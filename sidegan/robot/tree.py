@@ -9,6 +9,7 @@ from functools import cached_property
 
 from sidegan.errors import RobotError
 from sidegan.robot import xml
+from sidegan.robot.units import reductions_of
 
 TURNING = ("revolute", "continuous")
 WORLD = "world"  # a link of this name is no part of the arm
@@ -28,6 +29,7 @@ class Joint:
     parent: str  # link
     child: str  # link
     element: ET.Element
+    reduction: float = 1.0  # of the gear, if a transmission states it
 
     @property
     def mimic(self) -> ET.Element | None:
@@ -120,8 +122,9 @@ def read_tree(root: ET.Element, where: str) -> Tree:
             raise RobotError(f"{where} has {count} {kind}s named {name!r}, expected unique names")
     joints: dict[str, Joint] = {}
     children: set[str] = set()
+    gears = reductions_of(root)
     for element, name in zip(root.findall("joint"), names["joint"]):
-        joint = joints[name] = _joint(element, name, f"{where}: joint {name!r}")
+        joint = joints[name] = _joint(element, name, f"{where}: joint {name!r}", gears.get(name, 1.0))
         at = f"{where}: joint {name!r}"
         for link in (joint.parent, joint.child):
             if link not in names["link"]:
@@ -140,7 +143,7 @@ def read_tree(root: ET.Element, where: str) -> Tree:
     return tree
 
 
-def _joint(element: ET.Element, name: str, at: str) -> Joint:
+def _joint(element: ET.Element, name: str, at: str, reduction: float) -> Joint:
     """A joint of a known kind, with two links and a valid placement."""
     parent, child = (xml.attribute(xml.child(element, e, at), "link", at) for e in ("parent", "child"))
     kind = element.get("type", "")
@@ -148,4 +151,4 @@ def _joint(element: ET.Element, name: str, at: str) -> Joint:
         raise RobotError(f"{at} is of type {kind!r}, expected revolute, prismatic, continuous or fixed")
     for key in ("xyz", "rpy"):
         xml.vector(element.find("origin"), key, at, "0 0 0")
-    return Joint(name, kind, parent, child, element)
+    return Joint(name, kind, parent, child, element, reduction)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from sidegan.base.names import listed
 from sidegan.errors import RobotError
 from sidegan.robot import xml
-from sidegan.robot.arm import Arm
-from sidegan.robot.collision import length_of, of_another_order
+from sidegan.robot.arm import Arm, length_of
+from sidegan.robot.collision import of_another_order
 from sidegan.robot.description import read_description
 from sidegan.robot.meshes import find_mesh, metres_per_unit
 from sidegan.robot.model import build

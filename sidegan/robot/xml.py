@@ -1,5 +1,6 @@
 """XML of descriptions: required elements and attributes, and finite numbers."""
 
+import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -43,6 +44,14 @@ def child(element: ET.Element, tag: str, where: str) -> ET.Element:
 def number(element: ET.Element, key: str, where: str, default: str | None = None) -> float:
     """A finite number from an attribute, which is required unless there is a default."""
     return vector(element, key, where, default, size=1)[0]
+
+
+def plain(text: str | None) -> float:
+    """A number in a description; zero if it is missing, unreadable or not finite."""
+    try:
+        return float(text or "") if math.isfinite(float(text or "")) else 0.0
+    except ValueError:
+        return 0.0
 
 
 def positive(element: ET.Element, key: str, where: str, size: int = 1) -> tuple[float, ...]:

@@ -1,25 +1,27 @@
 """Constraints that limit motions, placeholders in a description, and settings that relax or correct them."""
 
-import math
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
+from sidegan.errors import RobotError
 from sidegan.motion.dynamics import RigidBody
 from sidegan.motion.trajectory import Trajectory
-from sidegan.robot import Arm
+from sidegan.robot import Arm, units
+from sidegan.robot.consistency import describe_other_units
 from sidegan.robot.setup import allowed, override
+from sidegan.robot.sources import read_source
+from sidegan.robot.units import reductions_of
 from sidegan.validity.check import check
 from sidegan.validity.constraints import Constraints
 from sidegan.validity.pairs import sampled
 
 _LARGER = (1.1, 1.5, 3.0, 10.0, 30.0)  # factors on trajectories, tried until some are invalid
-_FASTEST, _FASTEST_SLIDE = 60.0, 10.0  # [rad/s, m/s] largest plausible velocity limits
-_TURN = 2.02 * math.pi  # [rad] largest plausible position limit that several joints share
-_FARTHEST = 100.0  # [rad, m] largest plausible position limit
-_STRONGEST = 1e5  # [N·m, N] largest plausible torque limit
+_GEARED = 5.0  # least ratio of a holding torque and a limit that may be the motor's
+_FEWEST = 3  # joints of which the same limit is no coincidence
 _SPARE = 20.0  # largest plausible ratio of the weakest joint's limit to the largest holding torque
 _WEAK, _UNKNOWN = 100.0, 1000.0  # [N·m] always plausible for the weakest joint; and without masses
 _TRIED = 500  # configurations in which holding torques are computed
@@ -56,12 +58,26 @@ def remedy(constraints: Constraints, where: Where) -> str:
     if constraint == "keep_out":
         nearer = "a smaller clearance (workspace.clearance=…), " if constraints.clearance else ""
         return f"{nearer}{home} or no regions (workspace=free)"
+    j = arm.joint_names.index(which)
     kind = "effort" if constraint == "torque" else constraint
-    limit = _limits_to_state(arm, kind, [arm.joint_names.index(which)])
-    if constraint == "position":
-        return f"{home} or a wider range ({limit})"
-    effort = "robot.effort=… or " if constraint in ("velocity", "torque") else ""
-    return f"a larger limit ({effort}{limit})"
+    mine = which in _given(arm, kind)  # and not the description's
+    own = f" or a wider limit than yours ({_limits_to_state(arm, kind, [j])})" if mine else ""
+    share = ", more of the limits (robot.effort=…, up to 1)" if constraint in ("velocity", "torque") else ""
+    if constraint == "torque":
+        return f"masses that are right ({_masses(arm)}), {home}{share}{own}{_made_up(arm, [j])}"
+    slower = "" if constraint == "position" else ", slower motion (trajectory.period=…)"
+    return f"{home}{slower}{share}{own}"
+
+
+def refuse_other_units(arm: Arm) -> None:
+    """Refuse masses, inertias and torque limits that no arm has, by a RobotError that asks what they are."""
+    doubt = describe_other_units(arm)
+    weak = np.flatnonzero(_held(arm).max(0) > _GEARED * arm.torque_limit).tolist()
+    if doubt or (weak and _geared(arm, weak)):
+        raise RobotError(
+            f"{doubt or describe_weak_limits(arm)}; correct the file, or leave torques unchecked by "
+            "workspace.torque=false"
+        )
 
 
 def describe_placeholder_limits(arm: Arm) -> str:
@@ -69,11 +85,10 @@ def describe_placeholder_limits(arm: Arm) -> str:
     turns = ~arm.prismatic
     span = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
     alike = (span[:, None] == span[turns]).sum(1) > 1
-    far = (span > _FARTHEST) | (turns & alike & (span > _TURN))
-    fast = arm.velocity_limit > np.where(turns, _FASTEST, _FASTEST_SLIDE)
+    most = {kind: np.where(turns, *(row[0] for row in rows)) for kind, rows in units.LIMITS.items()}
     kinds = {
-        "position": (span, far),
-        "velocity": (arm.velocity_limit, fast),
+        "position": (span, (span > most["position"]) | (turns & alike & (span > units.TURN))),
+        "velocity": (arm.velocity_limit, (arm.velocity_limit > most["velocity"]) | _motors(arm)),
         "effort": (arm.torque_limit, _strong(arm)),
     }
     wrong, settings = [], []
@@ -83,7 +98,22 @@ def describe_placeholder_limits(arm: Arm) -> str:
             settings.append(_limits_to_state(arm, kind, np.flatnonzero(marked).tolist()))
     if not wrong:
         return ""
-    return f"implausible limits: {'; '.join(wrong)}; state the real ones by {' '.join(settings)}"
+    return (
+        f"implausible limits: {'; '.join(wrong)}; are they the motors', in mN·m, or placeholders? The arm "
+        f"may not follow; state the real ones by {' '.join(settings)}"
+    )
+
+
+def _motors(arm: Arm) -> Array:
+    """Joints whose described velocities, too fast at the tip, are probably the motors', (J,) bool.
+
+    Not of legs, which are as fast, and have three joints.
+    """
+    beyond = np.linalg.norm([*arm.translation[1:], arm.tip], axis=1)[::-1].cumsum()[::-1]
+    given = [name in _given(arm, "velocity") for name in arm.joint_names]
+    fast = ~arm.prismatic & (arm.velocity_limit > units.JOINT) & ~np.array(given)
+    quick = float((arm.velocity_limit * beyond * fast).max()) > units.TIP
+    return fast & quick & (arm.joints > _FEWEST) & (2 * fast.sum() >= (~arm.prismatic).sum())
 
 
 def describe_weak_limits(arm: Arm) -> str:
@@ -95,9 +125,35 @@ def describe_weak_limits(arm: Arm) -> str:
     limits, names = arm.torque_limit.tolist(), arm.joint_names
     joints = [f"{names[j]} (effort {limits[j]:.4g}) in {float(share[j]):.0%}" for j in weak]
     return (
-        f"torque limits that hold the arm still in only part of its range: {listed(joints)}; if these are "
-        f"placeholders, state the real ones by {_limits_to_state(arm, 'effort', weak)}"
+        f"torque limits that hold the arm still in only part of its range: {listed(joints)}; first check "
+        f"the masses ({_masses(arm)}){_geared(arm, weak) or _made_up(arm, weak)}"
     )
+
+
+def _geared(arm: Arm, weak: list[int]) -> str:
+    """A question whether torque limits are the motors', if the file has the gears of the weak joints."""
+    gears = reductions_of(read_source(arm.urdf, arm.setup.args).root)
+    limits = dict(zip(arm.joint_names, arm.torque_limit.tolist()))
+    joint = {name: gears[name] * x for name, x in limits.items() if name in gears}
+    names = {arm.joint_names[j] for j in weak}
+    if not names <= {*joint} or names & {*_given(arm, "effort")}:
+        return ""
+    right = override("limits.effort", joint | _given(arm, "effort"))
+    return f"; are these limits the motors'? Times the mechanicalReduction in the file they are {right}"
+
+
+def _masses(arm: Arm) -> str:
+    """Words on the mass of the arm and of its heaviest link, which may be wrong rather than a limit."""
+    mass = arm.inertial_parameters[:, 0]
+    return f"{mass.sum():.3g} kg together, {arm.link_names[int(mass.argmax())]} {mass.max():.3g} kg"
+
+
+def _made_up(arm: Arm, joints: list[int]) -> str:
+    """Words on real torque limits, if those described are one number for all joints, or else empty."""
+    if arm.joints < _FEWEST or (arm.torque_limit != arm.torque_limit[0]).any():
+        return ""
+    stated = _limits_to_state(arm, "effort", joints)
+    return f"; if the same limit for all joints is a placeholder, state the real ones by {stated}"
 
 
 def describe_excessive_friction(arm: Arm) -> str:
@@ -115,7 +171,12 @@ def describe_excessive_friction(arm: Arm) -> str:
 def _limits_to_state(arm: Arm, kind: str, joints: list[int]) -> str:
     """The setting of limits for some joints, including those given before."""
     stated = {arm.joint_names[j]: "…" for j in joints}
-    return override(f"limits.{kind}", stated, getattr(arm.setup.limits, kind))
+    return override(f"limits.{kind}", stated, _given(arm, kind))
+
+
+def _given(arm: Arm, kind: str) -> dict[str, Any]:
+    """The user's limits by joint."""
+    return getattr(arm.setup.limits, kind) or {}
 
 
 def _held(arm: Arm) -> Array:
@@ -128,7 +189,7 @@ def _strong(arm: Arm) -> Array:
     """Joints with implausibly large torque limits, (J,) bool."""
     limit, turns = arm.torque_limit, ~arm.prismatic
     held = _held(arm).max(0)
-    strong = np.isfinite(limit) & (limit > _STRONGEST)
+    strong = np.isfinite(limit) & (limit > units.LIMITS["effort"][0][0])
     if turns.any() and np.isfinite(limit[turns]).all():
         most = max(_SPARE * float(held[turns].max()), _WEAK) if held.any() else _UNKNOWN
         strong |= turns & (limit[turns].min() >= most)

@@ -26,6 +26,9 @@ GAP = arm_of({1: HUB}, base=POST)
 PIN, RING = inertial() + ball(0.06, "0.1 0 0.3"), inertial() + rod() + ball(0.05, "0.02 0 -0.3")
 TOUCHING = arm_of({1: PIN, 3: RING})
 WEAK = arm_of(limit=LIMIT.replace('effort="50"', 'effort="8"'))
+DENSE = arm_of({1: inertial(moments=(1, 1, 0.01)) + rod()})
+LIGHT = arm_of({1: inertial(mass=0.002, moments=(2e-5, 2e-5, 4e-6)) + rod()})
+FAST = arm_of(limit=LIMIT.replace('velocity="2"', 'velocity="25"'))
 STICKY = arm_of(limit=LIMIT + '<dynamics damping="20" friction="15"/>')
 FRICTION = arm_of(limit=LIMIT + '<dynamics damping="6" friction="5"/>')
 ALIKE = arm_of(dict.fromkeys(range(4), inertial(place="0 0 0") + rod()))
@@ -78,13 +81,24 @@ def test_an_automatic_home_has_room_beyond_the_clearance(excited):
         ),
         (("collision", "base – link1"), "'robot.may_touch=[[base, link1]]'"),
         (("keep_out", "link3 in region 0"), "workspace=free"),
-        (("torque", "joint1"), "robot.effort=… or 'robot.limits.effort={joint1: "),
-        (("velocity", "joint2"), "robot.effort=… or 'robot.limits.velocity={joint2: …}'"),
-        (("position", "joint3"), "'robot.limits.position={joint3: …}'"),
+        (("torque", "joint1"), "masses that are right (8 kg together, link0 2 kg), another home"),
+        (("torque", "joint1"), "if the same limit for all joints is a placeholder, state the real ones"),
+        (("velocity", "joint2"), "slower motion (trajectory.period=…), more of the limits (robot.effort=…"),
+        (("position", "joint3"), "another home ('trajectory.home=[…]')"),
     ],
 )
 def test_every_constraint_has_a_suggested_setting(excited, where, said):
     assert said in remedy(excited(GAP).cell.constraints, where)
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity", "effort", "acceleration"])
+def test_no_remedy_raises_a_limit_that_the_description_states(excited, kind):
+    several = GAP.replace('effort="50"', 'effort="60"', 1)
+    value = "[-1, 1]" if kind == "position" else "2"
+    where = "torque" if kind == "effort" else kind, "joint2"
+    for words, raised in ([], False), ([f"robot.limits.{kind}={{joint2: {value}}}"], True):
+        said = remedy(excited(several, *words).cell.constraints, where)
+        assert ("'robot.limits." in said) == raised and ("wider limit than yours" in said) == raised
 
 
 def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
@@ -105,11 +119,14 @@ def test_the_limiting_constraint_of_a_weak_set_is_reported(excited):
             TOUCHING,
             r"in most configurations: link1 – link3 in \d\d%; .*'robot.may_touch=\[\[link1, link3\]\]'",
         ),
-        (WEAK, r"joint1 \(effort 8\) in \d\d%, .*'robot.limits.effort={joint1: …"),
+        (WEAK, r"joint1 \(effort 8\) in \d\d%, .*check the masses .*'robot.limits.effort={joint1: …"),
+        (DENSE, r"link1 \(radius of gyration 0.709 m in a link of 0.16 m\).* joint1 may differ"),
+        (LIGHT, r"link1 \(0.002 kg in a link of 0.16 m, where 2 kg is usual\)"),
+        (FAST, r"velocity of joint0, .* \(up to 25\); are they the motors'.*limits.velocity={joint0: …"),
         (STICKY, r"friction of joint0, joint1, .* exceeds its torque limit.*robot.friction=false"),
         (ALIKE, r"masses of link0, link1, link2, link3 are placeholders .* mean nothing until"),
     ],
-    ids=["touching", "weak", "sticky", "alike"],
+    ids=["touching", "weak", "dense", "light", "fast", "sticky", "alike"],
 )
 def test_description_problems_are_reported_before_the_design(excited, caplog, text, said):
     excited(text).log_decisions()

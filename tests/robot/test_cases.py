@@ -1,32 +1,39 @@
 """Descriptions with missing or impossible masses, shapes and limits."""
 
 import logging
+import re
+from contextlib import nullcontext
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 
+from sidegan.cell import Cell
 from sidegan.errors import ConfigError, RobotError
 from sidegan.identification.goals import usual_torque
 from sidegan.motion.dynamics import RigidBody
 from sidegan.plant import IDEAL, mujoco_model
 from sidegan.robot import (
+    Limits,
+    Setup,
     describe_doubtful_links,
     doubtful_links,
     inconsistent_links,
     load_robot,
     possible_links,
 )
+from sidegan.robot.consistency import describe_other_units
 from sidegan.robot.visuals import visual_parts
 from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.validity.pairs import describe_displaced_shapes, sampled
-from sidegan.validity.remedies import describe_placeholder_limits
+from sidegan.validity.remedies import describe_placeholder_limits, refuse_other_units
 from tests.identification.recordings import identified
 from tests.identification.test_cases import recordings
 from tests.pipeline.test_workspace import workspace
-from tests.robot.urdf import collision, joint, link, mesh, robot
+from tests.robot.urdf import ball, collision, joint, link, mesh, more, robot, visual
 
 AXES = ("0 0 1", "0 1 0", "0 1 0", "0 0 1")
 LIMIT = '<limit lower="-2.8" upper="2.8" velocity="2" effort="50"/>'
@@ -149,12 +156,132 @@ def heights(model, q):
         (2, 1000, 50, "velocity of joint0, joint1, joint2, joint3 (up to 1000)"),
         (2, 2, 1000, "'robot.limits.effort={joint0: "),
         (10, 2, 50, "'robot.limits.position={joint0: …, "),
-        (170, 2, 50, "position of joint0, joint1, joint2, joint3 (up to 170)"),
+        (100, 2, 50, "position of joint0, joint1, joint2, joint3 (up to 100)"),
     ],
 )
 def test_placeholder_limits_are_reported_with_the_setting_to_change(load, span, velocity, effort, said):
     limit = f'<limit lower="-{span}" upper="{span}" velocity="{velocity}" effort="{effort}"/>'
     assert said in describe_placeholder_limits(load(arm_of(limit=limit)))
+
+
+def limit(lower=-2.8, upper=2.8, velocity=2.0, effort=50.0):
+    return f'<limit lower="{lower}" upper="{upper}" velocity="{velocity}" effort="{effort}"/>'
+
+
+def geared(ratio, **limits):
+    """URDF with limits of the motors of all joints, and their gears in both spellings."""
+    old = '<transmission name="{0}"><joint name="{0}"/><actuator name="m"><mechanicalReduction>{1}'
+    new = '<ros2_control name="all" type="system"><transmission name="{0}"><joint name="{0}">'
+    parts = [old.format(f"joint{k}", ratio) + END for k in (0, 1, 2)]
+    parts.append(f"{new.format('joint3')}<mechanical_reduction>{ratio}{NEW_END}")
+    return more(arm_of(limit=limit(**limits)), *parts)
+
+
+END = "</mechanicalReduction></actuator></transmission>"
+NEW_END = "</mechanical_reduction></joint></transmission></ros2_control>"
+SLIDE = 'type="prismatic"'
+
+
+def mixed(first, others=LIMIT, kind='type="revolute"'):
+    """URDF of which one joint has another limit."""
+    return arm_of(limit=others).replace(others, first, 1).replace('type="revolute"', kind, 1)
+
+
+RAIL = mixed(limit(-1, 5, 3.0), kind=SLIDE)
+LIMITS_ELSEWHERE = {  # descriptions, what is asked, and the line that is filled in
+    "degrees": (arm_of(limit=limit(-166, 120)), "degrees?", "position={joint0: [-2.89725, 2.0944], joint1: "),
+    "one of them": (mixed(limit(-90, 160)), "degrees?", "position={joint0: [-1.5708, 2.79253]}'"),
+    "one is small": (
+        mixed(limit(-5, 5), limit(-99, 120)),
+        "degrees?",
+        "position={joint0: [-0.0872665, 0.0872665], ",
+    ),
+    "ticks": (arm_of(limit=limit(0, 4095)), "degrees?", "position={joint0: …, joint1: …"),
+    "speeds": (arm_of(limit=limit(velocity=180)), "degrees per second?", "velocity={joint0: 3.14159, joint1"),
+    "motors' speeds": (geared(100, velocity=314), "the motors', ", "velocity={joint0: 3.14, joint1: 3.14"),
+    "strokes": (mixed(limit(-180, 20), kind=SLIDE), "millimetres?", "position={joint0: [-0.18, 0.02]}'"),
+    "mN·m": (arm_of(limit=limit(effort=2_500_000)), "mN·m?", "effort={joint0: 2500, joint1: 2500"),
+}
+
+
+@pytest.mark.parametrize("name", LIMITS_ELSEWHERE)
+def test_limits_in_other_units_are_refused_with_those_in_si(load, tmp_path, caplog, name):
+    text, asked, filled = LIMITS_ELSEWHERE[name]
+    with pytest.raises(RobotError, match="beyond any arm's: are these ") as caught:
+        load(text)
+    said = str(caught.value)
+    assert f"are these {asked}" in said and f"robot.limits.{filled}" in said
+    load_robot(tmp_path / "robot.urdf", planning=False)  # an identification goes on, with a warning
+    assert f"are these {asked}" in caplog.text
+    if "…" not in filled:  # the line is an answer
+        kind, values = re.search(r"robot\.limits\.(\w+)=({.*?})'", said).groups()
+        load_robot(tmp_path / "robot.urdf", Setup(limits=Limits(**{kind: yaml.safe_load(values)})))
+
+
+def test_limits_that_the_user_repeats_are_taken(load):
+    stated = Limits(position={f"joint{k}": (-166.0, 120.0) for k in range(4)})
+    assert load(arm_of(limit=limit(-166, 120)), Setup(limits=stated)).position_upper[0] == 120
+
+
+SOUND = {  # arms with unusual numbers, of which nothing is asked
+    "two turns": arm_of(limit=limit(-12.56, 12.56)),
+    "many turns": mixed(limit(-62.83, 62.83)),
+    "an endless base": mixed(limit(-999999, 999999)),
+    "fast wrists": mixed(limit(velocity=26.2)),
+    "a rail": RAIL,
+    "an excavator": arm_of(limit=limit(effort=450_000)),
+    "gears": geared(100),
+    "heavy": arm_of({0: inertial(mass="80", moments=(1, 1, 0.5)) + rod()}),
+    "a flange": arm_of(
+        {3: inertial(mass="0.008", moments=(3e-6, 3e-6, 5e-6), place="0 0 0.01") + ball(0.02)}
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOUND)
+def test_a_sound_arm_is_asked_nothing(load, caplog, name):
+    arm = load(SOUND[name])
+    refuse_other_units(arm)
+    assert describe_doubtful_links(arm) == "" and "beyond any" not in caplog.text
+
+
+def scaled(mass=1.0, moment=1.0):
+    """URDF whose masses and inertias are in other units."""
+    own = inertial(mass=2 * mass, moments=[x * moment for x in (0.02, 0.02, 0.004)])
+    return arm_of({k: own + rod() for k in range(4)})
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        (scaled(1e3, 1e3), "weigh 8000 kg and reach 1.1 m: are these grams? In kg: link0 2, link1 2, "),
+        (scaled(1e3), "are these grams?"),
+        (scaled(moment=1e6), "in kg·mm²? Radii, and then ixx, iyy, izz in kg·m²: link0 105 m, [0.02 "),
+        (scaled(moment=1e9), "in g·mm²?"),
+        (geared(101, effort=0.5), "the motors'? … 'robot.limits.effort={joint0: 50.5, joint1: 50.5, "),
+    ],
+    ids=["grams", "only masses", "kg·mm²", "g·mm²", "motors' torques"],
+)
+def test_masses_and_torques_in_other_units_are_refused_unless_torques_do_not_count(tmp_path, text, asked):
+    (tmp_path / "arm.urdf").write_text(text)
+    with pytest.raises(RobotError, match=".*".join(map(re.escape, asked.split(" … ")))):
+        _ = Cell(tmp_path / "arm.urdf").arm
+    assert Cell(tmp_path / "arm.urdf", workspace={"torque": False}).whole_arm.joints == 4
+    recorded = Cell(tmp_path / "arm.urdf").recorded_arm
+    assert (describe_other_units(recorded) != "") == ("motors" not in asked)
+
+
+@pytest.mark.parametrize("part", ["joint", "inertial", "collision", "visual"])
+def test_angles_in_degrees_are_refused_where_they_count(load, part):
+    turned = {
+        "joint": arm_of().replace('<origin xyz="0 0 0.3"/>', '<origin xyz="0 0 0.3" rpy="0 90 0"/>', 1),
+        "inertial": arm_of({1: inertial().replace("/><mass", ' rpy="0 90 0"/><mass') + rod()}),
+        "collision": arm_of({1: inertial() + rod('xyz="0 0 0.15" rpy="0 90 0"')}),
+        "visual": arm_of({1: inertial() + rod() + visual("<sphere radius='1'/>", 'rpy="0 90 0"')}),
+    }[part]
+    asked = pytest.raises(RobotError, match=r"1' has rpy=.0 90 0.: .* degrees\? Then write rpy=.0 1.5708 0.")
+    with nullcontext() if part == "visual" else asked:
+        load(turned)
 
 
 def test_mujoco_warnings_are_logged_and_lost_visuals_give_one_message(load, tmp_path, monkeypatch, caplog):

@@ -76,7 +76,7 @@ TWO, THREE = np.zeros(2), np.zeros(3)
 
 # Descriptions, or what is done at a place, and words of the refusal; "…" for whatever stands between them.
 DEGREES = {"first": (-80.0, 80.0), "second": (-1.0, 1.0)}
-RADIANS = "'first': … are these degrees? … position={first: [-1.39626, 1.39626], second: [-1, 1]}'"
+RADIANS = "of first (up to 80) … are these degrees? … {first: [-1.39626, 1.39626], second: [-1, 1]}'"
 
 REFUSED = {
     RobotError: [

@@ -1,0 +1,66 @@
+"""What numbers of real arms can be, alone and against each other, and the units that others may be in."""
+
+import math
+import xml.etree.ElementTree as ET
+
+from sidegan.errors import RobotError
+from sidegan.robot import xml
+
+TURN = 2.02 * math.pi  # [rad] usual limit of a joint or an angle, rounded up
+# Largest limits of joints that turn and of joints that slide, beyond those of all known arms (±400°, legs of
+# 52 rad/s), with the unit that larger ones may be in, and its factor.
+LIMITS = {
+    "position": ((4 * math.pi, "degrees", math.pi / 180), (30.0, "millimetres", 1e-3)),
+    "velocity": ((60.0, "degrees per second", math.pi / 180), (10.0, "millimetres per second", 1e-3)),
+    "effort": ((1e6, "mN·m", 1e-3), (1e7, "mN", 1e-3)),  # excavators have a half
+}
+LONGEST = 100.0  # [m] of all links together, beyond which they must be in millimetres
+TIP, JOINT = 12.0, 15.0  # [m/s] of the tip at half of the joints' limits, if these are above that [rad/s]
+HEAVY, DENSE = 50.0, 1000.0  # [kg] of an arm, and [kg/m³] over its reach cubed: known arms have up to 540
+FAR, REACHES = 6.0, 3.0  # [m] and in reaches: an impossible radius of gyration
+OUTSIDE, SHORT = 1.4, 0.25  # largest radius of gyration in sizes of a link, which has a quarter of the reach
+LIGHT, FOAM = 2.5e-3, 25.0  # of a link: share of the median mass, and [kg/m³] over its size cubed
+INERTIAS = {"kg·mm²": 1e-6, "kg·cm²": 1e-4, "g·mm²": 1e-9}  # in kg·m²
+_ENDLESS = 500.0  # times the largest limit, from which on one is a placeholder, as powers of ten are
+_ROUND = 2e-3  # relative tolerance of a power of ten, such as 999
+
+
+def made_up(size: float, largest: float) -> bool:
+    """Whether a limit is a placeholder, such as 1000, or whole half turns, and in no other unit."""
+    power = 10.0 ** round(math.log10(size))
+    turns = size % 1 != 0 and abs(size / math.pi - round(size / math.pi)) < _ROUND
+    return size > _ENDLESS * largest or abs(size - power) <= _ROUND * power or turns
+
+
+def meant_in_degrees(rpy: tuple[float, ...]) -> list[float]:
+    """Roll, pitch and yaw [rad] that were stated in degrees; empty unless one is beyond a turn."""
+    return [math.radians(x) for x in rpy] if max(map(abs, rpy)) > TURN else []
+
+
+def refuse_angles(root: ET.Element, where: str) -> None:
+    """Refuse origins of joints, inertias and collision shapes whose angles look like degrees."""
+    wrong = []
+    for element in [*root.findall("joint"), *root.findall("link")]:
+        inner = [element, *element.findall("inertial"), *element.findall("collision")]
+        for origin in [x for part in inner for x in part.findall("origin")]:
+            rpy = xml.vector(origin, "rpy", where, "0 0 0")
+            if meant := meant_in_degrees(rpy):
+                radians = " ".join(f"{x:.6g}" for x in meant)
+                at = f'{element.tag} {element.get("name", "")!r} has rpy="{origin.get("rpy")}"'
+                wrong.append(f'{at}: are these degrees? Then write rpy="{radians}"')
+    if wrong:
+        raise RobotError(f"{where}: {'; '.join(wrong)}; correct the file, and look at its other angles")
+
+
+def reductions_of(root: ET.Element) -> dict[str, float]:
+    """Gear reductions above 1 that transmissions of single joints state, by joint."""
+    found = {}
+    for transmission in root.iter("transmission"):
+        joints = transmission.findall("joint")
+        stated = [
+            x.text for x in transmission.iter() if x.tag in ("mechanicalReduction", "mechanical_reduction")
+        ]
+        ratio = abs(math.prod(map(xml.plain, stated)))
+        if len(joints) == 1 and ratio > 1:
+            found[joints[0].get("name", "")] = ratio
+    return found
