@@ -1,7 +1,7 @@
 """Surroundings of the arm: keep-out regions, floor and clearance."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -20,7 +20,7 @@ from sidegan.robot.placement import from_rpy, meant_in_degrees, stands
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 from sidegan.validity.home import default_home, rests_at
-from sidegan.validity.pairs import usual_room
+from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
@@ -154,10 +154,10 @@ class Workspace:
             return Constraints(arm, shapes, self.torque)
         room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
         if home is not None:
-            there = Constraints(arm).distances_at(np.array(home, float))
+            kept = _tight(room)  # so that pairs count that are close only with the clearance
+            there = Constraints(arm, apart=_USUALLY[0], tight=kept).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
-        # what to keep between links that have no room for the default clearance
-        tight = {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
+        tight = _tight(room)
         for clearance in _USUALLY:
             with suppress(InfeasibleError):
                 found = Constraints(arm, shapes, self.torque, clearance, _USUALLY[0], tight)
@@ -205,6 +205,11 @@ class Workspace:
         if behind:
             notes.append(f"planes that {arm.name} is nearly always behind are ignored: {behind}")
         return "; ".join(notes)
+
+
+def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
+    """What to keep [m] between links that have only so much room [m]."""
+    return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
 
 
 def _is_floor(plane: Plane) -> bool:
