@@ -26,6 +26,7 @@ Point = tuple[Number, Number, Number]
 
 _UPWARDS = 0.7  # cosine of the largest tilt of a floor
 _DROPPED = "workspace=free removes it"
+_STATED = "'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {}}}}}]'"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
 _USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
 _KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
@@ -223,12 +224,12 @@ def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
         return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {_DROPPED}"
     floor = floor_under(arm)
     if floor is None and stands(arm):
-        return f"no floor: {arm.name} nearly always reaches below what it stands on"
+        why = f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
+        return f"no floor: {why}; {_STATED.format('…')} states its height"
     if floor is None:
         return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
     if floor_is_known(arm):
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
     guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
     at = floor.offset
-    setting = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' states its height"
-    return f"floor at z = {at:g} m, {guess}: {setting}; {_DROPPED}"
+    return f"floor at z = {at:g} m, {guess}: {_STATED.format(f'{at:g}')} states its height; {_DROPPED}"
