@@ -1,7 +1,7 @@
 """Surroundings of the arm: keep-out regions, floor and clearance."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -21,12 +21,13 @@ from sidegan.robot.units import meant_in_degrees
 from sidegan.validity import Box, Constraints, Convex, Plane, Sphere
 from sidegan.validity.floor import floor_is_known, floor_under, planes_of, with_points
 from sidegan.validity.home import default_home, rests_at
-from sidegan.validity.pairs import usual_room
+from sidegan.validity.pairs import Links, usual_room
 
 Point = tuple[Number, Number, Number]
 
 _UPWARDS = 0.7  # cosine of the largest tilt of a floor
 _DROPPED = "workspace=free removes it"
+_STATED = "'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {}}}}}]'"
 _FIRST = ("plane", "box")  # kinds of regions that all stamps name
 _USUALLY = (0.02, 0.01, 0.005)  # [m] default clearances: the first that leaves room applies, or else none
 _KEPT = 2 / 3  # largest share of the available distance to keep; the rest is room to move
@@ -155,10 +156,10 @@ class Workspace:
             return Constraints(arm, shapes, self.torque)
         room = dict(usual_room(arm, _USUALLY[0] / _KEPT))
         if home is not None:
-            there = Constraints(arm).distances_at(np.array(home, float))
+            kept = _tight(room)  # so that pairs count that are close only with the clearance
+            there = Constraints(arm, apart=_USUALLY[0], tight=kept).distances_at(np.array(home, float))
             room |= {links: min(room.get(links, gap), gap) for links, gap in there.items()}
-        # what to keep between links that have no room for the default clearance
-        tight = {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
+        tight = _tight(room)
         for clearance in _USUALLY:
             with suppress(InfeasibleError):
                 found = Constraints(arm, shapes, self.torque, clearance, _USUALLY[0], tight)
@@ -208,6 +209,11 @@ class Workspace:
         return "; ".join(notes)
 
 
+def _tight(room: Mapping[Links, float]) -> dict[Links, float]:
+    """What to keep [m] between links that have only so much room [m]."""
+    return {links: math.floor(_KEPT * max(gap, 0.0) * _STEPS) / _STEPS for links, gap in room.items()}
+
+
 def _is_floor(plane: Plane) -> bool:
     """Whether a plane faces up."""
     return plane.unit[2] > _UPWARDS
@@ -219,12 +225,12 @@ def _floor_note(arm: Arm, own: Sequence[Plane]) -> str:
         return f"floor at z = {max(plane.offset for plane in own):g} m, from the description; {_DROPPED}"
     floor = floor_under(arm)
     if floor is None and stands(arm):
-        return f"no floor: {arm.name} nearly always reaches below what it stands on"
+        why = f"{arm.name} nearly always reaches below what it stands on, or another limb like it is lowest"
+        return f"no floor: {why}; {_STATED.format('…')} states its height"
     if floor is None:
         return f"no floor: {arm.name} does not stand upright; set keep-out regions by workspace.regions"
     if floor_is_known(arm):
         return f"floor at z = {floor.offset:g} m, which {arm.name} stands on; {_DROPPED}"
     guess = f"a guess, since no visual or mesh shows what {arm.name} stands on"
     at = floor.offset
-    setting = f"'workspace.regions=[{{plane: {{normal: [0, 0, 1], offset: {at:g}}}}}]' states its height"
-    return f"floor at z = {at:g} m, {guess}: {setting}; {_DROPPED}"
+    return f"floor at z = {at:g} m, {guess}: {_STATED.format(f'{at:g}')} states its height; {_DROPPED}"

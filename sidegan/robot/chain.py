@@ -1,5 +1,6 @@
 """Choice of a description's joints that form the arm; the positions of the others, and notes on these."""
 
+import math
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from sidegan.robot.setup import Setup, override, setting
 from sidegan.robot.tree import MOVABLE, REFUSED, Joint, Tree, meant
 
 _GRIPPER = re.compile(r"gripper|finger|thumb|knuckle|jaw", re.IGNORECASE)
+_STILL = "its motion, the torque for it, and collisions elsewhere than where it stands are left out"
 _MOST_TIPS = 6  # suggested in a message
 _ARM, _HAND = 6, 8  # fewest joints before a hand, and most joints of its longest finger
 
@@ -107,10 +109,11 @@ def _offered(chain: list[Joint]) -> str:
 
 def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, float]) -> dict[str, float]:
     """Positions of all joints that do not move [rad or m]: as given, as mimicked, or mid-range."""
-    free = {joint.name for joint in moving}
+    free = [joint.name for joint in moving]
     locked: dict[str, float] = {}
-    wrong: dict[str, str] = {}  # joints with an invalid mimic, and why
-    remedies: dict[str, float] = {}  # joints to lock, and where; their leaders, if these move
+    wrong: dict[str, str] = {}  # joints with an invalid mimic and loops through the arm, and why
+    remedies: dict[str, float] = {}  # joints to lock, and where
+    ends: list[str] = []  # settings that end the arm before a joint that one behind it mimics
 
     def middle(joint: Joint) -> float:
         lower, upper = tree.span(joint) or (0.0, 0.0)
@@ -131,9 +134,12 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
         at = tree.at(joint)
         name = mimic.get("joint", "")
         if name not in tree.joints or name in free or name in followers:
-            wrong[joint.name] = f"{at} mimics {name!r}" if name else f"{at} mimics no joint"
-            leads = name in free and len(free) > 1
-            remedies[name if leads else joint.name] = middle(tree.joints[name]) if leads else 0.0
+            which = f"{name!r}, which moves" if name in free else repr(name) if name else "no joint"
+            wrong[joint.name] = f"{at} mimics {which}"
+            lower, upper = tree.span(joint) or (-math.inf, math.inf)
+            remedies[joint.name] = min(max(xml.number(mimic, "offset", at, "0"), lower), upper)
+            if name in free[1:] and tree.joints[name] in tree.path(joint.parent):
+                ends.append(f"; or end the arm before {name} by {setting('tip', tree.joints[name].parent)}")
             return 0.0
         followed = tree.joints[name]
         here = 0.0 if followed.kind == "fixed" else stand(followed, followers)
@@ -142,11 +148,19 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
     for joint in tree.joints.values():
         if joint.kind != "fixed" and joint.name not in free:
             stand(joint)
+    arm = {joint.name for joint in tree.path(moving[-1].child)}
+    for what, loop in tree.loops.items():
+        beside = {name: locked[name] for name in locked if name in loop - arm}
+        floats = any(tree.joints[name].kind == "floating" for name in beside)  # so that the loop is open
+        if loop & {*free} and not (floats or beside.keys() & given.keys()):
+            wrong[what] = f"{tree.where}: {what} ties {listed([name for name in free if name in loop])}"
+            remedies |= beside
     if wrong:
-        remedy = override("locked", remedies, given)
+        locks = f"lock {listed([*remedies])} by {override('locked', remedies, given)}: {_STILL}"
+        remedy = locks if remedies else "delete it from the file if the arm does not have it"
         first, *rest = wrong.values()
         reasons = "; ".join([first, *(why.removeprefix(f"{tree.where}: ") for why in rest)])
-        raise RobotError(f"{reasons}: expected another joint that does not move; lock it by {remedy}")
+        raise RobotError(f"{reasons}, which is not modelled; {remedy}{''.join(ends[:1])}")
     return locked
 
 
@@ -171,18 +185,18 @@ def describe_fixed(
     tree: Tree, moving: Sequence[Joint], locked: Mapping[str, float], masses: Mapping[str, float]
 ) -> list[str]:
     """Notes on locked joints with their positions [rad or m], and on masses [kg] lumped into other links."""
+    ties = f"constraints left out, so that trajectories may break them: {listed([*tree.loops])}"
+    notes = [ties] * bool(tree.loops)
     if not locked:
-        return []
-    stand, notes = [], []
+        return notes
+    stand = []
     free = {joint.name for joint in moving}
     for name, value in locked.items():
         joint = tree.joints[name]
         unit = "m" if joint.kind == "prismatic" else "rad"
         stand.append(f"{name} at {f'{value:.4g} {unit}' if joint.kind in MOVABLE else 'its origin'}")
         if joint.mimic is not None and (leader := joint.mimic.get("joint")) in free:
-            notes.append(
-                f"{name} is locked, but mimics {leader}, which moves: does it stand on your machine?"
-            )
+            notes.append(f"{name} mimics {leader}, which moves: {_STILL}")
     lumped: dict[str, list[str]] = {}
     for link in tree.links:
         path = tree.path(link)

@@ -48,6 +48,7 @@ class Description:
     moved: dict[str, str]  # child link by moving joint
     missing: dict[str, list[str]]  # missing or empty mesh files by link
     notes: list[str]  # for people, on what was decided for them
+    passive: list[str]  # forces on moving joints that are left out
     parents: frozenset[tuple[str, str]]  # links, each with its nearest ancestor that has a shape
     may_touch: tuple[tuple[str, str, str], ...]  # pairs of links not checked for collision, and the source
     mount: Mount  # roll, pitch and yaw [rad] of the first link, in a world whose z points up
@@ -69,7 +70,7 @@ def read_description(
     may_touch = _touching(root, where)
     tree = read_tree(root, where)
     refuse_angles(root, where)
-    for extra in [element for element in root if element.tag not in ("link", "joint")]:
+    for extra in tree.extras:
         root.remove(extra)
     moving, locked = choose(tree, setup)
     for joint in moving:
@@ -86,6 +87,7 @@ def read_description(
     own_home = _home_among(postures, [*moved])
     around = own_home if home is None else home
     middle = dict(zip(moved, around)) if around is not None and len(around) == len(moved) else {}
+    acting = {what: [joint for joint in moved if joint in on] for what, on in source.passive.items()}
     limits, assumed = limits_of(tree, moving, setup.limits, middle, planning)
     for pair in setup.may_touch or ():
         for link in pair:
@@ -113,6 +115,7 @@ def read_description(
         moved=moved,
         missing=missing,
         notes=[*source.notes, *notes, *assumed, *(NO_INERTIA + why for why in wrong)],
+        passive=[f"{what} at {listed(on)}" for what, on in acting.items() if on],
         parents=tree.parents(shaped | set(missing)),
         may_touch=may_touch,
         mount=mount,

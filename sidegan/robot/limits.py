@@ -159,6 +159,9 @@ class _Described:
 
     def effort(self, joint: Joint) -> float:
         """Torque or force limit [N·m or N]; infinite if none is stated."""
+        if motor := joint.part("limit").get("not_read"):
+            self._example("effort", joint, "…", f"a torque limit that is not read: {motor}")
+            return math.inf
         effort = self._number(joint, "effort")
         if effort >= 0:
             return effort or math.inf

@@ -115,7 +115,10 @@ def _limits(description: Description, names: tuple[str, ...]) -> dict[str, Array
 
 
 def _warn(description: Description, refused: Mapping[tuple[str, str], float]) -> None:
-    """Warn about links that lack a shape, and about pairs of links whose shapes are too coarse."""
+    """Warn about forces left out, links that lack a shape, and pairs whose shapes are too coarse."""
+    if description.passive:
+        left_out = "; ".join(description.passive)
+        _log.warning("%s: torques and limits do not include %s", description.path, left_out)
     if description.missing:
         _log.warning(
             "%s: mesh files are missing or empty; collisions of these links may go unnoticed: %s "

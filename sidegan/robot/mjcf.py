@@ -1,6 +1,5 @@
 """Conversion of MJCF to URDF: MuJoCo compiles it, and bodies, joints and shapes are written out."""
 
-import logging
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -13,10 +12,10 @@ from sidegan.base.names import listed
 from sidegan.robot.arm import FilePlane
 from sidegan.robot.meshes import kept_mesh
 from sidegan.robot.mjcf_files import compiled
+from sidegan.robot.mjcf_forces import efforts, name_of, not_read
 from sidegan.robot.placement import write_placement
 from sidegan.robot.xml import Source, words
 
-_log = logging.getLogger(__name__)
 Vector = NDArray[np.float64]
 _KINDS = {
     int(mujoco.mjtJoint.mjJNT_FREE): "floating",
@@ -33,23 +32,17 @@ _SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
 _HIDDEN = 3  # first group of geoms that MuJoCo's viewers hide by default
-_ON_JOINTS = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
-_MOTORS = {  # gain, bias and dynamics of actuators whose control range bounds their force
-    (int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE), int(dynamics))
-    for dynamics in (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
-}
 
 
 def read_mjcf(path: Path) -> Source:
     """A description from an MJCF file, with links named like bodies.
 
     MJCF has no velocity limits; torque limits are the joints' or else the actuators'. Equality constraints
-    between joints become mimic joints. Height fields are dropped; fixed planes are listed separately.
+    of two joints become mimic joints, others loops. Height fields are dropped; fixed planes are listed
+    separately.
     """
     model, missing, hidden = compiled(path)
     writer = _Writer(model, path)
-    if ignored := writer.ignored():
-        _log.warning("%s: torques and their limits do not include %s", path, ignored)
     notes = writer.notes()
     if hidden:
         notes.append(f"not shown, since the mesh files are missing: {listed(list(hidden))}")
@@ -61,6 +54,7 @@ def read_mjcf(path: Path) -> Source:
         planes=tuple(writer.planes),
         gravity=tuple(map(float, model.opt.gravity)),
         postures=writer.postures(),
+        passive=writer.passive,
     )
 
 
@@ -71,31 +65,26 @@ class _Writer:
         self.model = model
         self.root = ET.Element("robot", name=model.names.split(b"\0")[0].decode() or path.stem)
         self.dropped: list[str] = []  # shapes
-        self.uncoupled: list[str] = []  # constraints that no mimic joint can express
         self.planes: list[FilePlane] = []
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
-        self._efforts = _efforts(model)
+        self._efforts = efforts(model)
+        self._motors, self.passive = not_read(model)
         for body in range(model.nbody):
-            link = ET.SubElement(self.root, "link", name=self.name("body", body))
+            link = ET.SubElement(self.root, "link", name=name_of(self.model, "body", body))
             self._inertia(link, body)
             first = model.body_geomadr[body]
             for geom in range(first, first + model.body_geomnum[body]):
                 if plane := plane_of(model, data, geom):
                     self.planes.append(plane)
                 elif not write_shape(link, model, geom):
-                    self.dropped.append(f"{self.name('geom', geom)} of {link.get('name')}")
+                    self.dropped.append(f"{name_of(self.model, 'geom', geom)} of {link.get('name')}")
             if body:
                 self._joints(body)
-        self._mimics()
+        self._constraints()
         for pair in model.exclude_signature.tolist():  # two bodies in one number
-            a, b = (self.name("body", body) for body in divmod(pair, 1 << 16))
+            a, b = (name_of(self.model, "body", body) for body in divmod(pair, 1 << 16))
             ET.SubElement(self.root, "disable_collisions", link1=a, link2=b, reason="contact exclude")
-
-    def name(self, kind: str, index: int) -> str:
-        """Name of an object; its kind and number if it has none."""
-        code = getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}")
-        return mujoco.mj_id2name(self.model, code, index) or f"{kind}_{index}"
 
     def notes(self) -> list[str]:
         """Notes on what could not be carried over."""
@@ -105,30 +94,19 @@ class _Writer:
             notes.append(f"unsupported shapes left out: {listed(self.dropped)}")
         if model.dof_armature.any():
             notes.append("rotor inertias (armature) are not part of the rigid model")
-        if self.uncoupled:
-            names = listed(self.uncoupled)
-            notes.append(f"constraints left out, so that trajectories may break them: {names}")
         if floats := np.flatnonzero(model.body_gravcomp).tolist():
-            names = listed([self.name("body", body) for body in floats])
+            names = listed([name_of(self.model, "body", body) for body in floats])
             notes.append(f"gravity of {names} is compensated (gravcomp): actuator torques exclude it")
         return notes
-
-    def ignored(self) -> str:
-        """Torques and forces that the rigid model lacks; empty if there are none."""
-        model = self.model
-        springs = [self.name("joint", joint) for joint in np.flatnonzero(model.jnt_stiffness).tolist()]
-        found = [f"springs of {listed(springs)} (stiffness)"] if springs else []
-        if model.opt.density or model.opt.viscosity:
-            found.append("drag of the medium (density, viscosity)")
-        return " and ".join(found)
 
     def postures(self) -> dict[str, dict[str, float]]:
         """Positions of revolute and prismatic joints [rad or m] by keyframe and name."""
         model = self.model
         movable = [j for j in range(model.njnt) if _KINDS[int(model.jnt_type[j])] != "floating"]
         return {
-            self.name("key", k): {
-                self.name("joint", j): float(model.key_qpos[k, model.jnt_qposadr[j]]) for j in movable
+            name_of(self.model, "key", k): {
+                name_of(self.model, "joint", j): float(model.key_qpos[k, model.jnt_qposadr[j]])
+                for j in movable
             }
             for k in range(model.nkey)
         }
@@ -147,7 +125,10 @@ class _Writer:
     def _joints(self, body: int) -> None:
         """Write the joints between a body and its parent; all but the last lead to auxiliary links."""
         model = self.model
-        parent, child = self.name("body", model.body_parentid[body]), self.name("body", body)
+        parent, child = (
+            name_of(self.model, "body", model.body_parentid[body]),
+            name_of(self.model, "body", body),
+        )
         turn = turn_of(model.body_quat[body])
         place = model.body_pos[body].copy()
         count, first = model.body_jntnum[body], model.body_jntadr[body]
@@ -158,7 +139,7 @@ class _Writer:
             if kind == "floating":
                 anchor = np.zeros(3)
             direct = joint == first + count - 1 and not anchor.any()
-            name = self.name("joint", joint)
+            name = name_of(self.model, "joint", joint)
             after = child if direct else f"{child}/{name}"
             if not direct:
                 ET.SubElement(self.root, "link", name=after)
@@ -200,6 +181,9 @@ class _Writer:
         }
         ET.SubElement(element, "dynamics", {name: repr(float(np.ravel(x)[0])) for name, x in stated.items()})
         limit = ET.SubElement(element, "limit", velocity="0", effort=repr(self._efforts.get(joint, 0.0)))
+        for motor, joints in self._motors.items():
+            if element.get("name") in joints:
+                limit.set("not_read", motor)
         if model.jnt_limited[joint]:
             lower, upper = model.jnt_range[joint]
             limit.set("lower", repr(float(lower)))
@@ -207,17 +191,32 @@ class _Writer:
         elif element.get("type") == "revolute":
             element.set("type", "continuous")
 
-    def _mimics(self) -> None:
-        """Write joints that an equality constraint couples to another as mimic joints."""
+    def _constraints(self) -> None:
+        """Write equality constraints: of two joints as mimic joints, others as loops."""
         model = self.model
         joints = {j.get("name"): j for j in self.root.findall("joint")}
         for i in np.flatnonzero(model.eq_active0).tolist():
-            if int(model.eq_type[i]) == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj2id[i] >= 0:
-                follower, leader = (self.name("joint", ids[i]) for ids in (model.eq_obj1id, model.eq_obj2id))
+            kind = mujoco.mjtEq(int(model.eq_type[i]))
+            ids = [int(x[i]) for x in (model.eq_obj1id, model.eq_obj2id)]
+            if kind == mujoco.mjtEq.mjEQ_JOINT and ids[1] >= 0:
+                follower, leader = (name_of(self.model, "joint", joint) for joint in ids)
                 offset, factor = (repr(float(x)) for x in model.eq_data[i, :2])
                 ET.SubElement(joints[follower], "mimic", joint=leader, multiplier=factor, offset=offset)
-            else:
-                self.uncoupled.append(self.name("equality", i))
+                continue
+            loop = ET.SubElement(self.root, "loop_joint", name=name_of(self.model, "equality", i))
+            for body in self._bodies(kind, ids, int(model.eq_objtype[i])):
+                ET.SubElement(loop, "link", link=name_of(self.model, "body", body))
+
+    def _bodies(self, kind: mujoco.mjtEq, ids: list[int], of: int) -> list[int]:
+        """The two bodies that an equality constraint ties; none if it is on tendons, or on a mocap body."""
+        model = self.model
+        if kind == mujoco.mjtEq.mjEQ_JOINT:  # of one joint, which it holds
+            body = int(model.jnt_bodyid[ids[0]])
+            return [body, int(model.body_parentid[body])]
+        if kind not in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
+            return []
+        bodies = [int(model.site_bodyid[x]) for x in ids] if of == int(mujoco.mjtObj.mjOBJ_SITE) else ids
+        return [] if any(model.body_mocapid[body] >= 0 for body in bodies) else bodies
 
 
 def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
@@ -225,7 +224,8 @@ def write_shape(link: ET.Element, model: mujoco.MjModel, geom: int) -> bool:
     kind = _SHAPES.get(int(model.geom_type[geom]))
     if kind is None:
         return False
-    collides = bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
+    paired = geom in model.pair_geom1 or geom in model.pair_geom2
+    collides = paired or bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
     shown = model.geom_group[geom] < _HIDDEN and kind == "mesh"
     for tag in ["collision"] * collides + ["visual"] * (shown or not collides):
         _write(ET.SubElement(link, tag), kind, model, geom)
@@ -262,38 +262,3 @@ def _write(element: ET.Element, kind: str, model: mujoco.MjModel, geom: int) -> 
 def turn_of(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) from a quaternion, scalar first."""
     return pin.Quaternion(*quaternion).normalized().matrix()
-
-
-def _forces(model: mujoco.MjModel, actuator: int) -> Vector:
-    """Smallest and largest force of an actuator before its gear, (2,), from its force or control range.
-
-    The control range bounds the force only of motors, whose force is a fixed multiple of the control.
-    """
-    found = np.array([-np.inf, np.inf])
-    kinds = model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype
-    if model.actuator_ctrllimited[actuator] and tuple(int(kind[actuator]) for kind in kinds) in _MOTORS:
-        found = np.sort(model.actuator_gainprm[actuator, 0] * model.actuator_ctrlrange[actuator])
-    if model.actuator_forcelimited[actuator]:
-        found = np.clip(found, *model.actuator_forcerange[actuator])
-    return found
-
-
-def _efforts(model: mujoco.MjModel) -> dict[int, float]:
-    """Largest torque or force [N·m or N] available to each joint in both directions, if it is limited.
-
-    Forces of a joint's actuators add up, and the joint's own range clips the sum.
-    """
-    ranges: dict[int, Vector] = {}
-    for i in range(model.nu):
-        if int(model.actuator_trntype[i]) in _ON_JOINTS:
-            joint = int(model.actuator_trnid[i, 0])
-            gear = model.actuator_gear[i, 0]
-            force = np.sort(_forces(model, i) * gear) if gear else np.zeros(2)
-            ranges[joint] = ranges.get(joint, np.zeros(2)) + force
-    for joint in np.flatnonzero(model.jnt_actfrclimited).tolist():
-        lower, upper = model.jnt_actfrcrange[joint]
-        least, most = ranges.get(joint, (-np.inf, np.inf))
-        ranges[joint] = np.array([max(lower, least), min(upper, most)])
-    sides = {joint: np.abs(force) for joint, force in ranges.items()}
-    largest = {joint: float(x.min() or x.max()) for joint, x in sides.items()}  # some push one way only
-    return {joint: force for joint, force in largest.items() if np.isfinite(force)}

@@ -69,8 +69,10 @@ def pinocchio_errors(description: Description) -> Iterator[None]:
         finally:
             os.dup2(terminal, 2)
             os.close(terminal)
-        if complaint := _read(output):
-            _log.warning("%s: %s", description.path, complaint)
+        if complaint := _read(output):  # often the same for every joint
+            first, *more = complaint.splitlines()
+            others = f" (and {len(more)} more lines)" if more else ""
+            _log.warning("%s: %s%s", description.path, first, others)
 
 
 def _read(file: BinaryIO) -> str:

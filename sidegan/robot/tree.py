@@ -14,6 +14,8 @@ from sidegan.robot.units import reductions_of
 TURNING = ("revolute", "continuous")
 WORLD = "world"  # a link of this name is no part of the arm
 MOVABLE = (*TURNING, "prismatic")
+# Elements of Drake and Gazebo, with any prefix, that tie two links beside the joints of the tree.
+_TIES = "loop_joint", "joint", "ball_constraint", "linear_bushing_rpy"
 REFUSED = {  # joint types that an arm cannot have, and why
     "floating": "the arm's base must be fixed",
     "planar": "a joint must have one degree of freedom",
@@ -49,6 +51,7 @@ class Tree:
     where: str  # the description, for messages
     root: str  # the base link
     joints: dict[str, Joint]
+    extras: tuple[ET.Element, ...] = ()  # neither links nor joints
 
     @cached_property
     def above(self) -> dict[str, Joint]:
@@ -67,6 +70,22 @@ class Tree:
             found.append(self.above[link])
             link = found[-1].parent
         return found[::-1]
+
+    @cached_property
+    def loops(self) -> dict[str, set[str]]:
+        """Names of the joints between links that other elements tie, by these elements in words."""
+        found = {}
+        inner = [element for extra in self.extras for element in extra.iter()]
+        links = {x.get("name", ""): x.get("link", "") for x in inner if _tag(x) == "frame"}
+        links |= {link: link for link in self.links}
+        for element in inner:
+            ends = [part.get("link") or part.get("name") or (part.text or "").strip() for part in element]
+            tied = [links[end] for end in ends if end in links]
+            if _tag(element) == "loop_joint" or (_tag(element) in _TIES and len(tied) == 2):
+                paths = [{joint.name for joint in self.path(link)} for link in tied]
+                name = f"{_tag(element)} {element.get('name', '')} ({', '.join(tied)})"
+                found[name] = paths[0] ^ paths[1] if len(paths) == 2 else set()
+        return found
 
     def parents(self, shaped: Container[str]) -> frozenset[tuple[str, str]]:
         """Links with a shape, each with its nearest ancestor that has a shape.
@@ -137,10 +156,16 @@ def read_tree(root: ET.Element, where: str) -> Tree:
         raise RobotError(f"{where} has no link, expected those of an arm")
     if len(bases) != 1:
         raise RobotError(f"{where} has {len(bases)} links without a parent {bases}, expected only the base")
-    tree = Tree(where, bases[0], joints)
+    extras = [element for element in root if element.tag not in ("link", "joint")]
+    tree = Tree(where, bases[0], joints, tuple(extras))
     if astray := sorted(link for link in children if not tree.path(link)[0].parent == bases[0]):
         raise RobotError(f"{where}: no joints connect {bases[0]!r} to {', '.join(astray)}, expected one tree")
     return tree
+
+
+def _tag(element: ET.Element) -> str:
+    """An element's tag without its namespace; empty for comments."""
+    return element.tag.rpartition("}")[2] if isinstance(element.tag, str) else ""
 
 
 def _joint(element: ET.Element, name: str, at: str, reduction: float) -> Joint:

@@ -20,6 +20,7 @@ from sidegan.robot.meshes import find_mesh, metres_per_unit
 from sidegan.robot.model import build
 from sidegan.robot.placement import from_rpy
 from sidegan.robot.sources import read_source
+from sidegan.robot.tree import read_tree
 
 if TYPE_CHECKING:  # slow to import
     import trimesh
@@ -57,8 +58,8 @@ def visual_parts(arm: Arm) -> list[Part]:
     return [part for part in parts if len(part.faces)]
 
 
-def foot(arm: Arm) -> tuple[float, bool]:
-    """Lowest point of the fixed links [m], and whether it is known.
+def foot(arm: Arm) -> tuple[float, bool, str]:
+    """Lowest point of the fixed links [m], whether it is known, and the link that has it.
 
     A link ends at its visual shapes or its collision meshes, whichever end higher. Collision primitives only
     approximate a link, so z = 0 is assumed if they extend below it. Plugs and cables that hang beside a foot
@@ -69,13 +70,26 @@ def foot(arm: Arm) -> tuple[float, bool]:
         solid, shown = link.findall("collision"), link.findall("visual")
         if frame.parentJoint or not (solid or shown):
             continue
+        name = frame.name
         meshes = [shape for shape in solid if shape.find("geometry/mesh") is not None]
         if spans := [span for shapes in (shown, meshes) if (span := _span(arm, shapes, frame))]:
-            found.append((max(low for low, _ in spans), True))
+            found.append((max(low for low, _ in spans), True, name))
             continue
         low, high = _span(arm, [shape for shape in solid if shape not in meshes], frame) or (0.0, 0.0)
-        found.append((0.0 if low < 0 < high else low, False))
-    return min(found, default=(0.0, False))
+        found.append((0.0 if low < 0 < high else low, False, name))
+    return min(found, default=(0.0, False, ""))
+
+
+def like_the_arm(arm: Arm, link: str) -> bool:
+    """Whether a link belongs to another limb with the same kinds of joints as the arm, as another leg."""
+    tree = read_tree(read_source(arm.urdf, arm.setup.args).root, str(arm.urdf))
+    paths = ([j for j in tree.path(end) if j.kind != "fixed"] for end in (link, arm.link_names[-1]))
+    pair = next((pair for pair in zip(*paths) if pair[0] is not pair[1]), ())
+    carried = [
+        sorted(other.kind for other in tree.joints.values() if first in tree.path(other.child))
+        for first in pair
+    ]
+    return len(carried) == 2 and carried[0] == carried[1]
 
 
 def _span(arm: Arm, shapes: list[ET.Element], frame: pin.Frame) -> tuple[float, float] | None:

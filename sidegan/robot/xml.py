@@ -23,6 +23,7 @@ class Source:
     planes: tuple[tuple[float, float, float, float], ...] = ()  # unit normals, and heights along them [m]
     gravity: tuple[float, ...] | None = None  # [m/s²], (3,), if stated
     postures: Mapping[str, Mapping[str, float]] | None = None  # positions of joints [rad or m], by name
+    passive: Mapping[str, frozenset[str]] = field(default_factory=dict)  # joints, by forces that are not read
 
 
 def attribute(element: ET.Element, key: str, where: str) -> str:

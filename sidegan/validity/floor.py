@@ -10,7 +10,7 @@ from sidegan.base.arrays import Array
 from sidegan.motion.arrays import chain_of, shapes_of
 from sidegan.robot import Arm, Capsules
 from sidegan.robot.placement import stands
-from sidegan.robot.visuals import foot
+from sidegan.robot.visuals import foot, like_the_arm
 from sidegan.validity.capsules import clearances
 from sidegan.validity.pairs import sampled
 from sidegan.validity.regions import Plane, tables
@@ -24,11 +24,13 @@ _ROUNDING = 1e-3  # of a step, for rounding errors
 def floor_under(arm: Arm) -> Plane | None:
     """The floor that an arm stands on, from the shapes of its base.
 
-    None if the arm does not stand upright, or reaches below its base in nearly every configuration.
+    None if the arm does not stand upright or reaches below its base in nearly every configuration, or if the
+    lowest point is on another limb like it, which is locked somewhere.
     """
-    height = math.floor(foot(arm)[0] * _STEPS + _ROUNDING) / _STEPS
-    floor = Plane((0.0, 0.0, 1.0), height)
-    return floor if stands(arm) and _leaves(arm, floor) else None
+    lowest, _, link = foot(arm)
+    floor = Plane((0.0, 0.0, 1.0), math.floor(lowest * _STEPS + _ROUNDING) / _STEPS)
+    limb = bool(link) and like_the_arm(arm, link)
+    return floor if stands(arm) and not limb and _leaves(arm, floor) else None
 
 
 def floor_is_known(arm: Arm) -> bool:

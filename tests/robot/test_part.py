@@ -98,7 +98,14 @@ MIMIC = two_joints(extra='<mimic joint="first"/>')
 SIX = [joint(f"a{k}", f"l{k}", f"l{k + 1}") + link(f"l{k + 1}") for k in range(6)]
 FINGERS = [joint(finger, "l6", f"tip_{finger}") + link(f"tip_{finger}") for finger in "xyz"]
 HAND = robot(link("l0", ""), *SIX, *FINGERS)
+LEVER = joint("j_lever", "base", "lever", extra='<mimic joint="first"/>') + link("lever")
+BESIDE = more(two_joints(), LEVER)
+TIE = '<drake:loop_joint name="t"><link1 link="lever"/><link2 link="upper"/></drake:loop_joint>'
+OPEN = more(two_joints(), LEVER.replace('<mimic joint="first"/>', ""), TIE)
+THIRD = joint("third", "upper", "wrist", extra='<mimic joint="second"/>') + link("wrist")
 REMEDIES = [
+    (BESIDE, r"'robot\.locked=\{j_lever: 0\}'", Setup(locked={"j_lever": 0.0}), "first second"),
+    (more(two_joints(), THIRD), r"second by robot\.tip=lower", Setup(tip="lower"), "first"),
     (MIMIC, r"'robot\.locked=\{second: 0\}'", Setup(locked={"second": 0.0}), "first"),
     (FLOATING, r"'robot\.locked=\{first: 0\}' locks it", Setup(locked={"first": 0.0}), "second"),
     (HAND, r"its tip: robot\.tip=l6 \(6 joints: a0 to a5\)$", Setup(tip="l6"), "a0 a1 a2 a3 a4 a5"),
@@ -127,6 +134,19 @@ class TestWhichChain:
         with pytest.raises(RobotError, match=words):
             load(text)
         assert " ".join(load(text, remedy).joint_names) == left
+
+    def test_a_loop_beside_the_joints_is_named_and_open_only_if_the_user_says_so(self, load):
+        with pytest.raises(
+            RobotError, match=r"loop_joint t \(lever, upper\) ties first, second.*locked=\{j_lever: "
+        ):
+            load(OPEN, Setup(tip="upper"))
+        arm = load(OPEN, Setup(tip="upper", locked={"j_lever": 0.25}))
+        assert arm.joint_names == ("first", "second")
+        assert any("loop_joint t" in note for note in arm.notes)
+        gazebo = TIE.replace("drake:loop_joint", "joint")
+        gazebo = f"<gazebo>{gazebo}<plugin><joint>first</joint></plugin></gazebo>"
+        with pytest.raises(RobotError, match=r"joint t \(lever, upper\) ties first"):
+            load(OPEN.replace(TIE, gazebo), Setup(tip="upper"))
 
 
 class TestLimits:

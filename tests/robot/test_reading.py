@@ -17,7 +17,7 @@ from sidegan.validity.constraints import Constraints
 from sidegan.validity.floor import floor_is_known, floor_under
 from tests.pipeline.test_workspace import workspace
 from tests.robot.test_cases import LIMIT, arm_of, inertial
-from tests.robot.urdf import collision, joint, link, mesh, more, visual
+from tests.robot.urdf import collision, joint, link, mesh, more, robot, visual
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
 
@@ -61,6 +61,41 @@ def test_the_floor_height_follows_the_base_or_is_reported_as_a_guess(load, block
     said = workspace(choice="desk").notes(arm)
     assert floor_is_known(arm) == known == ("a guess, since" not in said)
     assert known == (f"plane: {{normal: [0, 0, 1], offset: {height:g}}}" not in said)
+
+
+def limbs(first, second):
+    """URDF of a body with two limbs, of so many joints each."""
+    block = BOX + BOX.replace("collision", "visual")
+    parts = [link("body", block)]
+    for name, side, count in (("left", 0.3, first), ("right", -0.3, second)):
+        for k in range(count):
+            parent, place = (f"{name}{k - 1}", "0 0 -0.3") if k else ("body", f"0 {side} 0")
+            parts.append(joint(f"{name}_j{k}", parent, f"{name}{k}", "revolute", f'xyz="{place}"', "0 1 0"))
+            parts.append(link(f"{name}{k}", block))
+    return robot(*parts)
+
+
+@pytest.mark.parametrize(("first", "second", "stands"), [(3, 3, False), (2, 4, True)])
+def test_what_another_leg_reaches_is_no_floor_but_legs_are_what_an_arm_stands_on(load, first, second, stands):
+    arm = load(limbs(first, second), Setup(tip=f"left{first - 1}"))
+    assert (floor_under(arm) is not None) == stands
+    assert ("no floor" in workspace(choice="desk").notes(arm)) != stands
+
+
+def test_a_home_where_links_come_close_that_never_touch_is_feasible(load):
+    """Their distance, 8 mm at home, counts though without the clearance they need no check."""
+    slide = '<limit lower="0" upper="0.5" velocity="1" effort="50"/>'
+    text = robot(
+        link("base", collision('<sphere radius="0.05"/>')),
+        joint("turn", "base", "arm", "revolute", "", "0 0 1"),
+        link("arm"),
+        joint("slide", "arm", "hand", "prismatic", 'xyz="0.108 0 0"', "1 0 0", slide),
+        link("hand", collision('<sphere radius="0.05"/>')),
+    )
+    place = replace(workspace(choice="desk"), clearance=None, desk=None)
+    constraints = place.around(load(text), (0.0, 0.0))
+    constraints.refuse_home((0.0, 0.0))
+    assert 0 < constraints.tight[("base", "hand")] < 0.008
 
 
 MJCF = """<mujoco model="three"><compiler angle="radian" meshdir="meshes"/>{option}{asset}<worldbody>{world}

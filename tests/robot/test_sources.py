@@ -149,7 +149,7 @@ class TestMjcf:
         assert arm.planes == ((0.0, 0.0, 1.0, 0.0),)
         assert "rotor inertias (armature) are not part" in notes
         assert "gravcomp" not in notes
-        assert "torques and their limits" not in caplog.text
+        assert "do not include" not in caplog.text
         text = MJCF.replace('<joint name="two"', '<joint name="two" stiffness="60"')
         text = text.replace("<worldbody>", '<option viscosity="5" gravity="0 0 0"/><worldbody>')
         text = text.replace("-1 0 0 0", '-1 0 0 0" active="false').replace('"b" pos', '"b" gravcomp="1" pos')
@@ -158,7 +158,7 @@ class TestMjcf:
         notes = "; ".join(arm.notes)
         assert "right_finger at 0.02 m" in notes and "gravity of b is compensated" in notes
         assert np.linalg.norm(arm.gravity) == pytest.approx(9.81) and "switches gravity off" in notes
-        assert "do not include springs of two (stiffness) and drag of the medium" in caplog.text
+        assert "do not include springs (stiffness) at two; drag of the medium" in caplog.text
 
     @pytest.mark.parametrize(("own", "more"), ACTUATORS)
     def test_torque_limits_are_what_mujocos_actuators_can_give(self, mjcf, own, more):
@@ -183,6 +183,80 @@ class TestMjcf:
         write_mjcf(arm, possible_links(arm), mjcf, Drives.none(2))
         (pair,) = load_robot(mjcf, setup).may_touch
         assert {*pair} == {"a", "b", "contact exclude"}
+
+
+def driven(actuators="", inside="", beside="", **joint):
+    """MJCF of an arm of three joints and a finger, and what acts on them."""
+    words = " ".join(f'{key}="{value}"' for key, value in joint.items())
+    return f"""<mujoco><compiler autolimits="true"/>
+<default><joint range="-2 2" axis="0 1 0" actuatorfrcrange="-90 90"/></default><worldbody>
+<body name="base"><geom size=".1"/>
+  <body name="a" pos="0 0 .2"><joint name="ja" axis="0 0 1"/><geom size=".05"/>
+    <body name="b" pos="0 0 .2"><joint name="jb" {words}/><geom size=".05"/>
+      <body name="c" pos="0 0 .4"><joint name="jc"/><geom size=".05"/><site name="end" pos="0 0 .1"/>
+        <body name="finger" pos="0 .05 .2"><joint name="j_finger" range="0 1"/><geom size=".01"/></body>
+        <body name="thumb" pos="0 -.05 .2"><joint name="j_thumb" range="0 1"/><geom size=".01"/></body>
+      </body></body>{beside}</body></body>
+</worldbody>{inside}<actuator>{actuators}</actuator></mujoco>"""
+
+
+BAR = '<body name="bar" pos="-.1 0 .2"><joint name="j_bar"/><geom size=".02"/></body>'
+BELT = '<tendon><fixed name="belt"><joint joint="jb" coef="1"/><joint joint="jc" coef="1"/></fixed></tendon>'
+GRIP = '<tendon><fixed name="grip"><joint joint="j_finger" coef="1"/></fixed></tendon>'
+WELD, CONNECT = (
+    "<equality><weld body1='{}'/></equality>",
+    "<equality><connect body1='{}' body2='{}' {}/></equality>",
+)
+ANCHOR, OFF = "anchor='0 0 .4'", "anchor='0 0 .4' active='false'"
+TIED = [  # an MJCF, what is said of it, and the setup with which it loads
+    (driven('<motor name="m" tendon="belt" ctrlrange="-6 6"/>', BELT), "m acts on tendon belt", "effort"),
+    (driven('<motor name="m" site="end" ctrlrange="-6 6"/>'), "actuator m acts on sites", "effort"),
+    (driven("", CONNECT.format("bar", "c", ANCHOR), BAR), "equality_0 (bar, c) ties jb, jc", "locked"),
+    (driven("", WELD.format("c")), "(c, world) ties ja, jb, jc, which is not modelled; delete it", None),
+    (driven('<motor tendon="belt"/>', BELT), "", "all"),  # its force has no limit
+    (driven('<motor tendon="grip" ctrlrange="-6 6"/>', GRIP), "", "all"),
+    (driven("", CONNECT.format("finger", "thumb", ANCHOR)), "", "all"),
+    (driven("", CONNECT.format("bar", "c", OFF), BAR), "", "all"),
+]
+WAYS = {"effort": {"ja": 9.0, "jb": 9.0, "jc": 9.0}, "locked": {"j_bar": 0.0}}
+
+
+@pytest.mark.parametrize(("text", "said", "way"), TIED)
+def test_ties_and_motors_on_several_joints_are_refused_until_the_user_says_more(tmp_path, text, said, way):
+    (tmp_path / "arm.xml").write_text(text)
+    plain = Setup(tip="c", limits=Limits(velocity=1.0))
+    if said:
+        with pytest.raises(RobotError, match=re.escape(said)):
+            load_robot(tmp_path / "arm.xml", plain)
+    if way is not None:
+        limits = Limits(velocity=1.0, effort=WAYS["effort"] if way == "effort" else None)
+        arm = load_robot(
+            tmp_path / "arm.xml",
+            replace(plain, limits=limits, locked=WAYS["locked"] if way == "locked" else None),
+        )
+        assert arm.joint_names == ("ja", "jb", "jc")
+        assert arm.torque_limit.tolist() == [9.0 if way == "effort" else 90.0] * 3
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            driven("", '<tendon><fixed name="t" stiffness="5"><joint joint="jb" coef="1"/></fixed></tendon>'),
+            "springs (stiffness) at jb",
+        ),
+        (
+            driven("", BELT.replace('name="belt"', 'name="belt" range="-1 1"')),
+            "range of tendon belt at jb, jc",
+        ),
+        (driven("", GRIP.replace('name="grip"', 'name="grip" stiffness="5"')), ""),
+    ],
+)
+def test_what_acts_on_the_arm_and_is_left_out_is_named_once(tmp_path, caplog, text, said):
+    (tmp_path / "arm.xml").write_text(text)
+    load_robot(tmp_path / "arm.xml", Setup(tip="c", limits=Limits(velocity=1.0)))
+    warned = [record.getMessage() for record in caplog.records if "do not include" in record.getMessage()]
+    assert len(warned) == bool(said) and said in "".join(warned)
 
 
 XACRO = """<robot name="made" xmlns:xacro="http://www.ros.org/wiki/xacro">
