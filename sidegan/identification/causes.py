@@ -39,8 +39,10 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     unused: dict[str, str] = {}
     for recording in found.recordings[::-1]:  # reversed: the first recording's remark on a signal wins
         unused |= recording.remarks
-    level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
-    repairs = [Finding(level, text) for text in unused.values()]
+    repairs = [Finding(GOOD, text) for text in unused.values()]
+    twice = dict.fromkeys(text for recording in found.recordings for text in recording.twice)
+    if twice and found.quality.verdict != GOOD:
+        return [*(Finding(BAD, text) for text in twice), *repairs], False
     agreement = agreement_of(model.body, [x for recording in found.training for x in recording.segments])
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     now = error = found.quality.judged.nmse_mean
