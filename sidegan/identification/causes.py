@@ -12,7 +12,7 @@ from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate, score, shown
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.refits import change_between, moved, shifted_zeros, tilted_gravity
+from sidegan.identification.refits import change_between, held_load, moved, shifted_zeros, tilted_gravity
 from sidegan.identification.sums import scaled_inverse
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.motion.dynamics import RigidBody
@@ -55,7 +55,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if unexplained:
         because = change_between(found)
         if not (because or faults or doubts):  # which look like disturbances
-            because = disturbances(found)
+            because = [text for x in found.recordings for text in held_load(found, x)] or disturbances(found)
         if because:
             return [*(Finding(USABLE, text) for text in because), *faults, *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:

@@ -84,7 +84,7 @@ FILES = [
         {},
     ),
     ("recording.joints has 1 name, the arm has 2 joints", files.written(), {"joints": ["a"]}),
-    ("lack a number, in column tau2", files.written(lambda table: table.assign(tau2=np.nan)), {}),
+    ("lack a number, in column q2", files.written(lambda table: table.assign(q2=np.nan)), {}),
     ("no position for 1 of the arm's 2 joints: no column 'q2'", without("q2"), {}),
     ("position of 5 joints, the arm has 2; if the first 2", twice(q3="q1", q4="q1", q5="q2"), {}),
     ("no torque for 1 of the arm's 2 joints: no column 'tau2'", without("tau2"), {}),
