@@ -250,8 +250,8 @@ def held_load(found: IdentifiedArm, recording: CheckedRecording) -> list[str]:
     first, last = time[cuts[begin]], time[cuts[end] - 1]
     return [
         f"from {first:.3g} s to {last:.3g} s of {recording.name} torques fit with {mass:+.2g} ± "
-        f"{deviation:.1g} kg on {arm.link_names[-1]}: was something held? cut these rows, or put them in a "
-        "file of their own: +experiment=payload 'recordings=[rest.csv]' 'loaded=[held.csv]' identifies the load"
+        f"{deviation:.1g} kg on {arm.link_names[-1]}: was something held? cut these rows, or put them "
+        "in another file: +experiment=payload 'recordings=[rest.csv]' 'loaded=[held.csv]' identifies the load"
     ]
 
 

@@ -22,6 +22,7 @@ _COARSE = 0.02  # [s] step in which a part is looked for
 _ROWS = 800  # of a part to which a filter is fitted
 _PLACES = 3  # at which it is compared: periodic motions look alike once a period
 _LIKE = 0.05  # most of a part's variance that may differ from the other recording before a filter is fitted
+_TINY = 1e-30
 _ORDER = 6  # of the differences that only noise is left in
 _CALM = 0.25  # share of these that no jump is in
 _COPY = 0.4  # most of the noise's variance that is left of a copy; of a repetition, more than all is left
@@ -73,8 +74,9 @@ def same_run(first: Digests, second: Digests) -> bool:
     A filter then makes its torques, with their noise, from the other's. Repetitions have other noise.
     """
     noises = [_noise(x.torque) for x in (first, second)]
-    for (source, noise), (copy, other) in permutations(zip((first, second), noises)):
-        if (noise > other / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
+    shares = [noise / np.maximum(x.torque.std(0), _TINY) for x, noise in zip((first, second), noises)]
+    for (source, noise, share), (copy, _, other) in permutations(zip((first, second), noises, shares)):
+        if (share >= other / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
             return True
     return False
 
@@ -112,7 +114,7 @@ def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
         weights = np.linalg.lstsq(columns, torque[few, j])[0]
         passed = min((np.square(weights[:-1]) * step / np.diff(edges)).sum(), weights[:-1].sum() ** 2)
         squares = np.square(torque[few, j] - columns @ weights).sum()
-        return float(squares / max(len(at) - 2 * len(edges), 1e-9) / max(passed * noise[j] ** 2, 1e-30))
+        return float(squares / max(len(at) - 2 * len(edges), 1e-9) / max(passed * noise[j] ** 2, _TINY))
 
     places = [time[few, None] + offset + edges for offset in _places(source, time, torque)]
     return bool(noisy) and any(all(left(j, at) < _COPY for j in noisy) for at in places)
@@ -120,11 +122,10 @@ def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
 
 def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     """Offsets [s] to the times of a part (K,) at which its torques (K, J) are like the source's."""
-    size = np.maximum(source.torque.std(0), np.finfo(float).tiny)
+    size = np.maximum(source.torque.std(0), _TINY), np.maximum(torque.std(0), _TINY)
     grids = (np.arange(*t[[0, -1]], _COARSE) for t in (source.time, time))
-    whole, part = (
-        _at(at, t, x / size) for at, t, x in zip(grids, (source.time, time), (source.torque, torque))
-    )
+    signals = zip(grids, (source.time, time), (source.torque, torque), size)
+    whole, part = (_at(at, t, x / scale) for at, t, x, scale in signals)
     if not 0 < len(part) <= len(whole):
         return []
     squares = np.convolve(np.square(whole).sum(1), np.ones(len(part)), "valid")

@@ -227,7 +227,16 @@ CHECKED = [
     ("is it in N·m, and the joint order", scaled("torque", 1e7), {}),
     ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
     ("every torque is zero", but("torque", np.zeros_like), {}),
-    ("torque of shoulder, elbow is constant", but("torque", np.ones_like), {}),
+    (
+        r"torque of shoulder, elbow is blank or constant .*: record with shoulder, elbow at rest",
+        but("torque", np.ones_like),
+        {},
+    ),
+    (
+        r"torque of elbow is blank .*: record with elbow at rest, .*without=\[elbow\].*robot.tip=upper_arm$",
+        but("torque", lambda x: x * [1.0, 0.0]),
+        {},
+    ),
     ("has 9 samples, expected 10 or more", lambda recording: part_of(recording, slice(9)), {}),
     ("has 1 sample, expected 10 or more", lambda recording: part_of(recording, slice(1)), {}),
     ("too short to identify from", scaled("time", 1e-300), {}),
