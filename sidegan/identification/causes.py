@@ -12,7 +12,7 @@ from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate, score, shown
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.refits import change_between, moved, shifted_zeros, tilted_gravity
+from sidegan.identification.refits import change_between, held_load, moved, shifted_zeros, tilted_gravity
 from sidegan.identification.sums import scaled_inverse
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.motion.dynamics import RigidBody
@@ -39,8 +39,10 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     unused: dict[str, str] = {}
     for recording in found.recordings[::-1]:  # reversed: the first recording's remark on a signal wins
         unused |= recording.remarks
-    level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
-    repairs = [Finding(level, text) for text in unused.values()]
+    repairs = [Finding(GOOD, text) for text in unused.values()]
+    twice = dict.fromkeys(text for recording in found.recordings for text in recording.twice)
+    if twice and found.quality.verdict != GOOD:
+        return [*(Finding(BAD, text) for text in twice), *repairs], False
     agreement = agreement_of(model.body, [x for recording in found.training for x in recording.segments])
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     now = error = found.quality.judged.nmse_mean
@@ -53,7 +55,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if unexplained:
         because = change_between(found)
         if not (because or faults or doubts):  # which look like disturbances
-            because = disturbances(found)
+            because = [text for x in found.recordings for text in held_load(found, x)] or disturbances(found)
         if because:
             return [*(Finding(USABLE, text) for text in because), *faults, *repairs], False
     if late := [recording.late for recording in found.recordings if recording.late]:

@@ -3,18 +3,28 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import combinations, pairwise
 
 import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array, geometric_mean
-from sidegan.identification.fit import Extended, covariance_of, gather, reweighted, torque_errors
+from sidegan.identification.fit import (
+    Extended,
+    Fit,
+    Gathered,
+    covariance_of,
+    gather,
+    reweighted,
+    torque_errors,
+)
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements, thinned
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.payload import with_load
 from sidegan.identification.sums import Sums, sums_of
 from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.check import CheckedRecording
 
 _SURE = 5.0  # standard deviations from zero at which a zero or a load is significant
 _EXPLAINED = 0.7  # largest share of the residuals' squares that may remain with other zeros or gravity
@@ -39,6 +49,8 @@ _NOTABLE_TILT = 0.03  # [rad] smallest tilt that is reported
 _HALF = 0.5  # most of the residuals' squares that may remain if a change is to explain them
 _FITS = 0.1  # most of the torques' squares that may remain then
 _NOTABLE_LOAD = 0.02  # smallest load that is reported, as a share of the arm's mass
+_STRETCHES, _FINER = 12, 4  # equal parts of a recording between which a load is sought, and parts of each
+_LEAST_SAMPLES = 5  # in the smallest part
 
 
 def shifted_zeros(model: TorqueModel, samples: Sequence[Measurements]) -> Array:
@@ -198,6 +210,49 @@ def _changes(
                 "recordings of one temperature and pace"
             )
         yield remaining, text
+
+
+def held_load(found: IdentifiedArm, recording: CheckedRecording) -> list[str]:
+    """A remark on a load held in a stretch of a recording, if that explains most of its residuals."""
+    arm, count = found.model.arm, found.model.count
+    extended, whole = with_load(found.model, carried=True), measurements_of([recording])
+    time = np.concatenate([segment.time for segment in recording.segments])
+    cuts = np.linspace(0, len(time), _STRETCHES * _FINER + 1).astype(int).tolist()
+    if len(time) < _LEAST_SAMPLES * len(cuts):
+        return []
+    samples = thinned(whole, len(time))
+    loaded = [gather(extended, samples[begin:end]).sums for begin, end in pairwise(cuts)]
+    free = [_only(x, count) for x in loaded]
+    plain = reduce(Sums.plus, free)
+    before = np.maximum(plain.squares(reweighted(plain).parameters), _TINY)
+
+    def fitted(begin: int, end: int) -> tuple[float, Sums, Fit]:
+        """Share of the residuals' squares that remains with the load between two cuts, sums and fit."""
+        sums = reduce(Sums.plus, [*free[:begin], *loaded[begin:end], *free[end:]])
+        fit = reweighted(sums)
+        return geometric_mean(np.maximum(sums.squares(fit.parameters), _TINY) / before), sums, fit
+
+    stretches = [*combinations(range(0, len(cuts), _FINER), 2)]
+    stretches.remove((0, len(loaded)))
+    begin, end = min(stretches, key=lambda x: fitted(*x)[0])
+    near = range(1 - _FINER, _FINER)
+    begin = min((x for d in near if 0 <= (x := begin + d) < end), key=lambda x: fitted(x, end)[0])
+    end = min((x for d in near if begin < (x := end + d) < len(cuts)), key=lambda x: fitted(begin, x)[0])
+    remaining, sums, fit = fitted(begin, end)
+    left = geometric_mean(sums.squares(fit.parameters) / np.maximum(sums.energy, _TINY))
+    errors = torque_errors(extended, Gathered(sums, whole), fit)
+    mass, deviation = fit.parameters[count], np.sqrt(covariance_of(sums, fit, errors)[count, count])
+    least = max(_SURE * deviation, _NOTABLE_LOAD * arm.inertial_parameters[:, 0].sum())
+    if remaining >= _HALF or left >= _FITS or abs(mass) < least or end - begin < _FINER:
+        return []
+    if mass < 0 and (begin == 0 or end == len(loaded)):  # the rest of the recording is without it
+        begin, end, mass = (end, len(loaded), -mass) if begin == 0 else (0, begin, -mass)
+    first, last = time[cuts[begin]], time[cuts[end] - 1]
+    return [
+        f"from {first:.3g} s to {last:.3g} s of {recording.name} torques fit with {mass:+.2g} ± "
+        f"{deviation:.1g} kg on {arm.link_names[-1]}: was something held? cut these rows, or put them "
+        "in another file: +experiment=payload 'recordings=[rest.csv]' 'loaded=[held.csv]' identifies the load"
+    ]
 
 
 def _only(sums: Sums, count: int) -> Sums:

@@ -54,6 +54,7 @@ class Quality:
     noise: Array  # whether a joint's residual is noise, (J,)
     causes: tuple[Finding, ...] = ()  # faults of recordings or description that may cause other findings
     other_gravity: bool = False  # whether a different gravity explains the torques better
+    copied: str | None = None  # warning that the data tested on are of a run for training
 
     @property
     def verdict(self) -> str:
@@ -63,13 +64,19 @@ class Quality:
 
     @property
     def reasons(self) -> list[str]:
-        """Reasons for the verdict: causes, then findings grouped by joint, most severe first."""
+        """Reasons for the verdict: causes, then findings grouped by joint, most severe first.
+
+        What is taken into account already, and limits nothing, comes last unless the model is good.
+        """
         groups: dict[object, list[Finding]] = {}
         sentences = []
         for finding in self.findings[len(self.causes) :]:
             groups.setdefault(finding.text if finding.joint is None else finding.joint, []).append(finding)
         worst_first = sorted(groups.values(), key=lambda group: all(x.level != BAD for x in group))
-        for group in [*([cause] for cause in self.causes), *worst_first]:
+        minor = [[cause] for cause in self.causes if cause.level == GOOD]
+        causes = [[cause] for cause in self.causes if cause.level != GOOD]
+        first, last = (minor, []) if self.verdict == GOOD else (causes, minor)
+        for group in [*first, *worst_first, *last]:
             texts = "; ".join(finding.text for finding in group)
             joint = group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
@@ -115,7 +122,9 @@ class Quality:
 
 
 def _held_out(quality: Quality) -> Iterator[Finding]:
-    if quality.held_out is None:
+    if quality.copied:
+        yield Finding(USABLE, quality.copied)
+    elif quality.held_out is None:
         yield Finding(USABLE, "no recording was held out: prediction of other motions is untested")
     else:
         tested, trained = quality.mean(quality.held_out), quality.mean(quality.train)

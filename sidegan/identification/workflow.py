@@ -57,6 +57,8 @@ def identify_arm(
         each = [measurements_of([recording]) for recording in training]
         turns = {method: cross_validated(method, model, each, strength) for method in estimates}
         tested = {method: errors.pooled for method, errors in turns.items()}
+    copied = next((x.copied for x in validation or training if x.copied), None)
+    kind = "of the same run: nothing was held out" if copied else kind
     use = CONSISTENT if tested is trained else preferred(settings.method, tested)
     used = estimates[use]
     sets = [recordings for recordings in (training, validation) if recordings]
@@ -69,6 +71,7 @@ def identify_arm(
         where=where,
         folds=turns.get(use),
         noise=np.all(noise, 0),
+        copied=copied,
         **compared(model, estimates[settings.method], held_out or samples),
     )
     found = IdentifiedArm(

@@ -19,6 +19,7 @@ from sidegan.recording.delay import Delay, measured, pooled
 from sidegan.recording.grid import Grid, noise_of
 from sidegan.recording.load import recording_name
 from sidegan.recording.mended import steadied
+from sidegan.recording.overlap import same_run
 from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
 from sidegan.recording.segments import grid_for, preprocess, torque_of
 from sidegan.recording.settings import Files, Recorded, RecordingSettings
@@ -48,12 +49,14 @@ class CheckedRecording:
     warnings: list[str]
     faults: list[str]  # the warnings about saturated or frozen torques
     remarks: dict[str, str]  # the warnings about unused, contradictory signals, by signal
+    twice: list[str]  # the warnings about joints with the same column
     late: str | None  # warning about a clear but uncorrected delay
     delay: Delay  # of the torques
     corrected: bool  # whether the delay was removed
     noise: Array  # torque noise density [(N·m)²/Hz or N²/Hz], (J,); NaN if undetermined
     repeated: Repeated | None = None  # commanded trajectories found, if known
     role: Role = "training"
+    copied: str | None = None  # warning that it is the same run as a training recording
 
     @property
     def name(self) -> str:
@@ -155,6 +158,7 @@ def read_and_check(
     elif common is not None:
         found = [replace(checked, delay=common) for checked in found]
     found = [replace(checked, role=role) for checked, (_, role) in zip(found, files)]
+    found = [_compared(checked, found[:k]) for k, checked in enumerate(found)]
     for checked in found:
         if checked.role == "loaded":  # the runs without the load show what contradicts the description
             contradictions = checked.agreement.warnings(arm)
@@ -171,6 +175,18 @@ def read_and_check(
     for warning, names in warned.items():
         log.warning("%s: %s", listed(names), warning)
     return found
+
+
+def _compared(recording: CheckedRecording, earlier: list[CheckedRecording]) -> CheckedRecording:
+    """A recording, with a warning if it is the same run as an earlier one for training."""
+    for other in earlier:
+        if other.role == "training" and same_run(other.statistics.rows, recording.statistics.rows):
+            copied = (
+                f"{recording.name} is the same run as {other.name}, filtered, resampled or rounded: even the "
+                "noise of the torques is the same, so nothing was held out; validate with another run"
+            )
+            return replace(recording, copied=copied, warnings=[*recording.warnings, copied])
+    return recording
 
 
 def check_recording(
@@ -222,7 +238,8 @@ def check_recording(
     warnings += [*recording.remarks, *plausibility.clock_warnings(statistics)]
     faults = plausibility.fault_warnings(statistics, arm)
     warnings += [*plausibility.range_warnings(statistics, arm), *faults]
-    warnings += remarks.values()
+    twice = plausibility.twice_warnings(recording)
+    warnings += [*remarks.values(), *twice]
     if gains is not None and recording.load == "torque":
         warnings.append(_UNUSED_GAINS)
     late = None
@@ -242,6 +259,7 @@ def check_recording(
         warnings=warnings + agreement.warnings(arm),
         faults=faults,
         remarks=remarks,
+        twice=twice,
         late=late,
         delay=delay,
         corrected=corrected,

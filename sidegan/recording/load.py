@@ -179,6 +179,12 @@ def _apart(signals: dict[str, Array], rows: Array) -> list[tuple[dict[str, Array
 def _part(file: str, where: Where, signals: dict[str, Array], rows: Array, rate: float | None) -> Part:
     """Signals without corrupt rows, in which a column lacks a plausible number."""
     names, lacks = [], []
+    for name in signals.keys() & {"torque", "current"}:
+        blank = np.isnan(signals[name]).all(
+            0
+        )  # a driver that has none for some joints: refused by their names
+        if blank.any() and not blank.all():
+            signals[name] = np.where(blank, 0.0, signals[name])
     for name, signal in signals.items():
         late = name == "time" and np.count_nonzero(np.abs(signal) > _LARGEST) > len(signal) / 2
         for k, x in enumerate(signal.T):

@@ -1,11 +1,13 @@
 """Samples that two recordings share, whatever the files' names and the place of the samples in them."""
 
-from collections.abc import Sequence
-from itertools import combinations
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations, permutations
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy  # submodules load lazily
 
 from sidegan.base.arrays import Array
 from sidegan.errors import RecordingError
@@ -14,6 +16,16 @@ from sidegan.recording.recording import Recording
 
 _STRETCH = 32  # consecutive common rows that are no coincidence
 _COUNTED = ("torque", "current", "velocity", "acceleration")  # compared if both recordings have them
+_PART, _PARTS = 8.0, 4  # [s] of a recording that are looked for in another, and how many such parts
+_REACH, _GROWTH = 0.5, 1.15  # [s] of the longest filter that is found, and ratio of its neighbouring lags
+_COARSE = 0.02  # [s] step in which a part is looked for
+_ROWS = 800  # of a part to which a filter is fitted
+_PLACES = 3  # at which it is compared: periodic motions look alike once a period
+_LIKE = 0.05  # most of a part's variance that may differ from the other recording before a filter is fitted
+_TINY = 1e-30
+_ORDER = 6  # of the differences that only noise is left in
+_CALM = 0.25  # share of these that no jump is in
+_COPY = 0.4  # most of the noise's variance that is left of a copy; of a repetition, more than all is left
 
 
 class Digests(NamedTuple):
@@ -22,6 +34,7 @@ class Digests(NamedTuple):
     time: Array  # of the rows [s], (S,)
     signals: dict[str, Array]  # hashes by name of the signal, (S,) each
     load: str  # torque or current, from which the arm is identified
+    torque: Array  # this signal in single precision, (S, J)
 
     def changing(self, names: Sequence[str]) -> tuple[Array, Array]:
         """Combined hashes of signals, and times, of rows in which the first signal changes, (K,) each."""
@@ -34,7 +47,7 @@ def digests_of(recording: Recording) -> Digests:
     """Digests of a recording's rows in single precision, which some files use."""
     single = {name: x.astype(np.float32) + np.float32(0) for name, x in recording.signals().items()}
     signals = {name: _hashes(x) for name, x in single.items()}
-    return Digests(recording.time, signals, recording.load)
+    return Digests(recording.time, signals, recording.load, single[recording.load])
 
 
 def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
@@ -53,6 +66,82 @@ def refuse_shared(recordings: Sequence[tuple[str, Digests]]) -> None:
                 f"{second} has the same torques as {first}, {where}, but another motion: "
                 "one of the two has the torques of another recording"
             )
+
+
+def same_run(first: Digests, second: Digests) -> bool:
+    """Whether one recording is a part of the other, exported again: filtered, resampled, shifted or rounded.
+
+    A filter then makes its torques, with their noise, from the other's. Repetitions have other noise.
+    """
+    noises = [_noise(x.torque) for x in (first, second)]
+    shares = [noise / np.maximum(x.torque.std(0), _TINY) for x, noise in zip((first, second), noises)]
+    for (source, noise, share), (copy, _, other) in permutations(zip((first, second), noises, shares)):
+        if (share >= other / 2).all() and any(_is_copy(source, noise, *part) for part in _parts(copy)):
+            return True
+    return False
+
+
+def _noise(torque: Array) -> Array:
+    """Standard deviation of the white noise of torques (S, J), (J,), where they do not jump."""
+    least = np.quantile(np.abs(np.diff(torque, _ORDER, axis=0)), _CALM, axis=0)
+    usual = scipy.stats.norm.ppf((1 + _CALM) / 2) * scipy.special.comb(2 * _ORDER, _ORDER) ** 0.5
+    return np.asarray(least / usual)
+
+
+def _parts(recording: Digests) -> Iterator[tuple[Array, Array]]:
+    """Times (K,) [s] and torques (K, J) of parts of a recording, without its ends, which filters distort."""
+    begin, end = np.searchsorted(recording.time, recording.time[[0, -1]] + [_REACH, -_REACH])
+    count = max(1, round((recording.time[-1] - recording.time[0]) / _PART))
+    rows = np.array_split(np.arange(begin, end), count)
+    for part in rows[:: -(-count // _PARTS)]:
+        yield recording.time[part], recording.torque[part]
+
+
+def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
+    """Whether filters of the source, with noise (J,), make torques (K, J) at times (K,) with its noise."""
+    step = float(np.median(np.diff(source.time)))
+    away = np.unique(np.round(_GROWTH ** np.arange(math.log(max(_REACH / step, 1), _GROWTH))))
+    edges = np.concatenate([-away[::-1] - 0.5, [-0.5, 0.5], away + 0.5]) * step  # of the lags' intervals
+    between = np.concatenate([source.time[:1], (source.time[1:] + source.time[:-1]) / 2, source.time[-1:]])
+    few = slice(None, None, max(1, len(time) // _ROWS))
+    noisy = np.flatnonzero(noise).tolist()
+
+    def left(j: int, at: Array) -> float:
+        """Variance that a filter leaves, as a share of that of the noise which it passes."""
+        integral = np.append(0.0, np.cumsum(source.torque[:, j] * np.diff(between)))
+        means = np.diff(np.interp(at, between, integral), axis=1) / np.diff(edges)
+        columns = np.append(means, np.ones((len(at), 1)), 1)
+        weights = np.linalg.lstsq(columns, torque[few, j])[0]
+        passed = min((np.square(weights[:-1]) * step / np.diff(edges)).sum(), weights[:-1].sum() ** 2)
+        squares = np.square(torque[few, j] - columns @ weights).sum()
+        return float(squares / max(len(at) - 2 * len(edges), 1e-9) / max(passed * noise[j] ** 2, _TINY))
+
+    places = [time[few, None] + offset + edges for offset in _places(source, time, torque)]
+    return bool(noisy) and any(all(left(j, at) < _COPY for j in noisy) for at in places)
+
+
+def _places(source: Digests, time: Array, torque: Array) -> list[float]:
+    """Offsets [s] to the times of a part (K,) at which its torques (K, J) are like the source's."""
+    size = np.maximum(source.torque.std(0), _TINY), np.maximum(torque.std(0), _TINY)
+    grids = (np.arange(*t[[0, -1]], _COARSE) for t in (source.time, time))
+    signals = zip(grids, (source.time, time), (source.torque, torque), size)
+    whole, part = (_at(at, t, x / scale) for at, t, x, scale in signals)
+    if not 0 < len(part) <= len(whole):
+        return []
+    squares = np.convolve(np.square(whole).sum(1), np.ones(len(part)), "valid")
+    products = scipy.signal.correlate(whole, part, "valid")[:, 0]
+    apart = squares - 2 * products + np.square(part).sum()
+    near = round(_REACH / _COARSE)
+    found = []
+    while len(found) < _PLACES and apart[best := int(apart.argmin())] < _LIKE * part.size:
+        found.append(float(source.time[0] - time[0]) + best * _COARSE)
+        apart[max(0, best - near) : best + near] = np.inf
+    return found
+
+
+def _at(at: Array, time: Array, x: Array) -> Array:
+    """Signals (S, C) at times (…), interpolated linearly, (…, C)."""
+    return np.stack([np.interp(at, time, y) for y in x.T], -1)
 
 
 def _stretch(common: Array, time: Array) -> str:

@@ -1,14 +1,15 @@
 """Warnings about a recording: clock, ranges, saturation, frozen or contradictory signals."""
 
 import math
+from itertools import combinations
 
 import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.base.names import counted
 from sidegan.errors import RecordingError
-from sidegan.recording.recording import SIGN_WIDTH, Segment
-from sidegan.recording.refused import DEGREES
+from sidegan.recording.recording import SIGN_WIDTH, Recording, Segment
+from sidegan.recording.refused import DEGREES, HARDLY
 from sidegan.recording.statistics import Statistics
 from sidegan.robot import Arm
 
@@ -80,6 +81,21 @@ def fault_warnings(statistics: Statistics, arm: Arm) -> list[str]:
             "although the joint moves: remove these rows from the file"
         )
     return warnings
+
+
+def twice_warnings(recording: Recording) -> list[str]:
+    """Warnings about joints that move but have the same positions, torques or currents in every sample."""
+    found = []
+    for name in ("position", recording.load):
+        x = recording.signals()[name]
+        for j, k in combinations(np.flatnonzero(np.ptp(x, 0) > HARDLY).tolist(), 2):
+            if np.array_equal(x[:, j], x[:, k]):
+                joints = " and ".join(recording.joint_names[i] for i in (j, k))
+                found.append(
+                    f"the {name}s of {joints} are the same column: was one written twice? "
+                    f"(recording.{name} names the columns)"
+                )
+    return found
 
 
 def contradiction(file: str, arm: Arm, rate: str, segments: list[Segment]) -> str | None:

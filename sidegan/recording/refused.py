@@ -132,10 +132,9 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
     if not signal.largest.max() > 0:
         raise RecordingError(f"{file}: every {name} is zero")
     if signal.constant.any():
-        joints = arm.named(signal.constant)
         raise RecordingError(
-            f"{file}: the {name} of {joints} is constant over the whole recording; a joint that never moves "
-            f"can be left out: 'recording.without=[{joints.replace(', ', ',')}]'"
+            f"{file}: the {name} of {arm.named(signal.constant)} is blank or constant over the whole "
+            f"recording; {without_torque(arm, signal.constant, span >= HARDLY)}"
         )
     for rate in [name for name in ("velocity", "acceleration") if name in signals]:
         dead = signals[rate].constant & (span >= HARDLY)
@@ -144,6 +143,22 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
                 f"{file}: the {rate} of {arm.named(dead)} is constant while it moves; "
                 f"recording.{rate}=null derives it instead"
             )
+
+
+def without_torque(arm: Arm, lacking: Array, moving: Array) -> str:
+    """How to identify an arm without the torques of some joints, of which some move, (J,) marked each."""
+    joints = arm.named(lacking)
+    still = f"'recording.without=[{joints.replace(', ', ',')}]'"
+    first = int(lacking.argmax())
+    if not (lacking & moving).any():
+        return f"a joint that never moves can be left out: {still}"
+    advice = f"record with {joints} at rest, which {still} then locks there"
+    if lacking[first:].all() and first:
+        link = arm.link_names[first - 1]
+        advice += (
+            f"; or identify the joints before, with what {joints} moves as a part of {link}: robot.tip={link}"
+        )
+    return advice
 
 
 def refuse_jumps(recording: Recording, arm: Arm, gap: float) -> None:

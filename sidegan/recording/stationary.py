@@ -8,7 +8,7 @@ import numpy as np
 from sidegan.errors import RecordingError
 from sidegan.recording.load import load_recording
 from sidegan.recording.recording import Recording
-from sidegan.recording.refused import HARDLY
+from sidegan.recording.refused import HARDLY, without_torque
 from sidegan.recording.settings import Recorded, RecordingSettings
 from sidegan.robot import Arm
 from sidegan.robot.sources import read_source
@@ -68,6 +68,7 @@ def stationary_positions(
             f"recording.without names {', '.join(unknown)}; the arm has joints {', '.join(arm.joint_names)}"
         )
     places = [arm.joint_names.index(name) for name in settings.without]
+    lacking = np.isin(arm.joint_names, settings.without)
     only = replace(settings, velocity=None, acceleration=None, torque=None, current=None)
     lower = np.full(len(places), np.inf)
     upper = -lower
@@ -80,7 +81,7 @@ def stationary_positions(
             if high - low > HARDLY:
                 raise RecordingError(
                     f"{recording.name}: {name} is left out (recording.without), but moves from {low:.4g} to "
-                    f"{high:.4g} rad or m; a joint without torque must stay at one position in all "
-                    "recordings: record with this joint locked, or record its torque"
+                    f"{high:.4g} rad or m, and a joint without torque must stay at one position in all "
+                    f"recordings: {without_torque(arm, lacking, lacking)}"
                 )
     return dict(zip(settings.without, ((lower + upper) / 2).tolist()))

@@ -97,6 +97,18 @@ def colder(made):
     return made.torque + 0.7 * (VISCOUS[0] * made.velocity + COULOMB[0] * np.tanh(made.velocity / 0.01))
 
 
+def written_twice(made):
+    """The positions of a joint in the place of another's."""
+    return replace(made, position=made.position[:, [0, 1, 2, 3, 4, 3, 6]], velocity=None)
+
+
+def pulled(made):
+    """Something that pulls at a joint, and a wrong acceleration, which is derived instead."""
+    wrong = 0.5 * np.gradient(made.velocity, 0.01, axis=0)
+    pull = 6.0 * np.sin(3.3 * made.time)[:, None] * [0, 0, 0, 0, 1, 0, 0]
+    return replace(made, torque=made.torque + pull, acceleration=wrong)
+
+
 OFF = "^the encoder zero looks off: joint_2 by \\+0\\.3 rad"
 TOUCHED = r"^from 6\.\S+ s to 7\S* s of changed the residual of .*joint_3.* did the arm touch something"
 DRIFTS = r"^through changed the torque drifts, of joint_4 by 1[45] N·m or N: does a sensor warm up"
@@ -124,6 +136,8 @@ CASES = [
     (of_motors, BAD, r"^rotors explain the residuals: with model=motor_current the mean nMSE is \S+e-05 "),
     (zeros(0, 0.3, 0, 0, 0, 0, 0), BAD, OFF + r"; .* be 0\.000\d+ instead of 0\.0"),
     (zeros(0, 0.3, 0, -0.2, 0, 0, 0), BAD, OFF + r", joint_4 by -0\.2\d* rad; "),
+    (written_twice, BAD, "^the positions of joint_4 and joint_6 are the same column"),
+    (pulled, BAD, r"^joint 5 \(joint_5\): the model leaves"),
     # nothing depends on the first zero; the last link makes up for its own
     (zeros(0.3, 0, 0, 0, 0, 0, 0.3), GOOD, "^mean nMSE"),
 ]
@@ -135,6 +149,7 @@ def test_a_fault_of_the_recordings_comes_first(change, verdict, words):
     quality = judged(*recordings(change)).quality
     assert re.search(words, quality.reasons[0]) and quality.verdict == verdict
     assert quality.causes or quality.verdict == GOOD
+    assert change is not pulled or ("derived instead" in quality.reasons[-1] and not quality.faulty)
 
 
 TILTED = (math.sqrt(0.5), 0.0, -math.sqrt(0.5))
@@ -211,6 +226,32 @@ def carrying(made):
     motion = made.position, made.velocity, np.gradient(made.velocity, 0.01, axis=0)
     load = loaded.torque(*motion) - RigidBody(ARM).torque(*motion)
     return replace(made, name="changed", torque=made.torque + load)
+
+
+def picking(made):
+    """A recording with these 2 kg in the hand for a third of it."""
+    held = (made.time > 4) & (made.time < 9)
+    return replace(made, name="changed", torque=np.where(held[:, None], carrying(made).torque, made.torque))
+
+
+def test_a_load_held_for_a_while_is_named_with_its_time():
+    quality = judged(recorded(2, picking), recorded(3)).quality
+    assert quality.verdict != GOOD
+    said = re.search(
+        r"^from (\S+) s to (\S+) s of changed .* \+(\S+) ± .* kg on link_7.*held", quality.reasons[0]
+    )
+    np.testing.assert_allclose([float(x) for x in said.groups()], [4.0, 9.0, 2.0], rtol=0.2)
+
+
+def test_joints_before_one_without_a_torque_are_identified_alone():
+    first = load_robot("kuka_lwr4", Setup(tip="link_6"))
+
+    def without(made):
+        signals = {name: x[:, :6] for name, x in made.signals().items()}
+        return replace(made, joint_names=first.joint_names, **signals)
+
+    training, validation = recordings(without, first, ARM)
+    assert identified(first, [training], [validation], strength=1.0).quality.verdict == GOOD
 
 
 COLD = r"^in changed the friction of joint_1, joint_2.* differs: is the arm warmer or colder there, or"

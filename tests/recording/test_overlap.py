@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 
 from sidegan.errors import RecordingError
-from sidegan.recording.overlap import digests_of, refuse_shared
+from sidegan.recording.grid import low_pass
+from sidegan.recording.overlap import digests_of, refuse_shared, same_run
 from tests.recording.conftest import moved, part_of
 
 
@@ -60,3 +62,57 @@ def test_different_motion_noise_or_rest_is_not_reported_as_shared(original, plan
     for other in (made(planar, 1), replace(original, torque=original.torque + 1e-3 * noise), resting):
         assert not refusal(original, other)
     assert not refusal(resting, resting)
+
+
+def again(recording, change=lambda x: x, rows=slice(None), decimals=4):
+    """Some rows of changed torques, rounded, with a clock from zero."""
+    part = part_of(replace(recording, torque=change(recording.torque).round(decimals)), rows)
+    return replace(part, time=part.time - part.time[0])
+
+
+def resampled(recording):
+    time = np.arange(0.0123, 14.9, 1 / 130)
+    signals = {
+        name: scipy.interpolate.interp1d(recording.time, x, axis=0)(time)
+        for name, x in recording.signals().items()
+    }
+    return replace(recording, time=time, **signals)
+
+
+def smooth(x):
+    return low_pass(x, 8.0, 1 / 200)
+
+
+EXPORTS = {
+    "rounded": again,
+    "every second row": lambda x: again(x, rows=slice(1, None, 2)),
+    "low-passed": lambda x: again(x, smooth, slice(1, None, 2)),
+    "low-passed, cut": lambda x: again(x, smooth, slice(600, 2400)),
+    "another filter": lambda x: again(x, lambda y: scipy.ndimage.uniform_filter1d(y, 7, axis=0)),
+    "in another unit": lambda x: again(x, lambda y: 100 * smooth(y)),
+    "resampled": resampled,
+}
+
+
+@pytest.mark.parametrize("export", EXPORTS.values(), ids=EXPORTS)
+def test_a_run_is_known_again_however_it_was_exported(original, export):
+    copy = digests_of(export(original))
+    assert same_run(digests_of(original), copy) and same_run(copy, digests_of(original))
+
+
+@pytest.mark.parametrize("noise", [0.02, 1e-3])
+@pytest.mark.parametrize("export", EXPORTS.values(), ids=EXPORTS)
+def test_a_repetition_is_another_run_however_it_was_exported(planar, export, noise):
+    time = np.arange(3000) / 200
+    friction = [2.0, 0.8], [1.0, 0.4]
+    exact = moved(planar, time, *friction, np.random.default_rng(0), noise=0.0)
+    white = noise * exact.torque.std(0) * np.random.default_rng(5).standard_normal((2, *exact.torque.shape))
+    first, second = (replace(exact, torque=exact.torque + x) for x in white)
+    assert not same_run(digests_of(first), digests_of(export(second)))
+    assert not same_run(digests_of(again(first, smooth)), digests_of(export(second)))
+
+
+def test_another_motion_or_pace_is_another_run(original, planar):
+    slower = replace(original, time=1.25 * original.time)
+    for other in (made(planar, 1), slower):
+        assert not same_run(digests_of(original), digests_of(other))
