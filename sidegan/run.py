@@ -1,6 +1,7 @@
 """The command ``sidegan``, or ``python -m sidegan.run``: Hydra composes the settings of jobs, which run."""
 
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -32,6 +33,11 @@ def main() -> int:
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, _interrupt)
     code, words = 0, ""
+    if "hydra/launcher=slurm" in sys.argv and shutil.which("srun") is None:
+        sys.stderr.write(
+            "error: hydra/launcher=slurm is for a machine that submits to SLURM: there is no srun\n"
+        )
+        return FAILURE
     try:
         _command()
         sys.stdout.flush()  # here and not at the interpreter's end, which would print a traceback
@@ -47,11 +53,6 @@ def main() -> int:
     except OSError as error:  # from Hydra, which makes the run's folder
         code = FAILURE
         words = f"error: the outputs cannot be written: {error}"
-    except RuntimeError as error:
-        if "srun" not in str(error):
-            raise
-        words = f"error: hydra/launcher=slurm is for a machine that submits to SLURM: {error}"
-        code = FAILURE
     finally:
         end_sweep("FAILED")
     if words:

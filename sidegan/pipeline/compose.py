@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.errors import HydraException, OverrideParseException
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from sidegan.base.names import folder_name
@@ -58,7 +58,9 @@ def explain(error: Exception) -> str:
         return f"{error.override}: characters beyond ASCII need double quotes around the value: {quoted}"
     unknown = re.search(r"Could not override '([^']+)'", text)
     if unknown and "No match in the defaults list" not in text:
-        return _unknown(unknown[1], getattr(error.__cause__, "full_key", None) or unknown[1])
+        cause = error.__cause__
+        parent = getattr(cause, "parent_node", None)
+        return _unknown(unknown[1], getattr(cause, "full_key", None) or unknown[1], parent)
     plugin = re.search(r"'hydra/launcher/(joblib|submitit)\w*'", text)
     if plugin and "Could not" in text:
         return f"this launcher needs a plugin: pip install 'sidegan[{_PLUGINS[plugin[1]]}]'"
@@ -66,14 +68,21 @@ def explain(error: Exception) -> str:
     return "\n".join(line for line in lines if not line.startswith("\t_"))  # private files of a group
 
 
-def _unknown(key: str, inner: str) -> str:
-    """Error message for a setting, or a key inside a setting, that this command does not have."""
+def _unknown(key: str, inner: str, parent: Any) -> str:
+    """Error message for a setting, or a key inside a setting, that this command does not have.
+
+    ``parent`` is what was composed of its group.
+    """
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
     *group, name = place = tuple(inner.split("."))
     siblings = names_in(Config, group)
-    near = suggest(Config, place)
+    groups = parent.items() if isinstance(parent, DictConfig) else ()
+    below = [
+        ".".join((*group, str(one), name)) for one, held in groups if OmegaConf.is_dict(held) and name in held
+    ]
+    near = f"; did you mean {' or '.join(below)}?" if below else suggest(Config, place)
     if name in siblings:
         others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
         return f"{inner}: this is a setting of other experiments, {others}"

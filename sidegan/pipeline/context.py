@@ -78,8 +78,11 @@ class RunContext:
 
     def with_other(self, group: str, name: str) -> "RunContext":
         """A copy with another choice in a config group, such as a condition or an arm."""
-        kept = [override for override in self.overrides if override.partition("=")[0] != group]
-        return replace(self, cfg=composed(*kept, f"{group}={name}"))
+        keys = [override.partition("=")[0] for override in self.overrides]
+        choosing = (group, f"{group}.name")
+        kept = [word for word, key in zip(self.overrides, keys) if key.lstrip("+") not in choosing]
+        added = "+" * (f"+{group}" in keys)  # where the experiment has no such group
+        return replace(self, cfg=composed(*kept, f"{added}{group}={name}"))
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
         """Random seed sequence for a purpose, independent of all others."""

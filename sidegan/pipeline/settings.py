@@ -39,7 +39,9 @@ from sidegan.robot import Setup
 from sidegan.seeding.settings import Long, Seeds
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
-_TRACKING = re.compile(r"(local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:")
+_TRACKING = re.compile(
+    r"(auto|local|off|databricks)$|(https?|sqlite|postgresql|mysql|mssql|databricks)(\+\w+)?:"
+)
 _DEVICE = re.compile(r"cpu|mps|cuda(:\d+)?")
 _SCHEDULER = re.compile(r"[a-z]+://[^\s/:]+:\d+")
 Workers = Annotated[int, Field(ge=1, le=4096)]
@@ -136,7 +138,7 @@ class Config:
     effort: Part | None  # default for robots
     publish: str | None  # folder of a page and its tables, or the page's name; null: the run's folder
     device: str
-    tracking: str  # local, off, or the URI of an MLflow server or database
+    tracking: str  # auto, local, off, or the URI of an MLflow server or database
     parallel: Parallel
     robot: Robot = _group("robot")
     scale: dict[str, Any] = _group("scale")  # sizes of the experiment that other groups refer to
@@ -208,7 +210,7 @@ class Config:
             if refused := refusal(self.device):
                 yield f"device is {self.device!r}, which is not available: {refused}"
         if not _TRACKING.match(self.tracking):
-            yield f"tracking is {self.tracking!r}, expected local, off, or a URI like http://host:5000"
+            yield f"tracking is {self.tracking!r}, expected auto, local, off, or a URI like http://host:5000"
         if len(set(self.stages)) < len(self.stages):
             yield f"stages is {self.stages}, expected each once"
         if self.has("long") and len(set(self.long.harmonics)) < len(self.long.harmonics):

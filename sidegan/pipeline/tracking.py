@@ -6,6 +6,7 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -50,12 +51,15 @@ class Tracker:
     """One MLflow run of an experiment; as a context manager it sets the run's final status.
 
     ``where``: ``local`` for ``mlflow.db`` in ``root``, the folder of all results; the URI of a server or
-    database; or ``off``, which records nothing and does not import MLflow, a slow import.
+    database; ``off``, which records nothing and does not import MLflow, a slow import; or ``auto``, which is
+    ``local`` where MLflow is installed and otherwise ``off``.
     """
 
     def __init__(
         self, root: Path, experiment: str, name: str, where: str = "local", tags: dict[str, str] | None = None
     ) -> None:
+        if where == "auto":
+            where = "local" if find_spec("mlflow") else "off"
         self.enabled = where != "off"
         self.run_id = ""  # MLflow's; empty if nothing is recorded
         self.recorded = set[str]()  # digests of recorded artifacts

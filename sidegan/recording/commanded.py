@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -55,9 +56,14 @@ class Repeated:
 
 
 def commanded_files(path: Path) -> list[Path]:
-    """Tables of the commanded trajectories: one file, or those of a folder, a run, or the newest run."""
-    runs = sorted(path.glob(f"*/{FOLDER}"))  # named by time
-    folder = runs[-1] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
+    """Tables of the commanded trajectories: one file, or those of a folder, a run, or the only run in it."""
+    runs = sorted(path.glob(f"*/{FOLDER}"))
+    if len(runs) > 1:
+        listed = "\n".join(f"  recording.sent={quote(str(run.parent))}" for run in runs)
+        raise RecordingError(
+            f"{path} has {len(runs)} runs of excite, expected the one that was sent:\n{listed}"
+        )
+    folder = runs[0] if runs else path / FOLDER if (path / FOLDER).is_dir() else path
     files = [folder] if folder.is_file() else sorted(folder.glob("*.csv"), key=lambda csv: csv.stem.zfill(9))
     files = [file for file in files if folder.is_file() or file.stem.isdigit()]
     if not files:

@@ -1,5 +1,6 @@
 """What a context's artifacts depend on, and the arm, home and clearance that its settings lead to."""
 
+from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -132,3 +133,10 @@ def test_the_default_clearance_leaves_home_room_to_move(context, caplog, room, k
     assert f"kept clear: {kept:g} m" in caplog.text
     assert made.cfg.workspace.stamped(made.cell.arm)["clearance"] is None
     assert context(*rest, "workspace.clearance=0.0").cell.constraints.clearance == 0
+
+
+@pytest.mark.parametrize("chosen", ["robot=planar2", "robot.name=x.urdf", "++robot.name=x.urdf"])
+def test_another_arm_of_a_comparison_is_its_own(context, chosen):
+    run = replace(context(), overrides=("+experiment=generality", chosen, "robot.effort=0.5"))
+    other = run.with_other("robot", "kuka_lwr4").cfg.robot
+    assert (other.name, other.effort) == ("kuka_lwr4", 0.5)

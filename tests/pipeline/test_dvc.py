@@ -64,6 +64,16 @@ def test_every_stage_is_run_from_files_that_are_there(pipeline):
     assert len(set(makers)) == len(makers) and set(makers) == versions().keys() - PIPELINES[folder]
 
 
+def test_every_stage_runs_again_when_a_setting_is_edited(pipeline):
+    """Any file of conf/ may hold a number that a stage reads; digests make a needless run a short one."""
+    folder, written = pipeline
+    settings = sorted((ROOT / "conf").rglob("*.yaml"))
+    for stage in written["stages"].values():
+        if any("sidegan.run" in command for command in stage["cmd"]):
+            watched = {(ROOT / folder / dep).resolve() for dep in stage["deps"]}
+            assert [path for path in settings if watched.isdisjoint((path, *path.parents))] == []
+
+
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     """Other stages whose artifacts each stage needs."""

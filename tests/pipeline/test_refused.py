@@ -125,6 +125,7 @@ OF_LIMITS = "robot.limits: joint_1 is not a setting of this group, which has pos
         ("seeds.cuont=3", TYPO),
         ("+seeds.cuont=3", TYPO),
         ("sedes=paper", "error: sedes: there is no such setting; did you mean seeds?"),
+        ("gan.epochs=20", "did you mean gan.vanilla.epochs or gan.eigen.epochs"),
         ("gan=eigne", "Could not find 'gan/eigne'"),
         ("experiment=exp1", "use +experiment=exp1"),
         ("recordings=[a.csv]", "recordings: this is a setting of other experiments"),

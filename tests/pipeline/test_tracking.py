@@ -180,3 +180,13 @@ def test_the_sweep_table_averages_over_seeds(tmp_path):
     assert numbers[numbers.name == "eigen"].nMSE.tolist() == [0.2, 0.6, 1.0, 1.0]
     assert numbers.seed.tolist() == ["0", "0", "1", "1"] * 2 and numbers.job.iloc[-1] == "3_job"
     assert sweep_table([tmp_path]) is None and sweep_table([]) is None
+
+
+@pytest.mark.parametrize(("asked", "warnings"), [("auto", 0), ("local", 1)])
+def test_a_missing_mlflow_is_reported_to_those_who_asked_for_it(
+    tmp_path, monkeypatch, caplog, asked, warnings
+):
+    monkeypatch.setitem(sys.modules, "mlflow", None)
+    with Tracker(tmp_path, "identify", "bare", asked) as tracker:
+        assert not tracker.enabled
+    assert len(caplog.records) == warnings

@@ -93,12 +93,18 @@ def test_delay_noise_and_bandwidth_are_reported(planar, true, sent, delay):
     assert len(checked.segments) == 3 and checked.as_json()["repetitions"] == {"1": 3, "2": 3, "3": 3}
 
 
-def test_the_newest_run_in_a_folder_is_used(planar, sent, tmp_path):
-    for day in ("2026-01-02", "2026-01-01"):
-        (tmp_path / day / "trajectories").mkdir(parents=True)
-    shutil.copy(sent / "trajectories" / "2.csv", tmp_path / "2026-01-02" / "trajectories" / "1.csv")
+def test_the_only_run_in_a_folder_is_used_and_of_several_none(planar, sent, tmp_path):
+    first, second = (tmp_path / name / "trajectories" for name in ("a day", "another"))
+    first.mkdir(parents=True)
+    shutil.copy(sent / "trajectories" / "2.csv", first / "1.csv")
     (found,) = load_commanded(tmp_path, planar.joint_names)
     np.testing.assert_array_equal(found.position, load_commanded(sent, planar.joint_names)[1].position)
+    shutil.copytree(first, second)
+    with pytest.raises(RecordingError, match="2 runs of excite") as refused:
+        load_commanded(tmp_path, planar.joint_names)
+    assert f"recording.sent='{tmp_path / 'a day'}'\n  recording.sent={tmp_path / 'another'}" in str(
+        refused.value
+    )
 
 
 def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
