@@ -41,7 +41,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         unused |= recording.remarks
     level = USABLE if found.quality.verdict == BAD else GOOD  # a bad model: the repair may be wrong
     repairs = [Finding(level, text) for text in unused.values()]
-    agreement = agreement_of(model.body, [x for recording in found.training for x in recording.segments])
+    parts = [x for recording in found.training for x in recording.segments]
+    agreement = agreement_of(model.body, parts, found.training[0].agreement.units)
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     now = error = found.quality.judged.nmse_mean
     if gravity and (error := _error_with(found, agreement.load.gravity)) > now:
@@ -86,7 +87,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, found.links) if identifiable[finding.joint]]
-    return [*causes, *repairs, *_offsets(found)], gravity is not None
+    return [*causes, *repairs, *([] if causes else _offsets(found))], gravity is not None
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
