@@ -79,8 +79,6 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     reversals = [against, _driving_friction(found, named)]
     causes = [Finding(BAD, text) for text in reversals if text]
     causes += [Finding(USABLE, doubt) for doubt in doubts]
-    if not causes and unexplained and (coupled := _coupled(found)):
-        causes.append(Finding(USABLE, coupled))
     if not causes and unexplained:
         tilted = tilted_gravity(model, measurements_of(found.training))
         if tilted is not None and (error := _error_with(found, tilted)) < now:
@@ -93,7 +91,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if not causes and gravity is None and not faults:
         remark = _odd_scale(found, agreement)
         if not remark and found.quality.verdict != GOOD:
-            remark = _rotors(found)
+            remark = _rotors(found) or _coupled(found)
         causes += [Finding(USABLE, remark)] if remark else []
     identifiable = (model.mapping[:, : 10 * arm.joints : 10] != 0).any(0)  # masses of links, (J,)
     if not causes:

@@ -109,7 +109,7 @@ def _factors(body: RigidBody, units: Units, motion: list[Array], torque: Array) 
     """A factor for each joint's position, as of motors before their gears."""
     arm, none = body.arm, np.zeros(body.joints)
     limit = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
-    start = np.minimum(1.0, limit / 2 / np.abs(motion[0]).max(0))
+    start = limit / 2 / np.maximum(np.abs(motion[0]).max(0), limit / 2)
 
     def found(x: Array) -> Map:
         factor = start * np.exp(x)
