@@ -10,9 +10,17 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate, score, shown
+from sidegan.identification.fit import constrained
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
-from sidegan.identification.refits import change_between, held_load, moved, shifted_zeros, tilted_gravity
+from sidegan.identification.refits import (
+    change_between,
+    coupled_torques,
+    held_load,
+    moved,
+    shifted_zeros,
+    tilted_gravity,
+)
 from sidegan.identification.sums import scaled_inverse
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.motion.dynamics import RigidBody
@@ -27,6 +35,13 @@ _ALIKE = 0.98  # correlation with the description's torque that counts as agreem
 _SCALE = 0.03  # smallest scale error of a joint's torque that is reported
 _OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # smallest offset reported: share of the usual torque, and of its limit
 _MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
+_DIFFERS, _NOTABLE_ERROR = (
+    3.0,
+    0.005,
+)  # least nMSE of the description's links: relative to the model's, and as is
+_AS_GOOD = (
+    2.0  # largest ratio of errors to the model's at which a single difference explains the description's
+)
 _NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 
 
@@ -43,7 +58,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     twice = dict.fromkeys(text for recording in found.recordings for text in recording.twice)
     if twice and found.quality.verdict != GOOD:
         return [*(Finding(BAD, text) for text in twice), *repairs], False
-    agreement = agreement_of(model.body, [x for recording in found.training for x in recording.segments])
+    parts = [x for recording in found.training for x in recording.segments]
+    agreement = agreement_of(model.body, parts, found.training[0].agreement.units)
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     now = error = found.quality.judged.nmse_mean
     if gravity and (error := _error_with(found, agreement.load.gravity)) > now:
@@ -78,17 +94,19 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if not causes and gravity is None and not faults:
         remark = _odd_scale(found, agreement)
         if not remark and found.quality.verdict != GOOD:
-            remark = _rotors(found)
+            remark = _rotors(found) or _coupled(found)
         causes += [Finding(USABLE, remark)] if remark else []
     identifiable = (model.mapping[:, : 10 * arm.joints : 10] != 0).any(0)  # masses of links, (J,)
     if not causes:
         masses = (float(x[identifiable, 0].sum()) for x in (found.links, arm.inertial_parameters))
         causes += implausible_mass(*masses)
+    if not causes and gravity is None:
+        causes += _differences(found)
     if gravity is not None:
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, found.links) if identifiable[finding.joint]]
-    return [*causes, *repairs, *_offsets(found)], gravity is not None
+    return [*causes, *repairs, *([] if causes else _offsets(found))], gravity is not None
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
@@ -102,6 +120,45 @@ def _error_with(found: IdentifiedArm, gravity: Array) -> float:
     """Mean nMSE of the chosen method with another gravity [m/s²], (3,)."""
     turned = RigidBody(replace(found.model.arm, gravity=gravity))
     return _error_of(found, TorqueModel(turned, found.model.terms))
+
+
+def _coupled(found: IdentifiedArm) -> str:
+    """Remark that a joint's torque holds a neighbour's; empty if none does."""
+    pair = coupled_torques(found.model, measurements_of(found.training))
+    if pair is None:
+        return ""
+    joint, neighbour = (found.model.arm.joint_names[x] for x in pair[:2])
+    does, undo = ("plus", "subtract") if pair[2] > 0 else ("minus", "add")
+    return (
+        f"the torque of {joint} looks like its own {does} that of {neighbour}, as where a belt couples their "
+        f"motors: {undo} the column of {neighbour}"
+    )
+
+
+def _differences(found: IdentifiedArm) -> list[Finding]:
+    """A scale of all torques, or a load, that alone explains why the description predicts worse."""
+    model, quality, chosen = found.model, found.quality, found.chosen
+    now, described = quality.mean(quality.judged), quality.mean(quality.nominal_score)
+    if described < max(_DIFFERS * now, _NOTABLE_ERROR):
+        return []
+    terms = np.eye(model.count)[:, model.rigid :]
+    last = model.mapping[:, 10 * (model.joints - 1) : 10 * model.joints]
+    for fixed, columns in ((0 * model.nominal, model.nominal[:, None]), (model.nominal, last)):
+        free = np.concatenate([columns, terms], 1)
+        parameters, values = constrained(chosen.sums, chosen.weights, fixed, free)
+        samples = measurements_of(found.validation or found.training)
+        if quality.mean(score(model, parameters, samples)) > _AS_GOOD * now:
+            continue
+        if len(columns.T) == 1:
+            text = f"all torques are {values[0]:.2f} times the description's: drive constants or masses?"
+            return [Finding(USABLE, f"{text} (robot.gains, or the description's masses)")]
+        mass, *moment = values[:4].tolist()
+        if abs(mass) < _NOTABLE * model.arm.inertial_parameters[:, 0].sum():
+            continue
+        centre = ", ".join(f"{x / mass:.2g}" for x in moment)
+        text = f"a load of {mass:.2g} kg at ({centre}) m on {model.arm.link_names[-1]} explains nearly all of"
+        return [Finding(GOOD, f"{text} the difference from the description: is the tool in it?")]
+    return []
 
 
 def _shifted(found: IdentifiedArm) -> str:

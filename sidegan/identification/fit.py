@@ -110,6 +110,13 @@ class Fit(NamedTuple):
     errors: TorqueErrors | None = None  # None: those of these parameters' residuals
 
 
+def constrained(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array]:
+    """Parameters (P,), fixed ones plus the best combination of free columns (P, K), and its weights (K,)."""
+    information, moment = sums.weighted(weights)
+    x, _ = solve(free.T @ information @ free, free.T @ (moment - information @ fixed), LEAST)
+    return fixed + free @ x, x
+
+
 def least_squares(sums: Sums, least: float = LEAST, weights: Array | None = None) -> Fit:
     """Least squares with prior information ``least`` on each parameter; joints count alike without weights.
 

@@ -11,13 +11,12 @@ from sidegan.base.arrays import geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import Estimate, Score, estimate, score
-from sidegan.identification.fit import LEAST, spread_of
+from sidegan.identification.fit import constrained, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.residuals import is_noise
 from sidegan.identification.settings import EstimationSettings
-from sidegan.identification.sums import solve
 from sidegan.identification.verdict import Quality
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
@@ -110,12 +109,8 @@ def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]
     share = np.sqrt(np.square(y).mean(0)) / usual[:, None]  # effect of a unit of each parameter, (J, P)
     effect = share.max(0) * estimate.deviation
     weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
-    r = model.rigid
-    nominal = model.nominal.copy()
-    information, moment = estimate.sums.weighted(estimate.weights)
-    rest = moment[r:] - information[r:, :r] @ nominal[:r]
-    if len(rest):
-        nominal[r:], _ = solve(information[r:, r:], rest, LEAST)
+    terms = np.eye(model.count)[:, model.rigid :]
+    nominal, _ = constrained(estimate.sums, estimate.weights, model.nominal, terms)
     return {
         "nominal_score": score(model, nominal, samples),
         "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,

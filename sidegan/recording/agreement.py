@@ -1,8 +1,7 @@
 """Comparison of recorded torques with the arm's description: gravity, scale and sign."""
 
 import math
-from collections.abc import Callable, Sequence
-from itertools import combinations_with_replacement, permutations
+from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +10,19 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.motion.dynamics import RigidBody
-from sidegan.recording.gravity import Load, friction_basis, load_of, other_columns, unexplained
+from sidegan.recording.coordinates import BETTER, UNLIKE, Map, positions_behind
+from sidegan.recording.gravity import (
+    Load,
+    friction_basis,
+    load_of,
+    misfit,
+    misfit_by_order,
+    other_columns,
+    share_left,
+    unexplained,
+)
 from sidegan.recording.recording import Segment
+from sidegan.recording.units import Units
 from sidegan.robot import Arm
 from sidegan.robot.placement import direction, in_base, mount_of, straightened
 
@@ -23,12 +33,13 @@ _SURE = 0.9  # correlation above which a scale is meaningful
 _OTHER = 2.0  # ratio to the described torque, or its inverse, that means another unit, not another mass
 _STILL = 0.1  # [rad or m] range of motion needed to determine a joint's sign
 _DRIVEN = 0.02  # least share of the power that friction dissipates if the torque is not reversed
-_BETTER = 0.3  # largest ratio of residuals, swapped over unswapped, for joints to count as swapped
-_UNLIKE = 0.3  # mean unexplained share from which other orders of the columns are tried
 _ORDERED = 7  # most joints whose orders are all tried
 _SKETCH = 200  # samples to compare many orders by
 _PACES = -3.0, 3.0  # logarithms of the paces that are tried
 _FASTER = 1.3  # smallest pace that is reported, or its inverse
+_SEVERAL = 3  # joints that must show their signs for a convention of all
+_RATED = {"per cent": 100.0, "per mille": 1000.0, "shares": 1.0}  # units of a joint's largest torque
+_AS_RATED = 0.2  # largest logarithm of the ratio to torques in such a unit
 _STRANGE = 4  # joints per agreeing joint from which the description hardly fits the arm
 _MOST = 0.99  # quantile of the usual torque
 _TINY = 1e-12
@@ -40,13 +51,14 @@ class Agreement(NamedTuple):
     load: Load  # gravity and scales that explain the torques best
     order: Array  # joint whose described torque fits each measured one, (J,): itself, unless swapped
     turned: bool  # whether the gravity differs from the description's
-    swapped: tuple[int, int] | None  # two joints whose motions are swapped; one joint twice: it is reversed
+    positions: Map | None  # what recorded positions are, if others explain the torques far better
     columns: list[int] | None  # joint's column, in the arm's order, if all signals have another joint order
     moved: Array  # range of each joint [rad or m], (J,)
     # share of the power that friction dissipates, (J,); negative where friction would have to drive the arm
     friction: Array
     usual: Array  # 99th percentile of the absolute measured torque [N·m or N], (J,)
     needed: Array  # 99th percentile of the absolute described torque [N·m or N], (J,)
+    units: Units  # in which the recording was read
     pace: float = 1.0  # times that the motion was faster than recorded, by its torques; 1 if they do not tell
 
     @property
@@ -69,6 +81,22 @@ class Agreement(NamedTuple):
         scale = self.load.scale
         return (self.sign > _SURE) & ((scale > _OTHER) | (scale < 1 / _OTHER))
 
+    def rated(self, arm: Arm) -> str | None:
+        """Question whether torques are in units of each joint's largest; None if scales are not all such."""
+        known = (self.sign > _CLEAR) & np.isfinite(arm.torque_limit)
+        limits = arm.torque_limit[known]
+        if known.sum() < _SEVERAL or limits.max() < _OTHER * limits.min():
+            return None
+        for name, whole in _RATED.items():
+            if (np.abs(np.log(self.load.scale[known] * limits / whole)) < _AS_RATED).all():
+                gains = ",".join(f"{x:.4g}" for x in arm.torque_limit / whole)
+                return (
+                    f"the torques look like {name} of each joint's limit; to read them as such: "
+                    f"'robot.gains=[{gains}]' with recording.effort=current for columns of efforts, or "
+                    "recording.torque=null 'recording.current=\"tau{index}\"' for columns like tau1"
+                )
+        return None
+
     def doubts(self, arm: Arm) -> list[str]:
         """Warnings about contradictions between description and torques, other than gravity."""
         found = []
@@ -78,6 +106,8 @@ class Agreement(NamedTuple):
                 f"with a motion {self.pace:.2g} times as fast the torques fit the description far better: "
                 "are the time stamps right? (recording.units.time, or recording.rate where there are none)"
             )
+        elif rated := self.rated(arm):
+            found.append(rated)
         elif rescaled.any():
             joints = zip(arm.joint_names, scale.tolist(), rescaled.tolist())
             shares = listed([f"{scale:.2g} ({name})" for name, scale, marked in joints if marked], arm.joints)
@@ -108,16 +138,29 @@ class Agreement(NamedTuple):
             f"{direction(described)}: is the arm mounted like that? ('robot.mount=[{mount}]')"
         )
 
+    @property
+    def convention(self) -> bool:
+        """Whether all torques have the opposite sign: those of all joints, several, that show theirs."""
+        shown = (np.abs(self.sign) > _CLEAR) & (self.moved >= _STILL)
+        forward = (self.sign > _CLEAR) | (self.friction > _CLEAR)
+        return shown.sum() >= min(_SEVERAL, len(shown)) and not (forward & (self.moved >= _STILL)).any()
+
     def runs_against(self, driven: bool = False) -> Array:
         """Joints with a reversed torque, (J,); ``driven``: only if it does not overcome friction."""
         against = (self.sign < -_CLEAR) & (self.moved >= _STILL)
-        return against & (self.friction < (_DRIVEN if driven else _CLEAR))
+        found = against & (self.friction < (_DRIVEN if driven else _CLEAR))
+        return np.ones_like(found) if self.convention and found.any() else found
 
     def reversed(self, arm: Arm, driven: bool = False) -> str | None:
         """Warning about these joints."""
         names = arm.named(self.runs_against(driven))
         if not names:
             return None
+        if self.convention:
+            return (
+                f"the torque of {names} runs against the description, as far as the motion shows: does the "
+                f"driver count torques the other way? {to_reverse(names)}"
+            )
         return f"the torque of {names} runs against the description: is its sign wrong? {to_reverse(names)}"
 
     def exchanged(self, arm: Arm) -> str | None:
@@ -130,18 +173,8 @@ class Agreement(NamedTuple):
                 "'recording.torque=\"tau{joint}\"' for columns like q1 and tau1, and so on for other signals"
             )
         moved = [j for j, k in enumerate(self.order.tolist()) if j != k]
-        names = [arm.joint_names[j] for j in self.swapped or ()]
-        if len({*names}) == 1:
-            return (
-                f"the axis of {names[0]} looks reversed: turned the other way, it explains the torques far "
-                "better; negate its columns of position, velocity and torque, or its axis in the description"
-            )
-        if not moved and names and not self.turned:
-            first, second = names
-            return (
-                f"the motions of {first} and {second} look swapped: each one's torque fits the other's "
-                "positions; is the order of columns right? (recording.position)"
-            )
+        if self.positions:
+            return self.positions.text
         if not moved:
             return None
         fits = [f"that of {arm.joint_names[j]} fits {arm.joint_names[self.order[j]]}" for j in moved]
@@ -153,7 +186,7 @@ class Agreement(NamedTuple):
         swapped = self.exchanged(arm)
         found = [swapped] if swapped else [self.gravity(arm), *self.doubts(arm), self.reversed(arm)]
         warnings = [warning for warning in found if warning]
-        if silent.any():
+        if silent.any() and not self.convention:
             warnings.append(
                 f"the motion does not show whether the sign of the torque of {arm.named(silent)} is right"
             )
@@ -165,19 +198,20 @@ def to_reverse(names: str) -> str:
     return f"(recording.reverse=[{names.replace(', ', ',')}])"
 
 
-def agreement_of(body: RigidBody, segments: list[Segment]) -> Agreement:
-    """Agreement of segments with an arm's description."""
+def agreement_of(body: RigidBody, segments: list[Segment], units: Units) -> Agreement:
+    """Agreement of segments, read in these units, with an arm's description."""
     stride = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = (np.concatenate([segment[k][::stride] for segment in segments]) for k in range(1, 5))
     load = load_of(body, q, v, a, torque)
     model = body.torque(q, v, a)
-    swapped = _swapped(body, q, v, a, torque)
+    positions = positions_behind(body, load.misfit, units, q, v, a, torque)
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     found = Agreement(
         load=load,
         order=_order(model, v, a, torque),
-        swapped=swapped,
-        columns=_columns(body, swapped, q, v, a, torque) if load.misfit > _UNLIKE else None,
+        positions=positions,
+        units=units,
+        columns=_columns(body, positions, q, v, a, torque) if load.misfit > UNLIKE else None,
         turned=not np.array_equal(load.gravity, body.arm.gravity),
         moved=np.ptp(q, 0),
         friction=_dissipated(model, v, a, torque),
@@ -194,22 +228,13 @@ def _pace(body: RigidBody, *states: Array) -> float:
     """
     q, v, a, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
 
-    def misfit(pace: float) -> float:
-        return _misfit(body, (q, pace * v, pace**2 * a), torque)
+    def at(pace: float) -> float:
+        return misfit(body, (q, pace * v, pace**2 * a), torque)
 
-    best = scipy.optimize.minimize_scalar(
-        lambda x: misfit(math.exp(x)), bounds=_PACES, options={"xatol": 1e-2}
-    )
+    best = scipy.optimize.minimize_scalar(lambda x: at(math.exp(x)), bounds=_PACES, options={"xatol": 1e-2})
     pace = math.exp(best.x)
-    clear = best.fun < misfit(1.0) + 2 * math.log(_BETTER) and abs(best.x) > math.log(_FASTER)
+    clear = best.fun < at(1.0) + 2 * math.log(BETTER) and abs(best.x) > math.log(_FASTER)
     return pace if clear else 1.0
-
-
-def _share_left(described: Array, measured: Array) -> Array:
-    """Share of torques (J, S, K) that described ones, (J, S, 1), leave when scaled to fit, (J, K)."""
-    size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
-    cosine = (described.mT @ measured)[:, 0] / np.maximum(size, _TINY)
-    return np.maximum(1 - np.square(cosine), _TINY)
 
 
 def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
@@ -219,71 +244,31 @@ def _order(model: Array, v: Array, a: Array, torque: Array) -> Array:
     """
     own = np.arange(model.shape[1])
     basis = friction_basis(v, a)
-    share = _share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
+    share = share_left(unexplained(basis, model.T[..., None]), unexplained(basis, torque))
     found = scipy.optimize.linear_sum_assignment(np.log(share).T)[1]
     other = found != own
-    clear = share[found, own] < _BETTER * share.diagonal()
+    clear = share[found, own] < BETTER * share.diagonal()
     return found if clear[other].all() else own
 
 
-def _swapped(body: RigidBody, *states: Array) -> tuple[int, int] | None:
-    """Two joints whose motions, once swapped, explain the torques far better; ``states`` are (S, J).
-
-    One joint twice if its own motion does so, once reversed.
-    """
-    *motion, torque = (x[:: max(1, len(x) // _FEW)] for x in states)
-    pairs = combinations_with_replacement(range(body.joints), 2)
-    found = {pair: _misfit(body, _exchanged(pair, motion), torque) for pair in pairs}
-    best = min(found, key=found.__getitem__)
-    return best if found[best] < _misfit(body, motion, torque) + 2 * math.log(_BETTER) else None
-
-
-def _exchanged(pair: tuple[int, ...], motion: Sequence[Array]) -> list[Array]:
-    """Motions (S, J) with those of a pair of joints swapped; of one joint twice, reversed."""
-    order = np.arange(motion[0].shape[1])
-    order[[*pair]] = pair[::-1]
-    sign = np.ones(len(order))
-    sign[[*pair]] = 1.0 if len({*pair}) > 1 else -1.0
-    return [sign * x[:, order] for x in motion]
-
-
-def _misfit(body: RigidBody, motion: Sequence[Array], torque: Array) -> float:
-    """Sum over joints of the logarithm of the unexplained share of torques in a motion, (S, J) each."""
-    return _misfit_by_order(body, *motion, torque)([*range(body.joints)])
-
-
-def _columns(body: RigidBody, swapped: tuple[int, int] | None, *signals: Array) -> list[int] | None:
+def _columns(body: RigidBody, positions: Map | None, *signals: Array) -> list[int] | None:
     """Column of each joint, (J,), in positions, velocities, accelerations and torques, (S, J).
 
     None unless another order than the arm's fits far better, in both halves of the samples, than the arm's
-    and than swapped motions.
+    and than other positions.
     """
     if body.joints > _ORDERED:
         return None
     few = [x[:: max(1, len(x) // _SKETCH)] for x in signals]
-    best = min(map(list, permutations(range(body.joints))), key=_misfit_by_order(body, *few))
-    gain = sum(j != k for j, k in enumerate(best)) * math.log(_BETTER)
+    best = min(map(list, permutations(range(body.joints))), key=misfit_by_order(body, *few))
+    gain = sum(j != k for j, k in enumerate(best)) * math.log(BETTER)
     halves = zip(*(np.array_split(x[:: max(1, len(x) // _FEW)], 2) for x in signals))
     for x in halves:
-        other = _misfit(body, _exchanged(swapped or (), x[:3]), x[3])
-        misfit = _misfit_by_order(body, *x)(best)
-        if not (gain and misfit < min(other + gain, body.joints * math.log(_UNLIKE))):
+        other = misfit(body, positions.of(*x[:3]) if positions else x[:3], x[3])
+        ordered = misfit_by_order(body, *x)(best)
+        if not (gain and ordered < min(other + gain, body.joints * math.log(UNLIKE))):
             return None
     return best
-
-
-def _misfit_by_order(body: RigidBody, *signals: Array) -> Callable[[list[int]], float]:
-    """Misfit of positions, velocities, accelerations and torques, (S, J), by the order of their columns."""
-    *motion, torque = signals
-    basis = friction_basis(*motion[1:])  # of columns: their order does not change it
-    measured = unexplained(basis, torque.T[..., None])
-
-    def misfit(order: list[int]) -> float:
-        model = body.torque(*(x[:, order] for x in motion))
-        described = unexplained(basis[order], model.T[..., None])
-        return float(np.log(_share_left(described, measured[order])).sum())
-
-    return misfit
 
 
 def _dissipated(model: Array, v: Array, a: Array, torque: Array) -> Array:

@@ -203,7 +203,14 @@ def check_recording(
     """
     recording = steadied(recording, arm.velocity_limit)
     statistics = statistics_of(recording, settings)
-    refused.refuse_wrong_units(statistics, arm, settings.units)
+    if doubt := refused.doubt_of_units(statistics, arm, settings.units):
+        # rates may be in any unit, too
+        plain = replace(recording, velocity=None, acceleration=None)
+        rough = preprocess(plain, settings, gains, sign_width, grid_for(statistics, settings, None), 0.0)
+        found = agreement_of(RigidBody(arm), rough, settings.units).positions
+        raise RecordingError(
+            f"{recording.name}: {found.text if found and found.text not in doubt else doubt}"
+        )
     refused.refuse_idle(statistics, arm)
     refused.refuse_jumps(recording, arm, statistics.gap)
     parts = [recording]
@@ -247,7 +254,8 @@ def check_recording(
         warnings.append(left.statement(corrected))
         late = warnings[-1] if left.clear or left.lost else None
     # an uncorrected delay would distort the estimated signs and gravity
-    agreement = agreement_of(body, kept(given + left.seconds) if late and left.clear else segments)
+    timed = kept(given + left.seconds) if late and left.clear else segments
+    agreement = agreement_of(body, timed, settings.units)
     torques = [(x.time, torque_of(x, gains, settings.reverse)) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units, torques)
     return CheckedRecording(

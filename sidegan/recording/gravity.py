@@ -1,6 +1,7 @@
 """Direction of gravity and scales of torque in a recording, from the description's inertias."""
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -133,3 +134,29 @@ def friction_basis(velocity: Array, acceleration: Array) -> Array:
 def unexplained(basis: Array, torques: Array) -> Array:
     """Torques (J or 1, S, K) without what a basis explains, (J, S, K)."""
     return torques - basis @ (basis.mT @ torques)
+
+
+def share_left(described: Array, measured: Array) -> Array:
+    """Share of torques (J, S, K) that described ones, (J, S, 1), leave when scaled to fit, (J, K)."""
+    size = np.linalg.norm(described, axis=1) * np.linalg.norm(measured, axis=1)
+    cosine = (described.mT @ measured)[:, 0] / np.maximum(size, _TINY)
+    return np.maximum(1 - np.square(cosine), _TINY)
+
+
+def misfit(body: RigidBody, motion: Sequence[Array], torque: Array) -> float:
+    """Sum over joints of the logarithm of the unexplained share of torques in a motion, (S, J) each."""
+    return misfit_by_order(body, *motion, torque)([*range(body.joints)])
+
+
+def misfit_by_order(body: RigidBody, *signals: Array) -> Callable[[list[int]], float]:
+    """Misfit of positions, velocities, accelerations and torques, (S, J), by the order of their columns."""
+    *motion, torque = signals
+    basis = friction_basis(*motion[1:])  # of columns: their order does not change it
+    measured = unexplained(basis, torque.T[..., None])
+
+    def misfit(order: list[int]) -> float:
+        model = body.torque(*(x[:, order] for x in motion))
+        described = unexplained(basis[order], model.T[..., None])
+        return float(np.log(share_left(described, measured[order])).sum())
+
+    return misfit

@@ -33,8 +33,8 @@ _NEAR_JUMP = 4  # samples on either side whose median shows that a jump stays
 _THOUSANDTH = {"torque": "mNm", "current": "mA"}
 
 
-def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
-    """Refuse positions and time stamps that make sense only in another unit."""
+def doubt_of_units(statistics: Statistics, arm: Arm, units: Units) -> str | None:
+    """Message if positions make sense only in another unit; time stamps that do are refused."""
     name = statistics.name
     position = statistics.signals["position"]
     if statistics.step > SLOWEST and 2 * statistics.duplicates > statistics.samples:
@@ -51,9 +51,8 @@ def refuse_wrong_units(statistics: Statistics, arm: Arm, units: Units) -> None:
             f"{name}: samples are {statistics.step:.3g} s apart: are the time stamps in another unit? "
             f"(recording.units.time={likely})"
         )
-    for doubt in (_angles, _lengths, _counts):
-        if message := doubt(position, arm, units):
-            raise RecordingError(f"{name}: {message}")
+    doubts = (doubt(position, arm, units) for doubt in (_angles, _lengths, _counts))
+    return next(filter(None, doubts), None)
 
 
 def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
@@ -64,7 +63,9 @@ def _angles(position: Signal, arm: Arm, units: Units) -> str | None:
     far = turning & (reach > _FAR * limit) & (reach > _TURN)
     most = np.maximum(limit, _TURN)[turning]
     if units.angle != "deg" and far.any() and (reach[turning] / DEGREES <= most).all():
-        return f"{_reaches(position, arm, far)}: are these degrees? (recording.units.angle=deg)"
+        motors = "'recording.units.position={per_turn: [2π times each joint's ratio]}'"
+        degrees = "are these degrees? (recording.units.angle=deg)"
+        return f"{_reaches(position, arm, far)}: {degrees} or of the motors, before their gears? ({motors})"
     span = (position.upper - position.lower)[turning]
     if units.angle == "deg" and len(span) and 0 < span.max() < _TINY:
         turned = f"{span.max() * DEGREES:.3g}°"

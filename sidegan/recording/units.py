@@ -93,6 +93,18 @@ class Units:
     current: Literal["A", "mA"] | None = None
     position: Counts | None = None  # null: positions are in ``angle`` and ``length``
 
+    def setting(self, factor: Array, zero: Array, slides: Array) -> str:
+        """The setting that makes positions ``factor`` times what they are now, plus ``zero``, (J,) each."""
+        turn = np.where(slides, 1.0, _TURN)
+        now = np.where(slides, _UNITS["length"][self.length or "m"], _UNITS["angle"][self.angle or "rad"])
+        counts = self.position or Counts((turn / now).tolist())
+        per_turn = np.asarray(counts.per_turn) / factor
+        texts = []
+        for values in (per_turn, counts.zero - zero * per_turn / turn):
+            each = [f"{x:.5g}" for x in np.broadcast_to(values, factor.shape) + 0.0]
+            texts.append(each[0] if len({*each}) == 1 else f"[{', '.join(each)}]")
+        return f"'recording.units.position={{per_turn: {texts[0]}, zero: {texts[1]}}}'"
+
     def of(self, file: str, signal: str, slides: bool, heading: str) -> tuple[str, float]:
         """Unit in the heading of a joint's signal, or of ``"time"``, and the factor to SI units.
 

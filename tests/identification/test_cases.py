@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 
 from sidegan.identification.causes import implausible_links, implausible_mass
 from sidegan.identification.verdict import BAD, GOOD, USABLE
 from sidegan.motion.dynamics import RigidBody
+from sidegan.recording.units import Counts
 from sidegan.report.identification.content import advice, facts
 from sidegan.robot import Setup, load_robot
 from tests.identification.recordings import COULOMB, VISCOUS, checked, identified
@@ -109,6 +111,17 @@ def pulled(made):
     return replace(made, torque=made.torque + pull, acceleration=wrong)
 
 
+@of_torques
+def of_belt(made):
+    """The sixth motor carries the fifth joint's torque, too."""
+    return made.torque - made.torque[:, [4]] * np.eye(7)[5]
+
+
+@of_torques
+def rated(made):
+    return 100 * made.torque / ARM.torque_limit
+
+
 OFF = "^the encoder zero looks off: joint_2 by \\+0\\.3 rad"
 TOUCHED = r"^from 6\.\S+ s to 7\S* s of changed the residual of .*joint_3.* did the arm touch something"
 DRIFTS = r"^through changed the torque drifts, of joint_4 by 1[45] N·m or N: does a sensor warm up"
@@ -118,10 +131,24 @@ CASES = [
     (without_gravity, BAD, "contain no gravity"),
     (scaled(*[0.25] * 3, *[1] * 4), BAD, r"0\.25 \(joint_1\), 0\.25 \(joint_2\), 0\.25 \(joint_3\) times"),
     (scaled(3.0, *[1.0] * 6), USABLE, r"3 \(joint_1\) times those"),
-    (scaled(*[0.7] * 7), GOOD, ""),
+    (scaled(*[0.7] * 7), USABLE, "^all torques are 0.70 times the description's: drive constants or masses"),
     (late, BAD, "^torques are 200 ± .* later than the motion: not corrected; recording.delay=null corrects"),
     (scaled(1, -1, *[1] * 5), BAD, r"^the torque of joint_2 runs against .*recording.reverse=\[joint_2\]"),
-    (scaled(*[-1] * 7), BAD, "^the torque of joint_1, .* runs against the description"),
+    (
+        scaled(*[-1] * 7),
+        BAD,
+        r"^the torque of .* count torques the other way\? .*reverse=\[joint_1,.*,joint_7\]",
+    ),
+    (
+        of_belt,
+        BAD,
+        "^the torque of joint_6 looks like its own minus that of joint_5, .* add the column of joint_5",
+    ),
+    (
+        rated,
+        USABLE,
+        r"^the torques look like per cent of each joint's limit; .*robot.gains=\[1.76,1.76,1,1,1,0.38,0.38\]",
+    ),
     (scaled(*[1] * 6, -1), BAD, r"^the friction of joint_7 would drive .* \(recording.reverse=\[joint_7\]\)"),
     (swapped, BAD, "^torques look swapped: that of joint_2 fits joint_3"),
     (scaled(1, 1, 1, 1.1, 1, 1, 1), USABLE, "^the torque of joint_4 is 1.1. times what the other joints"),
@@ -200,11 +227,67 @@ def slower(made):
     return replace(made, time=2 * made.time, velocity=None, acceleration=None)
 
 
+def recorded_as(factor, zero=0.0):
+    """Positions with a zero [rad] elsewhere, and rates, in other units or of motors."""
+
+    def change(made):
+        return replace(made, position=(made.position - zero) * factor, velocity=made.velocity * factor)
+
+    return change
+
+
+def counted(made):
+    """The fourth angle counted from the third."""
+    both = np.eye(7) + np.outer(np.eye(7)[3], np.eye(7)[2])
+    return replace(made, position=made.position @ both.T, velocity=made.velocity @ both.T)
+
+
+SPAN = ARM.position_upper - ARM.position_lower
+MIDDLE = ARM.position_lower + SPAN / 2
+RATIOS = np.array([2.0, 2.5, 2.0, 1.5, 1.5, 1.0, 1.0])  # of gears, times π/180
+OTHER_UNITS = [  # how positions are recorded, and the question
+    (recorded_as(0.5 / np.pi), r"^are the positions in turns\?"),
+    (recorded_as(2 / SPAN, MIDDLE), r"^are the positions in shares of it \(−1 to 1\)\?"),
+    (recorded_as(RATIOS), "^positions divided by about .* are they those of the motors"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), OTHER_UNITS, ids=[words for _, words in OTHER_UNITS])
+def test_the_advised_unit_of_positions_makes_the_model_good(change, words):
+    first, *_ = judged(*recordings(change)).quality.reasons
+    assert re.search(words, first)
+    said = yaml.safe_load(first.partition("position=")[2].partition("'")[0].rpartition("}")[0] + "}")
+
+    def followed(made):
+        there = change(made)
+        counts = Counts(**said).in_si(there.position, [False] * 7)
+        return replace(there, position=counts, velocity=None)
+
+    assert judged(*recordings(followed)).quality.verdict == GOOD
+
+
+def test_a_load_that_the_description_lacks_is_named():
+    links = ARM.inertial_parameters.copy()
+    links[-1, [0, 3]] += [0.5, 0.02]
+    quality = judged(*recordings(truth=replace(ARM, inertial_parameters=links))).quality
+    assert quality.verdict == GOOD
+    assert re.search(r"^a load of 0\.[45]\d* kg at \(.*\) m on \S+ explains nearly all", quality.reasons[0])
+
+
+def test_a_description_and_recording_in_degrees_are_asked_for():
+    """Limits in degrees do not show it, so that nothing but the torques does."""
+    wide = replace(ARM, position_lower=60 * ARM.position_lower, position_upper=60 * ARM.position_upper)
+    recording = recorded(2, recorded_as(180 / np.pi), wide, ARM)
+    assert "are these degrees? (recording.units.angle=deg)" in recording.warnings
+    assert not any("right arm" in warning for warning in recording.warnings)
+
+
 MOTION = "position", "velocity"
 ORDER = r"'recording\.joints=\[2,4,5,1,7,3,6\]' 'recording\.pos"
 WARNED = [
     (in_order([3, 0, 5, 1, 2, 6, 4], *MOTION, "torque"), BAD, "another joint order.* " + ORDER),
     (in_order([0, 3, 2, 1, 4, 5, 6], *MOTION), BAD, "the motions of joint_2 and joint_4 look swapped"),
+    (counted, BAD, "the position of joint_4 looks counted from that of joint_3.* subtract the latter"),
     (turned_round, BAD, "the axis of joint_4 looks reversed"),
     (slower, USABLE, r"^with a motion (2|1\.9\d|2\.0\d) times as fast .* are the time stamps right"),
 ]
