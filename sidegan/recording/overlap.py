@@ -123,7 +123,7 @@ def _is_copy(source: Digests, noise: Array, time: Array, torque: Array) -> bool:
 def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     """Offsets [s] to the times of a part (K,) at which its torques (K, J) are like the source's."""
     size = np.maximum(source.torque.std(0), _TINY), np.maximum(torque.std(0), _TINY)
-    grids = (np.arange(*t[[0, -1]], _COARSE) for t in (source.time, time))
+    grids = (np.arange(t[0], t[-1], _COARSE) for t in (source.time, time))
     signals = zip(grids, (source.time, time), (source.torque, torque), size)
     whole, part = (_at(at, t, x / scale) for at, t, x, scale in signals)
     if not 0 < len(part) <= len(whole):
@@ -132,7 +132,7 @@ def _places(source: Digests, time: Array, torque: Array) -> list[float]:
     products = scipy.signal.correlate(whole, part, "valid")[:, 0]
     apart = squares - 2 * products + np.square(part).sum()
     near = round(_REACH / _COARSE)
-    found = []
+    found: list[float] = []
     while len(found) < _PLACES and apart[best := int(apart.argmin())] < _LIKE * part.size:
         found.append(float(source.time[0] - time[0]) + best * _COARSE)
         apart[max(0, best - near) : best + near] = np.inf
