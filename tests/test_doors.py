@@ -14,7 +14,6 @@ SOURCE = Path(sidegan.__file__).parent
 DOORS = {
     "pinocchio": {"robot"},
     "coal": {"robot"},
-    "coacd": {"robot"},
     "hppfcl": {"robot"},
     "pygmo": {"seeding"},
     "torch": {"gan"},

@@ -3,7 +3,6 @@
 Results are cached on disk under the digest of the meshes.
 """
 
-import logging
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -17,8 +16,8 @@ from sidegan.robot.fitting import (
     extremes,
     fit,
     guess,
-    hull_of,
     hull_volume,
+    nearly_fit,
     split,
     thinned,
     volume,
@@ -30,15 +29,10 @@ _SAMPLE = 600  # triangles with which cuts are evaluated
 _CUTS = np.linspace(0.14, 0.86, 7)  # where an axis is cut, as a share of the extent along it
 _WORTH = 0.01  # least share of the total volume that each additional part must save
 _CAPSULES = 0.3  # weight of capsule volumes relative to hull volumes
-_HOLLOW, _LITTLE = 16, 0.0025  # the same limits for hollow meshes: most parts, least saving
+_HOLLOW = (16, 0.0025), (48, 0.0005)  # the same limits for each level of hollow meshes
 _FINE = 3e-4  # [m] by which hulls are enlarged at most to save corners
 _FINER = 3e-5  # the same for hollow meshes: some links pass within a fraction of a millimetre
-_CONCAVE = 0.02  # largest concavity of parts, relative to half the size of the mesh
-_MOST_PARTS = 48  # most parts of a mesh
-_ROUNDING = 1e-7  # [m] within which a triangle on the surface of a part counts as inside
-_log = logging.getLogger(__name__)
 
-Planes = Points  # outward unit normals, and heights along them [m], (K, 4)
 Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
 
 
@@ -76,19 +70,16 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
         most: most parts of a single mesh, or of many meshes taken together; each further mesh adds one.
-        hollow: 1: cut hollow meshes further, where that reduces the volume of hulls; 2: divide closed ones
-            by a convex decomposition.
+        hollow: 1 or 2: cut hollow meshes further, within the limits of that level, where that reduces the
+            volume of hulls.
     """
-    _log.info("fitting collision shapes to %d triangles", sum(map(len, meshes)))
     groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
     parts = cut(groups, len(groups) + most - 1, _WORTH, _CAPSULES)
-    if hollow == 1:
-        parts = cut(parts, max(_HOLLOW, len(parts)), _LITTLE, 0.0)
-    elif hollow:
-        _log.info("decomposing them into convex parts: this may take minutes, but only once")
-        parts = [x for group in groups for x in decomposed(group) or cut([group], _HOLLOW, _LITTLE, 0.0)]
+    for count, worth in _HOLLOW[:hollow]:
+        parts = cut(parts, max(count, len(parts)), worth, 0.0)
     outer = [corners(part.reshape(-1, 3)) for part in parts]
-    return [Part(fit(points), *thinned(points, _FINER if hollow else _FINE)) for points in outer]
+    capsule = nearly_fit if len(parts) > _HOLLOW[0][0] else fit  # many parts are small: a guess will do
+    return [Part(capsule(points), *thinned(points, _FINER if hollow else _FINE)) for points in outer]
 
 
 def cut(parts: Sequence[Points], most: int, worth: float, weight: float) -> list[Points]:
@@ -144,47 +135,3 @@ def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:
     for normal, height in planes:
         sides = [half for side in sides for half in split(side, normal, height)]
     return [side for side in sides if len(side)]
-
-
-def decomposed(triangles: Points) -> list[Points]:
-    """Triangles (N, 3, 3) [m] divided into nearly convex, nonempty parts; empty for open meshes.
-
-    Triangles outside all of CoACD's parts go to the nearest, so that none is lost. CoACD would have to remesh
-    open meshes, which may take hours.
-    """
-    import coacd
-    import trimesh
-
-    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles))
-    if not mesh.is_watertight:
-        return []
-    coacd.set_log_level("error")
-    found = coacd.run_coacd(
-        coacd.Mesh(mesh.vertices, mesh.faces),
-        threshold=_CONCAVE,
-        max_convex_hull=_MOST_PARTS,
-    )
-    hulls = [hull for vertices, _ in found if (hull := hull_of(np.asarray(vertices))) is not None]
-    if not hulls:
-        return []
-    return shared_out(triangles, [np.c_[hull.equations[:, :3], -hull.equations[:, 3]] for hull in hulls])
-
-
-def shared_out(triangles: Points, bodies: list[Planes]) -> list[Points]:
-    """Triangles (N, 3, 3) [m] grouped by the convex body that contains them or is nearest."""
-    parts = []
-    rest = triangles
-    for planes in bodies:
-        inside = rest
-        outside = []
-        for *normal, height in planes:
-            inside, beyond = split(inside, np.array(normal), height + _ROUNDING)
-            outside.append(beyond)
-        parts.append(inside)
-        rest = np.concatenate(outside)
-    if len(rest):
-        middles = rest.mean(1)
-        depths = [(middles @ planes[:, :3].T - planes[:, 3]).max(1) for planes in bodies]
-        nearest = np.argmin(depths, axis=0)
-        parts = [np.concatenate([part, rest[nearest == k]]) for k, part in enumerate(parts)]
-    return [part for part in parts if len(part)]

@@ -91,6 +91,11 @@ def guess(points: Points) -> Segment:
     return min((around(ends_along(outer, axis), outer) for axis in axes(outer)), key=volume)
 
 
+def nearly_fit(points: Points) -> Segment:
+    """Capsule around points (N, 3), along the best of a few axes."""
+    return around(guess(points)[0], points)
+
+
 def fit(points: Points) -> Segment:
     """Capsule around points (N, 3) of nearly the smallest volume, by Nelder and Mead's method."""
     from scipy.optimize import minimize  # slow to import

@@ -10,11 +10,12 @@ import numpy as np
 import pinocchio as pin
 import scipy  # submodules load lazily
 
+from sidegan.base.progress import bar
 from sidegan.robot.arm import Capsules, Pieces, rounded
 from sidegan.robot.covering import Part, cover_of
 from sidegan.robot.fitting import Points, around, ends_along, hull_volume
 
-VERSION = 6  # raise it when a change yields other shapes for the same description
+VERSION = 7  # raise it when a change yields other shapes for the same description
 
 _SIDES = 64  # of the prism circumscribed about a cylinder
 
@@ -43,14 +44,16 @@ def shapes_of(
             geometry_object
         )
     shapes = []
-    for (owner, primitive), group in groups.items():
-        link = group[0].parentJoint - 1
-        if primitive:
-            exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
-            shapes.append(Shape(link, owner, _placed(_primitive(group[0].geometry), group[0]), exact))
-        else:
-            parts, digest = _fitted(group, (hollow or {}).get(owner, 0))
-            shapes += [Shape(link, owner, _placed(part, group[0]), digest=digest) for part in parts]
+    with bar("fitting collision shapes to links", len(groups)) as progress:
+        for done, ((owner, primitive), group) in enumerate(groups.items()):
+            progress(done)
+            link = group[0].parentJoint - 1
+            if primitive:
+                exact = isinstance(group[0].geometry, coal.Capsule | coal.Sphere)
+                shapes.append(Shape(link, owner, _placed(_primitive(group[0].geometry), group[0]), exact))
+            else:
+                parts, digest = _fitted(group, (hollow or {}).get(owner, 0))
+                shapes += [Shape(link, owner, _placed(part, group[0]), digest=digest) for part in parts]
     return shapes
 
 

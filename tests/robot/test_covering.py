@@ -1,5 +1,7 @@
 """Capsules and hulls that cover meshes: they contain every point, have few corners, and are cached."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +13,7 @@ from hypothesis import strategies as st
 from sidegan.kernels import gjk as kernel
 from sidegan.robot import Setup, covering, load_robot
 from sidegan.robot.arm import digest_of
-from sidegan.robot.covering import cover, shared_out
+from sidegan.robot.covering import cover
 from sidegan.robot.fitting import fit, from_segment, thinned, volume
 from sidegan.robot.meshes import VARIABLE
 from sidegan.validity import Constraints
@@ -52,12 +54,12 @@ def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 
 @settings(max_examples=8)
-@given(seeds, st.integers(1, 40), st.integers(1, 4), st.integers(1, 5), st.booleans())
+@given(seeds, st.integers(1, 40), st.integers(1, 4), st.integers(1, 5), st.integers(0, 2))
 def test_every_point_of_a_mesh_is_covered(seed, count, pieces, meshes, hollow):
     whole = triangles(seed, count)
     made = cover(np.array_split(whole, min(meshes, count)), pieces, hollow)
     most = pieces + (meshes - 1 if min(meshes, count) <= pieces else 0)
-    assert 1 <= len(made) <= max(most, 16 if hollow else 0)
+    assert 1 <= len(made) <= max(most, (0, 16, 48)[hollow])
     shares = np.random.default_rng(seed).dirichlet([1, 1, 1], len(whole))
     points = np.concatenate([whole.reshape(-1, 3), np.einsum("nk,nki->ni", shares, whole)])
     outside = [
@@ -67,24 +69,54 @@ def test_every_point_of_a_mesh_is_covered(seed, count, pieces, meshes, hollow):
     assert np.min(outside, axis=0).max() <= 1e-8
 
 
-@settings(max_examples=8)
-@given(seeds, st.integers(1, 40), st.integers(1, 6))
-def test_triangles_are_split_among_convex_bodies_without_loss(seed, count, bodies):
-    whole, random = triangles(seed, count), np.random.default_rng(seed)
-    planes = []
-    for centre in random.uniform(-0.3, 0.3, (bodies, 3)):
-        normals = random.normal(size=(20, 3))
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        planes.append(np.c_[normals, normals @ centre + random.uniform(0.05, 0.3)])
-    parts = shared_out(whole, planes)
-    area = [trimesh.triangles.area(part).sum() for part in parts]
-    assert sum(area) == pytest.approx(trimesh.triangles.area(whole).sum())
-    middles = np.concatenate([part.mean(1) for part in parts])
-    depth = [(middles @ body[:, :3].T - body[:, 3]).max(1) for body in planes]
-    held = np.repeat(np.arange(len(parts)), [*map(len, parts)])
-    if len(parts) == bodies:  # else some have none, and parts no longer have their numbers
-        own = np.choose(held, depth)
-        assert ((own <= 2e-7) | (own <= np.min(depth, axis=0) + 1e-12)).all()
+def finely(shape: trimesh.Trimesh, times: int) -> np.ndarray:
+    """Triangles of a shape, each divided into four this many times."""
+    for _ in range(times):
+        shape = shape.subdivide()
+    return np.array(shape.triangles)
+
+
+def torus() -> np.ndarray:
+    return np.array(trimesh.creation.torus(0.1, 0.03, major_sections=100, minor_sections=100).triangles)
+
+
+def fork() -> np.ndarray:
+    tine, bridge = trimesh.creation.box((0.02, 0.04, 0.2)), trimesh.creation.box((0.12, 0.04, 0.02))
+    tines = [finely(tine, 5) + np.array([x, 0, 0.1]) for x in (-0.05, 0.05)]
+    return np.concatenate([*tines, np.array(bridge.triangles)])
+
+
+@pytest.mark.parametrize("made", [torus, fork])
+def test_meshes_of_many_triangles_are_opened_by_cuts_found_on_few(made, monkeypatch):
+    seen, best = [], covering._best
+    monkeypatch.setattr(covering, "_size", lambda points, weight: seen.append(len(points)) or 0.0)
+    best(made(), 0.0)
+    assert max(seen) <= 100 and len(made()) >= 20_000
+    monkeypatch.undo()
+    parts = cover([made()], 4, 1)
+    points = made().reshape(-1, 3)[::370]
+    outside = [from_hull(points, part.corners) - part.rounding for part in parts]
+    assert np.min(outside, axis=0).max() <= 1e-8
+    free = np.array([[0.0, 0.0, 0.0]]) if made is torus else np.array([[0.0, 0.0, z] for z in (0.05, 0.15)])
+    assert min(from_hull(free, part.corners).min() - part.rounding for part in parts) > 0.01
+
+
+INTERRUPTED = """
+import signal, tests.robot.test_covering as made
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+print("begun", flush=True)
+made.cover([made.torus()] * 4, 4, 2)
+print("finished")
+"""
+
+
+def test_a_signal_ends_fitting_before_it_has_finished():
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    )
+    assert process.stdout.readline() == "begun\n"
+    process.terminate()
+    assert process.communicate()[0] == "" and process.returncode != 0
 
 
 def test_a_capsule_around_a_tilted_rod_is_nearly_the_smallest():
@@ -187,7 +219,7 @@ def test_a_ring_around_a_rod_is_refined_until_the_rod_is_free(tmp_path, monkeypa
     assert shape_accuracy(constraints, judge, 300) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("radius", "refused"), [(0.0668, False), (0.0677, True)])
+@pytest.mark.parametrize(("radius", "refused"), [(0.0655, False), (0.0677, True)])
 def test_a_ball_in_a_ring_is_free_or_too_coarse_shapes_are_reported(load, tmp_path, caplog, radius, refused):
     trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).export(tmp_path / "ring.stl")
     trimesh.creation.icosphere(2, radius).export(tmp_path / "ball.stl")
@@ -199,12 +231,12 @@ def test_a_ball_in_a_ring_is_free_or_too_coarse_shapes_are_reported(load, tmp_pa
         link("ball", INERTIA + mesh("ball.stl")),
     ]
     arm = load(robot(link("base", ""), *turning))
-    assert ("ring – ball (98%); if" in caplog.text) == refused == ("too coarse" in caplog.text)
+    assert ("ring – ball (" in caplog.text) == refused == ("too coarse" in caplog.text)
     assert ("leave them unchecked by 'robot.may_touch=[[ball, ring]]'" in caplog.text) == refused
     if not refused:
         assert shape_accuracy(Constraints(arm), Judge(arm.urdf, arm.joint_names, Facts()), 200) == (0, 0)
     pieces, rows = arm.capsules.pieces, [k for k, owner in enumerate(arm.capsules.owners) if owner == "ring"]
     hulls = np.split(pieces.corners, pieces.start[1:-1])
-    points = trimesh.load(tmp_path / "ring.stl").triangles_center[::4]  # covered, although divided by CoACD
+    points = trimesh.load(tmp_path / "ring.stl").triangles_center[::4]  # covered, although cut up
     outside = [from_hull(points, hulls[k]) - pieces.radius[k] for k in rows]
-    assert np.min(outside, axis=0).max() <= 1e-8 and 20 < len(rows) <= 48
+    assert np.min(outside, axis=0).max() <= 1e-8 and 4 < len(rows) <= 48
