@@ -22,12 +22,20 @@ def extra(name: str) -> Iterator[None]:
         ) from None
 
 
+def installed(package: str) -> bool:
+    """Whether an optional package is installed, without importing it."""
+    try:
+        return find_spec(package) is not None
+    except ModuleNotFoundError:
+        return False
+
+
 def require(name: str, package: str) -> None:
     """Check early that a package from an extra is installed, without importing it, which may take seconds.
 
     Raises:
         ConfigError: when it is not installed; says how to install it.
     """
-    with extra(name):
-        if find_spec(package) is None:
+    if not installed(package):
+        with extra(name):
             raise ModuleNotFoundError(name=package)

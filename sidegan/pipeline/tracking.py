@@ -6,13 +6,12 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from filelock import FileLock
 
-from sidegan.base.extras import extra
+from sidegan.base.extras import extra, installed
 from sidegan.pipeline.artifact import flatten
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ class Tracker:
         self, root: Path, experiment: str, name: str, where: str = "local", tags: dict[str, str] | None = None
     ) -> None:
         if where == "auto":
-            where = "local" if find_spec("mlflow") else "off"
+            where = "local" if installed("mlflow") else "off"
         self.enabled = where != "off"
         self.run_id = ""  # MLflow's; empty if nothing is recorded
         self.recorded = set[str]()  # digests of recorded artifacts

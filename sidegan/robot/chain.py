@@ -139,7 +139,9 @@ def _fixed_positions(tree: Tree, moving: Sequence[Joint], given: Mapping[str, fl
             lower, upper = tree.span(joint) or (-math.inf, math.inf)
             remedies[joint.name] = min(max(xml.number(mimic, "offset", at, "0"), lower), upper)
             if name in free[1:] and tree.joints[name] in tree.path(joint.parent):
-                ends.append(f"; or end the arm before {name} by {setting('tip', tree.joints[name].parent)}")
+                ends.append(
+                    f"; or end the arm before {name} by {setting('robot.tip', tree.joints[name].parent)}"
+                )
             return 0.0
         followed = tree.joints[name]
         here = 0.0 if followed.kind == "fixed" else stand(followed, followers)

@@ -45,11 +45,13 @@ def collision_shapes(
     refused = Memory(cache_folder(), verbose=0).cache(_refused_pairs, ignore=[*scene, "shapes"])
     hollow: dict[str, int] = {}
     often = refused(known=(known, hollow), shapes=shapes, **scene)
-    for level in (1, 2):
+    for level in (1, 2, 3):
         if often:
-            hollow = hollow | {link: level for pair in often for link in pair}
-            shapes = shapes_of(geometry, model, hollow)
-            often = refused(known=(known, hollow), shapes=shapes, **scene)
+            finer = hollow | {link: level for pair in often for link in pair}
+            tried = shapes_of(geometry, model, finer)
+            left = refused(known=(known, finer), shapes=tried, **scene)
+            if sum(left.values()) < sum(often.values()):
+                hollow, shapes, often = finer, tried, left
     return shapes, often
 
 

@@ -4,6 +4,7 @@ Results are cached on disk under the digest of the meshes.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from sidegan.robot.fitting import (
     extremes,
     fit,
     guess,
+    hull_of,
     hull_volume,
     nearly_fit,
     split,
@@ -29,11 +31,15 @@ _SAMPLE = 600  # triangles with which cuts are evaluated
 _CUTS = np.linspace(0.14, 0.86, 7)  # where an axis is cut, as a share of the extent along it
 _WORTH = 0.01  # least share of the total volume that each additional part must save
 _CAPSULES = 0.3  # weight of capsule volumes relative to hull volumes
-_HOLLOW = (16, 0.0025), (48, 0.0005)  # the same limits for each level of hollow meshes
+_HOLLOW, _LITTLE = 16, 0.0025  # the same limits for hollow meshes: most parts, least saving
+_MANY, _LEAST, _LEAST_EMPTY = 48, 0.0005, 0.0002  # the same where these are too few, by either measure
 _FINE = 3e-4  # [m] by which hulls are enlarged at most to save corners
 _FINER = 3e-5  # the same for hollow meshes: some links pass within a fraction of a millimetre
 
+_ALONG = 1e-9  # cosine below which a ray runs along a facet
+
 Plane = tuple[Points, float]  # a normal, (3,), and the height of the plane along it
+Measure = Callable[[Points], float]  # what cuts are to save [m³], of triangles (N, 3, 3)
 
 
 class Part(NamedTuple):
@@ -70,63 +76,83 @@ def cover(meshes: Sequence[Points], most: int, hollow: int = 0) -> list[Part]:
     Args:
         meshes: corners of the triangles of each mesh [m], (N, 3, 3).
         most: most parts of a single mesh, or of many meshes taken together; each further mesh adds one.
-        hollow: 1 or 2: cut hollow meshes further, within the limits of that level, where that reduces the
-            volume of hulls.
+        hollow: 1: cut hollow meshes further, where that reduces the volume of hulls; 2: into more parts;
+            3: into as many, where that reduces the empty space in front of the surface.
     """
     groups = [*meshes] if len(meshes) <= most else [np.concatenate(meshes)]
-    parts = cut(groups, len(groups) + most - 1, _WORTH, _CAPSULES)
-    for count, worth in _HOLLOW[:hollow]:
-        parts = cut(parts, max(count, len(parts)), worth, 0.0)
+    if hollow < 2:
+        parts = cut(groups, len(groups) + most - 1, _WORTH, partial(_volume, capsules=_CAPSULES))
+    if hollow == 1:
+        parts = cut(parts, max(_HOLLOW, len(parts)), _LITTLE, _volume)
+    elif hollow:
+        size, worth = (_volume, _LEAST) if hollow == 2 else (_empty, _LEAST_EMPTY)
+        parts = cut(groups, _MANY, worth, size)
     outer = [corners(part.reshape(-1, 3)) for part in parts]
-    capsule = nearly_fit if len(parts) > _HOLLOW[0][0] else fit  # many parts are small: a guess will do
+    capsule = nearly_fit if hollow > 1 else fit  # many parts are small: a guess will do
     return [Part(capsule(points), *thinned(points, _FINER if hollow else _FINE)) for points in outer]
 
 
-def cut(parts: Sequence[Points], most: int, worth: float, weight: float) -> list[Points]:
+def cut(parts: Sequence[Points], most: int, worth: float, size: Measure) -> list[Points]:
     """Parts, triangles (N, 3, 3) each, cut by planes into at most ``most`` with little empty space.
 
     Triangles are divided where a plane crosses them, so that no part reaches beyond its planes. Each
-    additional part must save the share ``worth`` of the total volume, with this ``weight`` of capsules.
+    additional part must save the share ``worth`` of the total size [m³].
     """
     found = [part for part in parts if len(part)]
-    cuts = [_best(part, weight) for part in found]
-    enough = worth * sum(_size(extremes(part.reshape(-1, 3)), weight) for part in found)
+    cuts = [_best(part, size) for part in found]
+    enough = worth * sum(size(part) for part in found)
     while True:
         fitting = [k for k, cut in enumerate(cuts) if len(found) + 2 ** len(cut.planes) - 1 <= most]
         k = max(fitting, key=lambda i: cuts[i].saved, default=-1)
         if k < 0 or not cuts[k].saved > enough:
             return found
         sides = _sides(found[k], cuts[k].planes)
-        found[k : k + 1], cuts[k : k + 1] = sides, [_best(side, weight) for side in sides]
+        found[k : k + 1], cuts[k : k + 1] = sides, [_best(side, size) for side in sides]
 
 
-def _best(part: Points, weight: float) -> _Cut:
+def _best(part: Points, size: Measure) -> _Cut:
     """The best cut of a part: in halves, or in quarters, which open a ring where halves do not."""
     points = part.reshape(-1, 3)
     chosen = np.linspace(0, len(part) - 1, min(len(part), _SAMPLE)).astype(int)
     outermost = np.unique(np.argmax(points @ axes(extremes(points)).T, axis=0) // 3)
     sample = part[np.union1d(chosen, outermost)]
     outer = extremes(sample.reshape(-1, 3))
-    whole = _size(outer, weight)
+    whole = size(sample)
     if not hull_volume(outer):  # flat: there is nothing to leave out
         return _Cut(0.0, ())
     ways = axes(outer)
     low = (outer @ ways.T).min(0)
-    size = np.ptp(outer @ ways.T, axis=0)
-    planes = [((axis, float(h)),) for axis, a, s in zip(ways, low, size) for h in a + s * _CUTS]
-    middles = [(axis, float(a + s / 2)) for axis, a, s in zip(ways, low, size)]
+    extent = np.ptp(outer @ ways.T, axis=0)
+    planes = [((axis, float(h)),) for axis, a, s in zip(ways, low, extent) for h in a + s * _CUTS]
+    middles = [(axis, float(a + s / 2)) for axis, a, s in zip(ways, low, extent)]
     quarters = [(middles[i], middles[k]) for i, k in ((0, 1), (0, 2), (1, 2), (3, 4), (3, 5), (4, 5))]
+    share = len(part) / len(sample) if size is _empty else 1.0  # which grows with the number of triangles
     found = []
     for cut in (*planes, *quarters):
         sides = _sides(sample, cut)
-        left = sum(_size(extremes(side.reshape(-1, 3)), weight) for side in sides)
-        found.append(_Cut((whole - left) / max(1, len(sides) - 1), cut))
+        saved = share * (whole - sum(map(size, sides)))
+        found.append(_Cut(saved / max(1, len(sides) - 1), cut))
     return max(found, key=lambda cut: cut.saved)
 
 
-def _size(points: Points, weight: float) -> float:
-    """Volume [m³] of the hull of points, plus the weighted volume of a capsule around them."""
-    return hull_volume(points) + (weight and weight * volume(guess(points)))
+def _volume(part: Points, capsules: float = 0.0) -> float:
+    """Volume [m³] of a part's hull, plus the weighted volume of a capsule around it."""
+    points = extremes(part.reshape(-1, 3))
+    return hull_volume(points) + (capsules and capsules * volume(guess(points)))
+
+
+def _empty(part: Points) -> float:
+    """Volume [m³] between triangles (N, 3, 3), which face outwards, and the surface of their hull."""
+    hull = hull_of(extremes(part.reshape(-1, 3)))
+    if hull is None:
+        return 0.0
+    normals = np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0])  # of twice the triangles' areas
+    room = -(part.mean(1) @ hull.equations[:, :3].T + hull.equations[:, 3]).clip(max=0.0)
+    toward = normals @ hull.equations[:, :3].T  # ray by ray, facet by facet
+    ahead = np.where(toward > _ALONG * np.linalg.norm(normals, axis=1)[:, None], toward, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = np.nan_to_num(room / ahead, nan=np.inf).min(1)  # times the normal
+    return float((way * np.square(normals).sum(1))[np.isfinite(way)].sum() / 2)
 
 
 def _sides(part: Points, planes: Sequence[Plane]) -> list[Points]:

@@ -35,7 +35,7 @@ def shapes_of(
 ) -> list[Shape]:
     """Collision shapes of a description, with all meshes of a link taken together.
 
-    ``hollow`` has links that are divided into more parts, at level 1 or 2.
+    ``hollow`` has links that are divided into more parts, at level 1, 2 or 3.
     """
     groups: dict[tuple[str, str], list[pin.GeometryObject]] = {}
     for geometry_object in geometry.geometryObjects:

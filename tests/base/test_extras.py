@@ -47,7 +47,7 @@ def bare(tmp_path_factory):
     """A process that has none of the packages that extras bring, and the folder in which it makes seeds."""
     folder = tmp_path_factory.mktemp("bare")
     settings = [setting for setting in TINY if not setting.startswith("tracking")]
-    words = "+experiment=exp1", *settings, "stages=[seeds]", "seeds.count=4"
+    words = "+experiment=exp1", *settings, "stages=[seeds]", "seeds.count=4", "tracking=local"
     command = [sys.executable, "-c", BARE + DOORS, *words]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr

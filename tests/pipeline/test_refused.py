@@ -18,7 +18,7 @@ SETTINGS = [
     ("reproduction", "seeds.count=${scale.nothing}", "seeds.count: "),
     ("reproduction", "seeds.method=paper", "choose it by seeds=paper"),
     ("reproduction", "seeds=paper seeds.method=gradient", "choose it by seeds=gradient"),
-    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected local, off"),
+    ("reproduction", "tracking=htp://host", "tracking is 'htp://host', expected auto, local, off"),
     ("reproduction", "device=gpu", "device is 'gpu', expected cpu, cuda, cuda:N or mps"),
     ("reproduction", "device=cuda:99", "device is 'cuda:99', which is not available"),
     ("reproduction", "stages=[seeds,gan,seeds]", "expected each once"),

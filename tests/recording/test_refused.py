@@ -238,12 +238,12 @@ CHECKED = [
     ("hardly moves: no joint by more than 0", scaled("position", 1e-4), {}),
     ("every torque is zero", but("torque", np.zeros_like), {}),
     (
-        r"torque of shoulder, elbow is blank or constant .*: record with shoulder, elbow at rest",
+        r"torque of shoulder, elbow is blank or constant .*; record with shoulder, elbow at rest",
         but("torque", np.ones_like),
         {},
     ),
     (
-        r"torque of elbow is blank .*: record with elbow at rest, .*without=\[elbow\].*robot.tip=upper_arm$",
+        r"torque of elbow is blank .*; record with elbow at rest, .*without=\[elbow\].*robot.tip=upper_arm$",
         but("torque", lambda x: x * [1.0, 0.0]),
         {},
     ),

@@ -54,12 +54,12 @@ def from_hull(points: np.ndarray, hull: np.ndarray) -> np.ndarray:
 
 
 @settings(max_examples=8)
-@given(seeds, st.integers(1, 40), st.integers(1, 4), st.integers(1, 5), st.integers(0, 2))
+@given(seeds, st.integers(1, 40), st.integers(1, 4), st.integers(1, 5), st.integers(0, 3))
 def test_every_point_of_a_mesh_is_covered(seed, count, pieces, meshes, hollow):
     whole = triangles(seed, count)
     made = cover(np.array_split(whole, min(meshes, count)), pieces, hollow)
     most = pieces + (meshes - 1 if min(meshes, count) <= pieces else 0)
-    assert 1 <= len(made) <= max(most, (0, 16, 48)[hollow])
+    assert 1 <= len(made) <= max(most, (0, 16, 48, 48)[hollow])
     shares = np.random.default_rng(seed).dirichlet([1, 1, 1], len(whole))
     points = np.concatenate([whole.reshape(-1, 3), np.einsum("nk,nki->ni", shares, whole)])
     outside = [
@@ -87,12 +87,10 @@ def fork() -> np.ndarray:
 
 
 @pytest.mark.parametrize("made", [torus, fork])
-def test_meshes_of_many_triangles_are_opened_by_cuts_found_on_few(made, monkeypatch):
-    seen, best = [], covering._best
-    monkeypatch.setattr(covering, "_size", lambda points, weight: seen.append(len(points)) or 0.0)
-    best(made(), 0.0)
-    assert max(seen) <= 100 and len(made()) >= 20_000
-    monkeypatch.undo()
+def test_meshes_of_many_triangles_are_opened_by_cuts_found_on_few(made):
+    seen = []
+    covering._best(made(), lambda part: seen.append(len(part)) or 0.0)
+    assert max(seen) <= 1000 and len(made()) >= 20_000
     parts = cover([made()], 4, 1)
     points = made().reshape(-1, 3)[::370]
     outside = [from_hull(points, part.corners) - part.rounding for part in parts]
@@ -219,7 +217,7 @@ def test_a_ring_around_a_rod_is_refined_until_the_rod_is_free(tmp_path, monkeypa
     assert shape_accuracy(constraints, judge, 300) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize(("radius", "refused"), [(0.0655, False), (0.0677, True)])
+@pytest.mark.parametrize(("radius", "refused"), [(0.0668, False), (0.0677, True)])
 def test_a_ball_in_a_ring_is_free_or_too_coarse_shapes_are_reported(load, tmp_path, caplog, radius, refused):
     trimesh.creation.annulus(0.068, 0.078, 0.1, sections=48).export(tmp_path / "ring.stl")
     trimesh.creation.icosphere(2, radius).export(tmp_path / "ball.stl")
@@ -231,12 +229,12 @@ def test_a_ball_in_a_ring_is_free_or_too_coarse_shapes_are_reported(load, tmp_pa
         link("ball", INERTIA + mesh("ball.stl")),
     ]
     arm = load(robot(link("base", ""), *turning))
-    assert ("ring – ball (" in caplog.text) == refused == ("too coarse" in caplog.text)
+    assert ("ring – ball (98%); if" in caplog.text) == refused == ("too coarse" in caplog.text)
     assert ("leave them unchecked by 'robot.may_touch=[[ball, ring]]'" in caplog.text) == refused
     if not refused:
         assert shape_accuracy(Constraints(arm), Judge(arm.urdf, arm.joint_names, Facts()), 200) == (0, 0)
     pieces, rows = arm.capsules.pieces, [k for k, owner in enumerate(arm.capsules.owners) if owner == "ring"]
     hulls = np.split(pieces.corners, pieces.start[1:-1])
-    points = trimesh.load(tmp_path / "ring.stl").triangles_center[::4]  # covered, although cut up
+    points = trimesh.load(tmp_path / "ring.stl").triangles_center[::4]  # covered, although divided
     outside = [from_hull(points, hulls[k]) - pieces.radius[k] for k in rows]
-    assert np.min(outside, axis=0).max() <= 1e-8 and 4 < len(rows) <= 48
+    assert np.min(outside, axis=0).max() <= 1e-8 and 20 < len(rows) <= 48

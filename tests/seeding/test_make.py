@@ -85,7 +85,7 @@ def test_seeds_that_never_become_valid_are_reported_with_the_reason(planar_probl
 @pytest.mark.parametrize(
     ("faults", "remedy"),
     [
-        ({"velocity of elbow": 2, "torque of elbow": 9}, r"robot\.limits\.effort=\{elbow: …\}"),
+        ({"velocity of elbow": 2, "torque of elbow": 9}, "masses that are right .*5 kg together"),
         ({"keep_out of forearm in region 0": 2}, "workspace=free"),
         ({}, "trajectory.period=…"),
     ],
