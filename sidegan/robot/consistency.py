@@ -60,7 +60,9 @@ def doubtful_links(arm: Arm) -> dict[str, str]:
     """Links that are inconsistent, weigh next to nothing, or have mass or inertia far outside, and why."""
     mass, place, located = _masses(arm)
     radius, size, usual = _gyration(arm), _sizes(arm), float(np.median(mass))
-    outside = radius > units.OUTSIDE * np.maximum(size, units.SHORT * length_of(vars(arm)))
+    shaped = np.isin(np.arange(arm.joints), arm.capsules.link)
+    most = np.where(shaped, units.OUTSIDE, units.OUTSIDE_UNSEEN)
+    outside = radius > most * np.maximum(size, units.SHORT * length_of(vars(arm)))
     light = (mass < units.LIGHT * usual) & (mass < units.FOAM * size**3)
     found = dict[str, str]()
     for i, name in enumerate(arm.link_names):
