@@ -18,8 +18,8 @@ LONGEST = 100.0  # [m] of all links together, beyond which they must be in milli
 TIP, JOINT = 12.0, 15.0  # [m/s] of the tip at half of the joints' limits, if these are above that [rad/s]
 HEAVY, DENSE = 50.0, 1000.0  # [kg] of an arm, and [kg/m³] over its reach cubed: known arms have up to 540
 FAR, REACHES = 6.0, 3.0  # [m] and in reaches: an impossible radius of gyration
-# Largest radius of gyration in sizes of a link, of at least a quarter of the reach: with a shape, and without one,
-# where only its joints tell the size.
+# Largest radius of gyration in sizes of a link, of at least a quarter of the reach: with a shape, and without
+# one, where only its joints tell the size.
 OUTSIDE, OUTSIDE_UNSEEN, SHORT = 1.4, 3.0, 0.25
 LIGHT, FOAM = 2.5e-3, 25.0  # of a link: share of the median mass, and [kg/m³] over its size cubed
 INERTIAS = {"kg·mm²": 1e-6, "kg·cm²": 1e-4, "g·mm²": 1e-9}  # in kg·m²
