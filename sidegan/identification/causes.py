@@ -35,13 +35,9 @@ _ALIKE = 0.98  # correlation with the description's torque that counts as agreem
 _SCALE = 0.03  # smallest scale error of a joint's torque that is reported
 _OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # smallest offset reported: share of the usual torque, and of its limit
 _MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
-_DIFFERS, _NOTABLE_ERROR = (
-    3.0,
-    0.005,
-)  # least nMSE of the description's links: relative to the model's, and as is
-_AS_GOOD = (
-    2.0  # largest ratio of errors to the model's at which a single difference explains the description's
-)
+# Least nMSE of the description's links from which one difference is sought: over the model's, and as is.
+_DIFFERS, _NOTABLE_ERROR = 3.0, 0.005
+_AS_GOOD = 2.0  # largest ratio to the model's errors at which such a difference explains them
 _NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 
 

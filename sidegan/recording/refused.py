@@ -12,7 +12,7 @@ from sidegan.recording.agreement import Agreement
 from sidegan.recording.recording import Recording
 from sidegan.recording.statistics import SLOWEST, Signal, Statistics
 from sidegan.recording.units import SECONDS, Units
-from sidegan.robot import Arm
+from sidegan.robot import Arm, setting
 
 DEGREES, MILLIMETRES = 180 / math.pi, 1e3
 HARDLY = 0.02  # [rad or m] range of motion below which nothing can be identified
@@ -149,16 +149,15 @@ def refuse_idle(statistics: Statistics, arm: Arm) -> None:
 def without_torque(arm: Arm, lacking: Array, moving: Array) -> str:
     """How to identify an arm without the torques of some joints, of which some move, (J,) marked each."""
     joints = arm.named(lacking)
-    still = f"'recording.without=[{joints.replace(', ', ',')}]'"
+    still = setting("recording.without", [arm.joint_names[j] for j in np.flatnonzero(lacking)])
     first = int(lacking.argmax())
     if not (lacking & moving).any():
         return f"a joint that never moves can be left out: {still}"
     advice = f"record with {joints} at rest, which {still} then locks there"
     if lacking[first:].all() and first:
         link = arm.link_names[first - 1]
-        advice += (
-            f"; or identify the joints before, with what {joints} moves as a part of {link}: robot.tip={link}"
-        )
+        tip = setting("robot.tip", link)
+        advice += f"; or identify the joints before, with what {joints} moves as a part of {link}: {tip}"
     return advice
 
 
