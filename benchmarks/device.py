@@ -60,10 +60,10 @@ def rates(variant: Any, data: Data, device: str) -> dict[str, float]:
     """Wall time of an epoch [s] and of a sample [µs] on a device."""
     model = VARIANTS[variant.variant](variant, data)
     rows = TensorDataset(torch.arange(len(data.seeds)))
-    order = RandomSampler(rows, num_samples=model.steps * variant.batch)
+    order = RandomSampler(rows, num_samples=model.steps * variant.generator.batch)
 
     def train(epochs: int) -> None:
-        fit(model, DataLoader(rows, variant.batch, sampler=order), epochs, device=device)
+        fit(model, DataLoader(rows, variant.generator.batch, sampler=order), epochs, device=device)
 
     train(WARM)
     before = [x.detach().clone() for x in model.generator.parameters()]

@@ -18,7 +18,8 @@ from sidegan.design.excitation import information_of
 from sidegan.gan.settings import RECIPES
 from sidegan.steps.identify import check_recordings
 
-SMALL = {"epochs": 2, "steps": 2, "width": 16, "noise": 8, "batch": 20}
+GENERATOR = {"width": 16, "noise": 8, "batch": 20, "corrections": 1}
+SMALL = {"epochs": 2, "steps": 2, "generator": GENERATOR}
 SEARCH = {"evaluations": 60, "patience": 60}
 FAR = {"lower": [300, -300, 0], "upper": [500, 300, 500]}  # a box in millimetres
 
@@ -360,7 +361,7 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
 
 def test_a_training_does_not_depend_on_what_torch_is_set_to_or_on_other_threads(cell, seeds):
     def made():
-        return sg.train("vanilla", cell, seeds, **SMALL | {"width": 128, "batch": 60}).network.state_dict()
+        return sg.train("vanilla", cell, seeds, **SMALL | {"generator": {"width": 128, "batch": 60}}).network.state_dict()
 
     def same(other):
         return all(torch.equal(x, other[name]) for name, x in first.items())

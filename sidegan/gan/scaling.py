@@ -1,5 +1,7 @@
 """From a network's images to coefficients: unit spread, then a box and limits on motion for any input."""
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -103,18 +105,17 @@ class LimitLayer(nn.Module):
 
     def use(self, c: Tensor) -> Tensor:
         """Upper bound of the share of its tightest limit that each joint uses over the period, (B, J)."""
-        x = c.flatten(2)
+        x, bases = c.flatten(2), self.bases.to(c)
         between = self.gap**2 / 8
-        motion = [x @ basis.to(c).T for basis in self.bases]
         snap, crackle = (x.abs() @ peak.to(c) for peak in self.peaks)
-        acceleration = motion[2].abs().amax(2) + between * snap
-        jerk = motion[3].abs().amax(2) + self.gap / 2 * snap
-        beyond = [between * bound for bound in (acceleration, jerk, snap, crackle)]  # samples, by order
+        above, below = (_largest(side, x, bases[0]) for side in (torch.positive, torch.neg))
+        peaks = {order: _largest(torch.abs, x, bases[order]) for order in (1, 2, 3)}
+        bounds = peaks[2] + between * snap, peaks[3] + self.gap / 2 * snap, snap, crackle
+        beyond = [between * bound for bound in bounds]  # the samples, by order
         upper, lower = self.room.to(c)
-        q = motion[0]
-        use = torch.maximum((q.amax(2) + beyond[0]) / upper, (beyond[0] - q.amin(2)) / lower)
+        use = torch.maximum((above + beyond[0]) / upper, (below + beyond[0]) / lower)
         for order, limit in zip(self.orders, self.limits.to(c)):
-            use = torch.maximum(use, (motion[order].abs().amax(2) + beyond[order]) / limit)
+            use = torch.maximum(use, (peaks[order] + beyond[order]) / limit)
         return use
 
 
@@ -132,3 +133,13 @@ class Box(nn.Module):
     def free(self, c: Tensor) -> Tensor:
         """Free coefficients [rad/s], (B, J, H, 2), from those in the box, clipped at its edge."""
         return self.size * torch.atanh((c / self.size).clamp(-_EDGE, _EDGE))
+
+
+def _largest(size: Callable[[Tensor], Tensor], x: Tensor, basis: Tensor) -> Tensor:
+    """Largest size over time, (B, J), of motions with coefficients x (B, J, 2 H); its gradient is that of the peak.
+
+    Through all times, the gradient would cost as much as all else in the layer.
+    """
+    with torch.no_grad():
+        peak = size(x @ basis.T).argmax(2)
+    return size((x * basis[peak]).sum(2))

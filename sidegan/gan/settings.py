@@ -94,29 +94,42 @@ class Published:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GeneratorSettings:
+    """A generator and its optimiser: the same for all variants of a run, which differ by their losses."""
+
+    width: Width = 256  # of generator and discriminators
+    noise: Width = 100  # dimension of the generator's noise
+    gaussian_start: bool = True  # initialise to the seeds' mean and covariance
+    limited: bool = True  # enforce limits on motion by construction
+    boxed: bool = True  # enforce the box of the seeds' coefficients, if any, by construction
+    corrections: Natural = 5  # networks that correct a trajectory given its roll-out
+    batch: Annotated[int, Field(ge=2, le=10**5)] = 100  # trajectories per step
+    learning_rate: Positive = 3e-3  # the largest
+    warm_up: Share = 0.04  # share of the training over which the learning rate rises
+    last_rate: Share = 0.02  # final share of the learning rate, after a cosine decay
+    betas: tuple[Beta, Beta] = (0.9, 0.99)  # of Adam
+
+    def rate(self, share: float) -> float:
+        """Learning rate when a share of the training is done."""
+        risen = min(1.0, share / self.warm_up) if self.warm_up else 1.0
+        fallen = (1 - math.cos(math.pi * share)) / 2
+        return self.learning_rate * risen * (1 + (self.last_rate - 1) * fallen)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
 
     variant: Name  # the class in ``gan.variants``
     weights: Weights  # of the generator's losses
+    generator: GeneratorSettings = GeneratorSettings()  # shared by the variants of a run
     epochs: Count = 50  # of training; samples are measured by exact physics after each
     steps: Count | None = 18  # discriminator steps per epoch; null: one pass over the seeds
-    width: Width = 256  # of generator and discriminators
-    noise: Width = 100  # dimension of the generator's noise
-    batch: Annotated[int, Field(ge=2, le=10**5)] = 100  # trajectories per step
     generator_steps: Count = 2  # per discriminator step
-    fitness_start: Natural = 10  # first epoch with the fitness loss
-    learning_rate: Positive = 2e-3  # the largest
-    warm_up: Share = 0.0  # share of the training over which the learning rate rises
-    last_rate: Share = 0.02  # final share of the learning rate, after a cosine decay
-    betas: tuple[Beta, Beta] = (0.5, 0.999)  # of Adam
-    gaussian_start: bool = True  # initialise the generator to the seeds' mean and covariance
-    limited: bool = True  # enforce limits on motion by construction
-    boxed: bool = True  # enforce the box of the seeds' coefficients, if any, by construction
+    fitness_start: Natural = 0  # first epoch with the fitness loss
+    diversity: Part = 1.0  # lower bound of the rank, as a share of the seeds' rank
     reserve: Share = 0.0  # share of each limit, and of 0.1 m, to keep free by the success predictor
     refresh: Refresh | None = None  # only our variants with surrogates; null: surrogates stay frozen
-    diversity: Part = 1.0  # lower bound of the rank, as a share of the seeds' rank
-    corrections: Natural = 0  # networks that correct a trajectory given its roll-out
     exact: ExactPhysics | None = None  # only Exact
     reward: Reward | None = None  # only Exact and Predicting
     published: Published | None = None  # only published variants
@@ -139,17 +152,11 @@ class Variant:
         if self.refresh is not None and (self.published is not None or not self.features):
             raise ConfigError(f"{self.variant} has no surrogates to refresh: set refresh to null")
         for option, nothing in (("gaussian_start", "false"), ("boxed", "false"), ("corrections", "0")):
-            if self.published is not None and getattr(self, option):
-                raise ConfigError(f"the published networks have no {option}: set it to {nothing}")
+            if self.published is not None and getattr(self.generator, option):
+                raise ConfigError(f"the published networks have no generator.{option}: set it to {nothing}")
         later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
-
-    def rate(self, share: float) -> float:
-        """Learning rate when a share of the training is done."""
-        risen = min(1.0, share / self.warm_up) if self.warm_up else 1.0
-        fallen = (1 - math.cos(math.pi * share)) / 2
-        return self.learning_rate * risen * (1 + (self.last_rate - 1) * fallen)
 
     @property
     def seeded(self) -> bool:
@@ -165,25 +172,20 @@ class Variant:
 _SIDE = Variant(
     variant="Eigen",
     weights=Weights(
-        adversarial=0.3, features=0.3, success=150.0, fitness=60.0, distance=250.0, rank=200.0, offset=600.0
+        adversarial=0.3, features=0.3, success=150.0, fitness=150.0, distance=250.0, rank=200.0, offset=600.0
     ),
-    fitness_start=0,  # the Gaussian start makes a delay unnecessary
-    learning_rate=3e-3,
-    warm_up=0.04,  # Adam's first steps are large, and would push a whole batch against the box
-    betas=(0.9, 0.99),  # more momentum than usual, since the discriminators are a small part of the loss
     reserve=0.03,
     refresh=Refresh(),
 )
 # Our variants, with the same names as in ``conf/gan``.
 RECIPES: dict[str, Variant] = {
-    "vanilla": Variant(variant="Vanilla", weights=Weights(adversarial=1.0), limited=False, last_rate=1.0),
+    "vanilla": Variant(variant="Vanilla", weights=Weights(adversarial=1.0)),
     "eigen": _SIDE,
     "diagonal": replace(_SIDE, variant="Diagonal"),
     "prediction": replace(
         _SIDE,
         variant="Predicting",
         weights=replace(_SIDE.weights, fitness=30.0, rank=400.0),
-        corrections=5,
         diversity=0.92,
         reward=Reward(),
     ),
@@ -192,13 +194,8 @@ RECIPES: dict[str, Variant] = {
         weights=Weights(success=4000.0, fitness=6.0, distance=60.0, rank=150.0, offset=60.0),
         epochs=16,
         steps=60,
-        batch=128,
         generator_steps=1,
-        learning_rate=1e-3,
-        last_rate=0.05,
-        betas=(0.9, 0.99),  # no discriminator
         diversity=0.8,
-        corrections=5,
         exact=ExactPhysics(),
         reward=Reward(),
     ),

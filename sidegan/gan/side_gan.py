@@ -65,15 +65,20 @@ class SideGAN(pl.LightningModule):
         self.settings, self.data, self.name = settings, data, name
         self.seeds = tensor(data.seeds)
         arm = data.constraints.arm
-        last: dict[str, Any] = {"limited": settings.limited, "corrections": settings.corrections}
-        last["box"] = data.box
-        self.generator = TrajectoryGenerator(*self.make_network(), data.trajectory, arm, **last)
+        self.generator = TrajectoryGenerator(
+            *self.make_network(),
+            data.trajectory,
+            arm,
+            limited=settings.generator.limited,
+            box=data.box,
+            corrections=settings.generator.corrections,
+        )
         # Copies, since they may be trained further.
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
     def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
         """The generator's untrained network, and the scaling of the seeds."""
-        settings, box = self.settings, self.data.box
+        settings, box = self.settings.generator, self.data.box
         joints, harmonics, _ = self.data.trajectory.shape
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         seeds = self.seeds if box is None else Box(box).free(self.seeds)
@@ -92,7 +97,7 @@ class SideGAN(pl.LightningModule):
         settings, weights, seeds = self.settings, self.settings.weights, self.data.seeds
         return [
             Loss(weights.distance, missing_distance(seeds)),
-            Loss(weights.rank, missing_rank(seeds, settings.batch, settings.diversity)),
+            Loss(weights.rank, missing_rank(seeds, settings.generator.batch, settings.diversity)),
             Loss(weights.offset, common_offset(seeds)),
         ]
 
@@ -104,7 +109,7 @@ class SideGAN(pl.LightningModule):
     @property
     def steps(self) -> int:
         """Steps per epoch, of the discriminators if there are any."""
-        return self.settings.steps or -(-len(self.data.seeds) // self.settings.batch)
+        return self.settings.steps or -(-len(self.data.seeds) // self.settings.generator.batch)
 
     def forward(self, count: int) -> Batch:
         """A batch of new trajectories."""
@@ -124,7 +129,7 @@ class SideGAN(pl.LightningModule):
         generator, *critics = optimisers if isinstance(optimisers, list) else [optimisers]
         self.share = (self.current_epoch + index / self.steps) / self.settings.epochs
         for group in chain.from_iterable(adam.param_groups for adam in (generator, *critics)):
-            group["lr"] = self.settings.rate(self.share)
+            group["lr"] = self.settings.generator.rate(self.share)
         for optimiser in critics:
             with torch.no_grad():
                 fake = self(len(rows))
@@ -160,7 +165,7 @@ class SideGAN(pl.LightningModule):
         """Adam for the generator, and for the discriminators if there are any."""
         critics = [parameter for adversary in self.adversaries for parameter in adversary.parameters()]
         groups = [list(self.generator.parameters()), critics]
-        rate, betas = self.settings.learning_rate, self.settings.betas
+        rate, betas = self.settings.generator.learning_rate, self.settings.generator.betas
         fused = self.device.type != "mps"  # five times as fast where it is available
         return [torch.optim.Adam(weights, rate, betas, fused=fused) for weights in groups if weights]
 

@@ -81,8 +81,8 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
         raise ConfigError(f"all {len(data.seeds)} seeds are the same trajectory, expected different ones")
     model = VARIANTS[settings.variant](settings, data, run.name)
     rows = TensorDataset(torch.arange(len(data.seeds)))
-    order = RandomSampler(rows, num_samples=model.steps * settings.batch)  # without replacement in each pass
-    batches = DataLoader(rows, settings.batch, sampler=order)
+    order = RandomSampler(rows, num_samples=model.steps * settings.generator.batch)  # without replacement in each pass
+    batches = DataLoader(rows, settings.generator.batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     fit(model, batches, settings.epochs, [*refresh, EpochMetrics(run)], run.work, run.device)
     files = [_epoch_file(run, epoch) for epoch in range(settings.epochs)]

@@ -39,7 +39,7 @@ class Vanilla(SideGAN):
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator for examples (N, …)."""
-        return Discriminator(examples[0].numel(), self.settings.width)
+        return Discriminator(examples[0].numel(), self.settings.generator.width)
 
     def losses(self) -> list[Loss]:
         """The adversarial loss."""
@@ -162,12 +162,12 @@ class PublishedVanilla(Vanilla):
                 f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
                 f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
             )
-        settings = self.settings
+        settings = self.settings.generator
         return ConvolutionalGenerator(settings.noise, settings.width, settings.batch), layout
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""
-        return ConvolutionalDiscriminator(examples.shape[1:], self.settings.width)
+        return ConvolutionalDiscriminator(examples.shape[1:], self.settings.generator.width)
 
 
 class PublishedEigen(PublishedVanilla, Eigen):

@@ -76,17 +76,20 @@ def _unknown(key: str, inner: str, parent: Any) -> str:
     from sidegan.base.typed import names_in, suggest
     from sidegan.pipeline.settings import Config
 
-    *group, name = place = tuple(inner.split("."))
+    if re.match(r"gan\.(?!generator\b)\w+\.generator\.", inner):
+        return f"{inner}: variants share their generator; set gan.{inner.split('.', 2)[2]}"
+    # the schema has the shared generator in each variant
+    *group, name = place = tuple(re.sub(r"^gan\.generator\b", "gan.*.generator", inner).split("."))
     siblings = names_in(Config, group)
     groups = parent.items() if isinstance(parent, DictConfig) else ()
     below = [
         ".".join((*group, str(one), name)) for one, held in groups if OmegaConf.is_dict(held) and name in held
     ]
-    near = f"; did you mean {' or '.join(below)}?" if below else suggest(Config, place)
+    near = f"; did you mean {' or '.join(below)}?" if below else suggest(Config, place).replace(".*", "")
     if name in siblings:
         others = f"or of another {group[0]}=…" if group else "choose one by +experiment=…"
         return f"{inner}: this is a setting of other experiments, {others}"
     if inner != key and siblings:
         known = ", ".join(siblings)
-        return f"{'.'.join(group)}: {name} is not a setting of this group, which has {known}{near}"
+        return f"{inner.rpartition('.')[0]}: {name} is not a setting of this group, which has {known}{near}"
     return f"{inner}: there is no such setting{near}"

@@ -282,6 +282,9 @@ def validate(cfg: DictConfig) -> Config:
         values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     except OmegaConfBaseException as error:
         raise ConfigError(dangling(error)) from error
+    for variants in (values.get("gan"), (values.get("surrogates") or {}).get("negatives")):
+        if isinstance(variants, dict):
+            variants.pop("generator", None)  # which each variant has resolved
     robot = values.get("robot")
     if isinstance(robot, dict) and isinstance(robot.get("limits"), str):  # robot.limits=joint_limits.yaml
         robot["limits"] = {"file": robot["limits"]}

@@ -163,7 +163,7 @@ def train(
             if not (source / _CELL).exists():  # which is written last
                 _from_vanilla(cell, c, source, SurrogateSettings(), seed, box, workers, work / "negatives")
         run = replace(run, work=work / name)
-        made = _followed(cell, settings, c, run, source, box if settings.boxed else None)
+        made = _followed(cell, settings, c, run, source, box if settings.generator.boxed else None)
     return Generator(made.generator, pd.DataFrame(made.history))
 
 
@@ -256,7 +256,7 @@ def _from_vanilla(
     with writing(folder):  # before it is needed, since the training takes long
         folder.mkdir(parents=True, exist_ok=True)
     run = Run(name, number(seed, f"gan {name}"), work)
-    vanilla = _followed(cell, variant, c, run, None, box if variant.boxed else None).generator
+    vanilla = _followed(cell, variant, c, run, None, box if variant.generator.boxed else None).generator
     return pretrain(cell, c, vanilla, settings, folder, seed=seed, workers=workers)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.base.typed import changed
 from sidegan.design.problem import Problem
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.networks import Generator
@@ -21,7 +22,7 @@ from sidegan.validity import Constraints, check
 from tests.tiny import tiny
 
 STEPS = 32  # time points that the surrogates see
-SMALL = {"epochs": 3, "steps": 2, "batch": 32, "noise": 20, "width": 32}
+SMALL = {"epochs": 3, "steps": 2, "generator": {"batch": 32, "noise": 20, "width": 32, "corrections": 0}}
 NONE = Weights()
 FULL = Weights(adversarial=0.1, features=0.1, success=1, fitness=1, distance=1, rank=1, offset=1)
 REFRESH = Refresh(samples=40, window=2, steps=5, learning_rate=1e-3)
@@ -87,29 +88,30 @@ def pretrained(constraints, family, seeds, wild, tmp_path_factory):
 @pytest.fixture(scope="session")
 def vanilla():
     """A small vanilla GAN of few epochs."""
-    return replace(tiny().gan["vanilla"], **SMALL)
+    return changed(tiny().gan["vanilla"], SMALL)
 
 
 @pytest.fixture(scope="session")
 def full():
     """A small variant with every loss."""
-    return replace(tiny().gan["diagonal"], weights=FULL, refresh=REFRESH, **SMALL)
+    return replace(changed(tiny().gan["diagonal"], SMALL), weights=FULL, refresh=REFRESH)
 
 
 @pytest.fixture(scope="session")
 def predicting():
     """A small variant that is rewarded for prediction by surrogates, and corrected."""
     made = tiny("gan=prediction").gan["prediction"]
-    return replace(made, weights=FULL, refresh=REFRESH, fitness_start=0, **SMALL)
+    small = replace(changed(made, SMALL), weights=FULL, refresh=REFRESH)
+    return changed(small, {"generator": {"corrections": 2}})
 
 
 @pytest.fixture(scope="session")
 def exact():
     """A small variant with exact physics."""
     made = tiny("gan=exact").gan["exact"]
-    sizes = {"epochs": 3, "steps": 60, "batch": 64, "noise": 12, "width": 64}
-    physics = replace(made.exact, samples=24, reserve=0.03)
-    return replace(made, exact=physics, **sizes)
+    generator = {"batch": 64, "noise": 12, "width": 64, "learning_rate": 1e-3}
+    physics = {"samples": 24, "reserve": 0.03}
+    return changed(made, {"epochs": 3, "steps": 60, "generator": generator, "exact": physics})
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.base.typed import changed
 from sidegan.errors import ConfigError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.pretraining import load_surrogates
@@ -31,14 +32,14 @@ from tests.tiny import tiny
 
 FAMILY = Trajectory(7, 6, 2 * math.pi / 0.4)
 AUTHORS = DATA / "sidegan_authors"
-SMALL = {"width": 4, "noise": 8, "batch": 10, "steps": 3, "epochs": 2, "fitness_start": 1}
+SMALL = {"steps": 3, "epochs": 2, "fitness_start": 1, "generator": {"width": 4, "noise": 8, "batch": 10}}
 
 
 @pytest.fixture(scope="module")
 def variants():
     """The published variants, small."""
     cfg = tiny("condition=published", "seeds.folder=none")
-    return {name: replace(variant, **SMALL) for name, variant in cfg.gan.items()}
+    return {name: changed(variant, SMALL) for name, variant in cfg.gan.items()}
 
 
 @pytest.fixture(scope="module")
@@ -101,8 +102,8 @@ def test_unsupported_shapes_and_options_are_refused(variants, planar, tmp_path):
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
         train(variants["vanilla"], data, Run("x", 0, tmp_path))
     for option in ("gaussian_start", "boxed"):
-        with pytest.raises(ConfigError, match=f"have no {option}: set it to false"):
-            replace(variants["eigen"], **{option: True})
+        with pytest.raises(ConfigError, match=f"have no generator.{option}: set it to false"):
+            changed(variants["eigen"], {"generator": {option: True}})
     with pytest.raises(ConfigError, match="PublishedEigen has no surrogates to refresh"):
         replace(variants["eigen"], refresh=REFRESH)
 

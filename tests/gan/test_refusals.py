@@ -8,14 +8,15 @@ import pytest
 
 from sidegan.base.typed import build
 from sidegan.errors import ConfigError, InfeasibleError, ShapeError, SideganError
-from sidegan.gan.settings import Variant
+from sidegan.gan.settings import GeneratorSettings, Variant
 from sidegan.gan.training import Run, random_trajectories, train
 from sidegan.validity import Constraints, Plane
 from tests.gan.conftest import NONE, REFRESH
 
 PHYSICS, REWARD = {"samples": 9, "reserve": 0}, {"proportional": 1, "constant": 0}
 FIT = asdict(replace(NONE, fitness=1))
-FAST, RANK = {"learning_rate": 1e38}, replace(NONE, rank=1.0)
+FAST = {"generator": GeneratorSettings(learning_rate=1e38, warm_up=0, corrections=0)}
+RANK = replace(NONE, rank=1.0)
 EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdict(NONE)}
 
 
@@ -24,8 +25,8 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
     [
         ({"variant": "Colour"}, "variant is 'Colour', expected 'Vanilla', 'Eigen', 'Diagonal', 'Predicting'"),
         ({"weights": FIT}, "Vanilla has no such loss: weights.fitness must be 0"),
-        ({"betas": [0.5, 1]}, "betas[1] is 1, expected a number < 1"),
-        ({"batch": 1}, "batch is 1, expected a whole number ≥ 2"),
+        ({"generator": {"betas": [0.5, 1]}}, "generator.betas[1] is 1, expected a number < 1"),
+        ({"generator": {"batch": 1}}, "generator.batch is 1, expected a whole number ≥ 2"),
         ({"variant": "Eigen", "weights": FIT, "fitness_start": 9, "epochs": 9}, "after the last of 9 ep"),
         ({**EXACT, "reward": None}, "Exact needs settings reward"),
         ({**EXACT, "reward": {**REWARD, "proportional": 0}}, "are 0, expected one of them above it"),
@@ -42,7 +43,7 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
 )
 def test_impossible_variants_are_refused(vanilla, settings, words):
     with pytest.raises(ConfigError) as error:
-        build(Variant, {**asdict(vanilla), "betas": [0, 0.9], **settings})
+        build(Variant, {**asdict(vanilla), **settings})
     assert words in str(error.value)
 
 

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import torch
 
+from sidegan.base.typed import changed
 from sidegan.design.fidelity import mean_distance
 from sidegan.errors import SideganError
+from sidegan.gan.settings import GeneratorSettings
 from sidegan.gan.side_gan import SideGAN
 from sidegan.gan.training import random_trajectories
 from sidegan.validity import check
@@ -35,7 +37,8 @@ def test_a_variant_with_every_loss_trains_and_leaves_its_surrogates(
 
 
 def test_every_option_trains(trained, vanilla, tmp_path):
-    variant = replace(vanilla, epochs=1, steps=None, gaussian_start=False, limited=True)
+    free = {"gaussian_start": False, "limited": False}
+    variant = changed(vanilla, {"epochs": 1, "steps": None, "generator": free})
     assert np.isfinite(trained(variant, tmp_path).generator.sample(5)).all()
 
 
@@ -61,8 +64,8 @@ def test_an_interrupted_training_resumes_to_the_same_result(
     assert same(made, trained(tmp_path / "whole"))
 
 
-def test_the_learning_rate_schedule(vanilla):
-    falling = replace(vanilla, learning_rate=2.0, last_rate=0.1)
+def test_the_learning_rate_schedule():
+    falling = GeneratorSettings(learning_rate=2.0, warm_up=0.0, last_rate=0.1)
     assert [falling.rate(share) for share in (0, 0.5, 1)] == pytest.approx([2, 1.1, 0.2])
     level = replace(falling, last_rate=1.0, warm_up=0.1)
     assert [level.rate(share) for share in (0, 0.05, 0.1, 0.7)] == pytest.approx([0, 1, 2, 2])

@@ -51,7 +51,8 @@ EVERYTHING += ["workspace.torque=false", "workspace.regions=[{sphere: {centre: [
     ("override", "expected"),
     [
         ("gan.eigen.weights.fitness=7", of("eigen")),
-        ("gan.diagonal.width=32", of("diagonal")),
+        ("gan.diagonal.steps=3", of("diagonal")),
+        ("gan.generator.width=32", of(*LEARNING, "exact")),
         ("gan.vanilla.epochs=3", of("vanilla")),
         ("surrogates.epochs=3", {"surrogates"} | of("eigen", "diagonal", "prediction")),
         ("long.steps=6", LONG),

@@ -159,7 +159,7 @@ def left(sweep, number, seed, width, nmse):
     """A job's folder, with what it overrides and its results."""
     folder = sweep / f"{number}_job"
     (folder / ".hydra").mkdir(parents=True)
-    lines = [f"seed={seed}", f"gan.eigen.width={width}", "+experiment=exp1", "~trajectory.home"]
+    lines = [f"seed={seed}", f"gan.generator.width={width}", "+experiment=exp1", "~trajectory.home"]
     (folder / ".hydra" / "overrides.yaml").write_text(json.dumps(lines))
     table = pd.DataFrame({"nMSE": [nmse, 2 * nmse], "rank": [7.0, None]}, index=["seeds", "eigen"])
     table.rename_axis("name").to_csv(folder / "results.csv")
@@ -170,7 +170,7 @@ def test_the_sweep_table_averages_over_seeds(tmp_path):
     jobs = [(0, 16, 0.1), (1, 16, 0.3), (0, 32, 0.5), (1, 32, 0.5)]
     folders = [left(tmp_path, number, *job) for number, job in enumerate(jobs)]
     table = sweep_table(folders)
-    assert table.index.names == ["gan.eigen.width", "name"]
+    assert table.index.names == ["gan.generator.width", "name"]
     assert table.index.to_list() == [("16", "seeds"), ("16", "eigen"), ("32", "seeds"), ("32", "eigen")]
     assert table["nMSE"].to_list() == ["0.2 ± 0.14", "0.4 ± 0.28", "0.5 ± 0", "1 ± 0"]
     assert table["rank"].to_list() == ["7 ± 0", "—", "7 ± 0", "—"]

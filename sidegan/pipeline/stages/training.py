@@ -42,7 +42,7 @@ def generators(run: RunContext) -> list[tuple[str, int]]:
 def generator(run: RunContext, name: str, training: int, variant: Variant | None = None) -> Artifact:
     """A trained variant, by default the configured one of this name."""
     variant = variant or run.cfg.gan[name]
-    box = run.cfg.seeds.box if variant.boxed else None  # of absolute coefficients [rad/s]
+    box = run.cfg.seeds.box if variant.generator.boxed else None  # of absolute coefficients [rad/s]
     inputs: dict[str, Artifact | str] = {}
     settings: dict[str, Any] = {}
     if variant.seeded:
