@@ -25,8 +25,10 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import (
     SEEDS,
     ExcitationSet,
+    alone,
     excitation_sets,
     library,
+    picked,
     pools,
     selection,
 )
@@ -45,6 +47,8 @@ class Artifacts:
     # under constant noise, weighted; of random draws from every measured set, by set, training and noise.
     expected = cached_property(lambda self: self._expected("paper"))
     constant = cached_property(lambda self: self._expected("constant"))
+    # The first of these for the sets picked from each generator's trajectories alone.
+    alone = cached_property(lambda self: self._expected("paper", picked(self.run, alone(self.run))))
     draws = cached_property(lambda self: pd.concat(map(self.run.frame, self._measures.values())))
     # NMSE of every excitation set executed by plants, by set, training, repeat, weighted and joint.
     plant = cached_property(lambda self: self._of_sets(plant))
@@ -162,13 +166,16 @@ class Artifacts:
         return defaultdict(lambda: math.nan, self.run.store.costs(artifact))
 
     def _of_sets(
-        self, made: Callable[[RunContext, ExcitationSet], Artifact], file: str = RESULTS
+        self,
+        made: Callable[[RunContext, ExcitationSet], Artifact],
+        file: str = RESULTS,
+        sets: list[ExcitationSet] | None = None,
     ) -> pd.DataFrame:
-        frames = [self.run.frame(made(self.run, each), file) for each in excitation_sets(self.run)]
+        frames = [self.run.frame(made(self.run, each), file) for each in sets or excitation_sets(self.run)]
         return pd.concat(frames, ignore_index=True)
 
-    def _expected(self, noise: str) -> pd.DataFrame:
-        frame = self._of_sets(identification, EXPECTED)
+    def _expected(self, noise: str, sets: list[ExcitationSet] | None = None) -> pd.DataFrame:
+        frame = self._of_sets(identification, EXPECTED, sets)
         return frame[frame.noise == noise]
 
     def _histories(self, run: RunContext) -> pd.DataFrame:

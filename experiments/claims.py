@@ -13,11 +13,11 @@ import pandas as pd
 from experiments import claims_identification, claims_training
 from experiments.artifacts import Artifacts
 from experiments.pages import PAPER
-from experiments.verdicts import HOLDS, MIXED, NOT, OPEN, PART, UNDECIDED, UNKNOWN, Judgement
+from experiments.verdicts import HOLDS, NOT, OPEN, UNDECIDED, UNKNOWN, Judgement
 from sidegan.base.names import counted
 
-_SIGNS = {HOLDS: "🟢", PART: "🟡", MIXED: "🟠", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
-_PLURAL = {HOLDS: "hold", PART: "hold in part", NOT: "do not hold"}
+_SIGNS = {HOLDS: "🟢", UNDECIDED: "🔵", OPEN: "🔵", NOT: "🔴", UNKNOWN: "⚪"}
+_PLURAL = {HOLDS: "hold", NOT: "do not hold"}
 CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
 
 

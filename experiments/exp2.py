@@ -13,7 +13,7 @@ from experiments.pages import PAPER, leave
 from experiments.verdicts import REPEAT, TRAINING, interval, of_several, words
 from sidegan.base.names import plain
 from sidegan.pipeline.settings import Config
-from sidegan.pipeline.stages.replication import FITTED
+from sidegan.pipeline.stages.replication import CONTROLS, FITTED
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
 
@@ -23,6 +23,7 @@ READINGS = {
     "torques": "torques",
     "seeds_states": "all torques, and states of the seeds",
 }
+_CONTROLS = {"random": "random valid", "copies": "the seeds again"}  # beside the generated ones
 _FITTED = "‖diag (s Σ + I/p₀)⁻¹‖, p₀ = {:g}, s = {:.3g}".format(*FITTED)
 READINGS_CAPTION = "Improvement [%] over repeated measurements of the seeds, by where the paper's noise acts"
 
@@ -52,11 +53,21 @@ def summary(artifacts: Artifacts) -> pd.DataFrame:
     columns = {"nMSE": errors.groupby("set", sort=False).nmse.mean()}
     for replicas in artifacts.cfg.replication.replicas:
         gains = {
-            k: improvement(errors, k, f"seeds ×{replicas}").improvement.mean() for k in artifacts.cfg.gan
+            k: improvement(errors, k, f"seeds ×{replicas}").improvement.mean() for k in added(artifacts.cfg)
         }
         columns[f"improvement over seeds ×{replicas} [%]"] = pd.Series(gains)
     columns["‖diag P‖"] = facts.groupby("set", sort=False).covariance_norm.mean()
     return pd.DataFrame(columns).reindex(tables.ordered(errors["set"].unique()))
+
+
+def added(config: Config) -> list[str]:
+    """What is added to the seeds: each generator's trajectories, and the controls."""
+    return [*config.gan, *CONTROLS]
+
+
+def title(name: str) -> str:
+    """Label of a set in tables II and III."""
+    return f"seeds + {_CONTROLS[name]}" if name in _CONTROLS else tables.title(name)
 
 
 def improvement(part: pd.DataFrame, name: str, reference: str) -> pd.DataFrame:
@@ -85,15 +96,16 @@ def table2(part: pd.DataFrame, config: Config) -> pd.DataFrame:
     """Table II: improvement of seeds + generated over repeatedly measured seeds, ours and the paper's.
 
     The paper uses the arithmetic mean of percentages, which a single much worse joint can dominate. The
-    geometric mean of ratios has an interval over trainings and noise draws, which both sets share.
+    geometric mean of ratios has an interval over trainings and noise draws, which both sets share. Random
+    valid trajectories and the seeds measured again are controls: what any data improves.
     """
     rows: dict[str, dict[str, str]] = {}
-    for name in config.gan:
+    for name in added(config):
         for replicas in config.replication.replicas:
             gain = improvement(part, name, f"seeds ×{replicas}")
             joints = gain.groupby("joint").improvement.mean()
             effect = gain.groupby([TRAINING, REPEAT]).gain.mean()
-            rows[f"{tables.title(name)} over seeds ×{replicas}"] = {
+            rows[f"{title(name)} over seeds ×{replicas}"] = {
                 "mean over joints": tables.spread(joints),
                 "median": plain(joints.median()),
                 "geometric mean": words(interval(of_several(effect)).turned(percent)),
@@ -109,7 +121,7 @@ def readings(made: Artifacts) -> pd.DataFrame:
     for reading, results in made.readings.items():
         part = results[~results.weighted]
         kinds = rows.setdefault(READINGS[reading], {})
-        for name in made.cfg.gan:
+        for name in added(made.cfg):
             gains = [improvement(part, name, f"seeds ×{k}") for k in replicas]
             kinds[name] = "; ".join(plain(x.improvement.mean(), ".0f") for x in gains)
             kinds[f"{name}, geometric"] = "; ".join(plain(percent(x.gain.mean()), ".0f") for x in gains)
@@ -123,7 +135,7 @@ def table3(facts: pd.DataFrame) -> pd.DataFrame:
     rows = {}
     for name in tables.ordered(facts["set"].unique()):
         part = facts[facts["set"] == name]
-        rows[tables.title(name)] = {
+        rows[title(name)] = {
             "‖diag P‖": tables.spread(part.groupby(TRAINING).covariance_norm.mean()),
             "‖diag P‖ × samples": plain((part.covariance_norm * part.samples).mean()),
             _FITTED: plain(part.fitted_norm.mean()),
@@ -139,5 +151,5 @@ def errors(results: pd.DataFrame) -> pd.DataFrame:
         part = results[results["set"] == name]
         mean = {w: p.groupby([TRAINING, REPEAT]).nmse.mean() for w, p in part.groupby("weighted")}
         row = {"weighted" if w else "unweighted": tables.spread(values) for w, values in mean.items()}
-        rows[tables.title(name)] = row
+        rows[title(name)] = row
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("nMSE")

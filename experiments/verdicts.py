@@ -17,7 +17,7 @@ from experiments.artifacts import Artifacts
 from sidegan.base.names import plain
 from sidegan.report.style import NOT_MEASURED
 
-HOLDS, PART, MIXED, NOT = "holds", "holds in part", "mixed", "does not hold"
+HOLDS, NOT = "holds", "does not hold"
 UNDECIDED, OPEN = "no detectable difference", "not decided"  # of two that are compared; of one and a bound
 UNKNOWN = NOT_MEASURED
 CONFIDENCE = 0.95
@@ -81,7 +81,12 @@ def by_set(frame: pd.DataFrame, key: str, trained: Collection[str]) -> dict[str,
 
 def log_ratio(first: pd.Series, second: pd.Series) -> pd.Series:
     """Log ratio, draw by draw; a set without trainings is compared with every training of the other."""
-    return np.log(_matched(first, second)) - np.log(_matched(second, first))
+    return log_over(np.log(first), np.log(second))
+
+
+def log_over(first: pd.Series, second: pd.Series) -> pd.Series:
+    """Difference of log ratios, draw by draw, matched as by ``log_ratio``."""
+    return _matched(first, second) - _matched(second, first)
 
 
 def log_odds(shares: pd.Series, draws: int) -> pd.Series:
@@ -135,19 +140,11 @@ def beside(measured: Interval, bound: float) -> str:
 
 
 def together(verdicts: Iterable[str]) -> str:
-    """The combined verdict on a claim about several variants.
-
-    The claim holds if it holds for each; it holds in part if it holds for some and the others are undecided;
-    it is mixed if it holds for some but not for others.
-    """
-    parts = list(verdicts)
+    """The verdict on a claim about several: it holds if it holds of each, and not if it does not of one."""
+    parts = set(verdicts)
     if not parts or UNKNOWN in parts:
         return UNKNOWN
-    if len(set(parts)) == 1:
-        return parts[0]
-    if {HOLDS, PART, MIXED} & set(parts):
-        return MIXED if {NOT, MIXED} & set(parts) else PART
-    return NOT if NOT in parts else OPEN
+    return NOT if NOT in parts else parts.pop() if len(parts) == 1 else OPEN
 
 
 def tally(verdicts: Iterable[str]) -> str:

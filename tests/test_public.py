@@ -361,7 +361,9 @@ def test_a_generator_learns_from_seeds_and_reloads(cell, seeds, tmp_path):
 
 def test_a_training_does_not_depend_on_what_torch_is_set_to_or_on_other_threads(cell, seeds):
     def made():
-        return sg.train("vanilla", cell, seeds, **SMALL | {"generator": {"width": 128, "batch": 60}}).network.state_dict()
+        return sg.train(
+            "vanilla", cell, seeds, **SMALL | {"generator": {"width": 128, "batch": 60}}
+        ).network.state_dict()
 
     def same(other):
         return all(torch.equal(x, other[name]) for name, x in first.items())

@@ -16,7 +16,8 @@ from sidegan.robot import DERIVATIVE_ORDER, Arm
 _SMALL = 0.1  # initial scale of the layers next to the shortcut
 _DRAWS = 1024  # samples for the layers' mean
 _PEAKS = 4  # finer time points per step for the use of limits, to catch peaks
-_POINTS = 4  # time points per harmonic in corrections
+_POINTS = 2  # time points per harmonic in corrections
+_FARTHEST = 0.5  # largest correction of each element of an image, whose spread is about one
 _ACCELERATION = 5.0  # unit of accelerations [rad/s²]
 
 
@@ -163,7 +164,8 @@ class Correction(nn.Module):
     """Corrections of images (B, 2, J, H), from the images and their roll-out; initially zero.
 
     The worth of a joint's motion depends on the other joints' positions at that time, which the roll-out
-    shows: the network learns the step that an optimiser would take.
+    shows: the network learns the step that an optimiser would take. Steps are bounded: otherwise a few could
+    map all images to one, as those of a vanilla GAN do.
     """
 
     def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
@@ -181,4 +183,4 @@ class Correction(nn.Module):
     def forward(self, images: Tensor, c: Tensor) -> Tensor:
         """Corrections of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""
         seen = torch.cat([images.flatten(1), self.roll_out(c).flatten(1)], 1)
-        return self.layers(seen).view_as(images)
+        return (_FARTHEST * torch.tanh(self.layers(seen) / _FARTHEST)).view_as(images)

@@ -17,7 +17,7 @@ from sidegan.errors import ArtifactError
 from sidegan.gan.published import PublishedConverter, PublishedPredictor
 from sidegan.gan.reward import Energies
 from sidegan.gan.settings import SurrogateSettings, Variant
-from sidegan.gan.surrogates import Converter, SuccessPredictor, learn
+from sidegan.gan.surrogates import Converter, SuccessPredictor, learn, scores
 from sidegan.gan.tensors import array, read_tensors, tensor, write_network
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
@@ -118,10 +118,10 @@ class Pretraining:
     def train_success(
         self, labelled: Labelled, folder: Path, seed: int, progress: Report
     ) -> dict[str, float]:
-        """Train the success predictor, save it in ``folder``, and return its held-out accuracies.
+        """Train the success predictor, save it in ``folder``, and return its held-out scores.
 
-        ``accuracy_paper`` is the paper's task (held-out seeds against faulty samples of the vanilla GAN),
-        ``accuracy_broad`` is over all held-out samples.
+        Those of ``scores``, on held-out seeds and faulty samples of the vanilla GAN; ``accuracy_broad`` is
+        the accuracy on all held-out samples.
         """
         data, held, random = _begin(labelled, seed)
         sizes = {"width": self.settings.width, "steps": self.settings.margin_steps}
@@ -131,11 +131,8 @@ class Pretraining:
         write_network(folder / "success.pt", predictor.state_dict(), arguments)
         held_seeds, faulty = self.seeds[self._learnt :], self.negatives[-_HELD_OUT_NEGATIVES:]
         faulty = faulty[~check(self.constraints, self.trajectory, faulty).valid]
-        c = np.concatenate([held_seeds, faulty])
-        return {
-            "accuracy_paper": predictor.accuracy(tensor(c), torch.arange(len(c)) < len(held_seeds)),
-            "accuracy_broad": predictor.accuracy(tensor(held.c), tensor(held.valid)),
-        }
+        broad = predictor.accuracy(tensor(held.c), tensor(held.valid))
+        return {**scores(predictor.accepts, held_seeds, faulty), "accuracy_broad": broad}
 
     def train_features(
         self, features: str, labelled: Labelled, folder: Path, seed: int, progress: Report

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.gan.networks import FromNoise
-from sidegan.gan.surrogates import learn
+from sidegan.gan.surrogates import learn, scores
 from sidegan.gan.tensors import read_tensors, tensor, write_network
 from sidegan.seeding.published import SCALE, Layout
 
@@ -123,6 +123,10 @@ class PublishedPredictor(ShallowNetwork):
     def __init__(self) -> None:
         super().__init__(2, 1)
 
+    def accepts(self, images: Tensor) -> Tensor:
+        """Whether trajectories are predicted to be valid, (B,)."""
+        return self(images)[:, 0] > 0
+
     def loss(self, images: Tensor, valid: Tensor) -> Tensor:
         """Cross entropy of labels (B,), 0-dimensional."""
         return nn.functional.binary_cross_entropy_with_logits(self(images)[:, 0], valid.float())
@@ -151,10 +155,10 @@ class PublishedPretraining:
     def train_success(
         self, folder: Path, seed: int, weights: dict[str, Tensor] | None, progress: Report
     ) -> dict[str, float]:
-        """Save the success predictor, trained or with given weights, and return its held-out accuracies.
+        """Save the success predictor, trained or with given weights, and return its held-out scores.
 
-        ``accuracy_broad`` is over held-out samples, ``accuracy_paper`` over the seeds and the faulty ones
-        among these samples.
+        Those of ``pretraining.scores``, on the seeds and the faulty ones among held-out samples;
+        ``accuracy_broad`` is the accuracy on all held-out samples.
         """
         torch.manual_seed(seed)
         samples, valid = tensor(self.samples), tensor(self.valid)
@@ -166,10 +170,9 @@ class PublishedPretraining:
             network.load_state_dict({"scale": network.scale, **weights})
         write_network(folder / "success.pt", network.state_dict(), {})
         with torch.no_grad():
-            right = (network(samples[held])[:, 0] > 0) == valid[held]
-            of_seeds = network(tensor(self.seeds))[:, 0] > 0
-        on_paper = torch.cat([of_seeds, right[~valid[held]]]).double().mean()
-        return {"accuracy_broad": float(right.double().mean()), "accuracy_paper": float(on_paper)}
+            right = network.accepts(samples[held]) == valid[held]
+        shares = scores(network.accepts, self.seeds, self.samples[held[~valid[held]].numpy()])
+        return {**shares, "accuracy_broad": float(right.double().mean())}
 
     def train_features(
         self, name: str, features: Array, folder: Path, seed: int, progress: Report

@@ -136,9 +136,9 @@ class Box(nn.Module):
 
 
 def _largest(size: Callable[[Tensor], Tensor], x: Tensor, basis: Tensor) -> Tensor:
-    """Largest size over time, (B, J), of motions with coefficients x (B, J, 2 H); its gradient is that of the peak.
+    """Largest size over time, (B, J), of motions with coefficients x (B, J, 2 H).
 
-    Through all times, the gradient would cost as much as all else in the layer.
+    Its gradient is that of the peak: through all times, it would cost as much as all else in the layer.
     """
     with torch.no_grad():
         peak = size(x @ basis.T).argmax(2)

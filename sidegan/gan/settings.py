@@ -103,6 +103,7 @@ class GeneratorSettings:
     limited: bool = True  # enforce limits on motion by construction
     boxed: bool = True  # enforce the box of the seeds' coefficients, if any, by construction
     corrections: Natural = 5  # networks that correct a trajectory given its roll-out
+    penalty: NonNegative = 1.0  # of the discriminators' squared gradient at the seeds
     batch: Annotated[int, Field(ge=2, le=10**5)] = 100  # trajectories per step
     learning_rate: Positive = 3e-3  # the largest
     warm_up: Share = 0.04  # share of the training over which the learning rate rises

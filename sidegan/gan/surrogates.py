@@ -4,15 +4,17 @@ Both apply the same layers to each time point of the rolled-out trajectory (conv
 then pool over time: the worst time decides validity, and YᵀY is a mean.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from sidegan.base.arrays import Array
 from sidegan.base.parallel import Report
 from sidegan.gan.networks import RollOut
+from sidegan.gan.tensors import tensor
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
@@ -21,6 +23,7 @@ _LEAST_SPREAD = 1e-3  # of log features
 _START_GAIN = 3.0  # initial log gain; with larger ones the labels dominate the margins early in training
 _NEAR = 0.05  # margin beyond which errors count less
 _REPORTED = 20  # steps between progress reports
+_SMALLER = (0.25, 0.5, 0.75)  # sizes of motions, relative to the seeds
 _CLASSIFICATION = 0.3  # weight of the classification loss relative to the margins' loss
 
 
@@ -65,10 +68,14 @@ class SuccessPredictor(nn.Module):
         cross_entropy = -torch.where(valid, log_valid, log_faulty).clamp_min(-10).mean()
         return (weight * (predicted - margins).abs()).mean() + _CLASSIFICATION * cross_entropy
 
+    def accepts(self, c: Tensor) -> Tensor:
+        """Whether trajectories are predicted to be valid, (B,)."""
+        return self(c).exp() > 0.5
+
     @torch.no_grad()
     def accuracy(self, c: Tensor, valid: Tensor) -> float:
         """Share of trajectories whose label is predicted correctly."""
-        return float(((self(c.float()).exp() > 0.5) == valid).double().mean())
+        return float((self.accepts(c.float()) == valid).double().mean())
 
 
 class Converter(nn.Module):
@@ -117,6 +124,21 @@ class Converter(nn.Module):
         x = _logs(features)
         self.mean.copy_(x.mean(0))
         self.spread.copy_(x.std(0).clamp_min(_LEAST_SPREAD))
+
+
+def scores(accepts: Callable[[Tensor], Tensor], seeds: Array, faulty: Array) -> dict[str, float]:
+    """Shares of seeds (N, …) that a predictor accepts, and of faulty samples that it rejects.
+
+    ``accepted_25`` is of the seeds' motions at 25 % of their size. ``accuracy_paper`` is over seeds and
+    faulty samples together: it depends on how many there are of each.
+    """
+    with torch.no_grad():
+        accepted = {share: accepts(tensor(share * seeds).float()) for share in (1.0, *_SMALLER)}
+        rejected = ~accepts(tensor(faulty).float())
+    both = torch.cat([accepted[1.0], rejected])
+    named = {f"accepted_{100 * share:.0f}": accepted[share] for share in _SMALLER}
+    shares = {"accepted": accepted[1.0], "rejected": rejected, "accuracy_paper": both, **named}
+    return {name: float(right.double().mean()) for name, right in shares.items()}
 
 
 def learn(

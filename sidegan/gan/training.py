@@ -80,9 +80,9 @@ def train(settings: Variant, data: Data, run: Run) -> Trained:
     if len(data.seeds) > 1 and not np.ptp(data.seeds, axis=0).any():
         raise ConfigError(f"all {len(data.seeds)} seeds are the same trajectory, expected different ones")
     model = VARIANTS[settings.variant](settings, data, run.name)
-    rows = TensorDataset(torch.arange(len(data.seeds)))
-    order = RandomSampler(rows, num_samples=model.steps * settings.generator.batch)  # without replacement in each pass
-    batches = DataLoader(rows, settings.generator.batch, sampler=order)
+    rows, batch = TensorDataset(torch.arange(len(data.seeds))), settings.generator.batch
+    order = RandomSampler(rows, num_samples=model.steps * batch)  # without replacement in each pass
+    batches = DataLoader(rows, batch, sampler=order)
     refresh = [] if settings.refresh is None else [Refreshed(settings.refresh, run.seed)]
     fit(model, batches, settings.epochs, [*refresh, EpochMetrics(run)], run.work, run.device)
     files = [_epoch_file(run, epoch) for epoch in range(settings.epochs)]

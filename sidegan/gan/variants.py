@@ -13,7 +13,7 @@ from sidegan.design.excitation import excite
 from sidegan.design.objective import Penalty
 from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
-from sidegan.gan.losses import Adversary, Batch, Loss
+from sidegan.gan.losses import Adversary, Batch, Loss, Value
 from sidegan.gan.metrics import noises
 from sidegan.gan.networks import Discriminator, FromNoise
 from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, PublishedScaling
@@ -35,7 +35,12 @@ class Vanilla(SideGAN):
     def __init__(self, settings: Variant, data: Data, name: str = "vanilla") -> None:
         super().__init__(settings, data, name)
         images = self.generator.scaling.image(self.seeds)
-        self.discriminator = Adversary(self.make_critic(images), images, lambda batch: batch.images)
+        self.discriminator = self.adversary(images, lambda batch: batch.images)
+
+    def adversary(self, examples: Tensor, view: Value) -> Adversary:
+        """An untrained discriminator of examples (N, …) from views of a batch."""
+        penalty = self.settings.generator.penalty
+        return Adversary(self.make_critic(examples), examples, view, penalty)
 
     def make_critic(self, examples: Tensor) -> nn.Module:
         """An untrained discriminator for examples (N, …)."""
@@ -53,9 +58,7 @@ class Eigen(Vanilla):
         super().__init__(settings, data, name)
         if data.success_predictor is None or data.converter is None:
             raise ConfigError(f"{name} needs a success predictor and a converter to {settings.features}")
-        features = self.seeds_features()
-        critic = self.make_critic(features)
-        self.second_discriminator = Adversary(critic, features, lambda batch: batch.features)
+        self.second_discriminator = self.adversary(self.seeds_features(), lambda batch: batch.features)
 
     def seeds_features(self) -> Tensor:
         """Exact features of the seeds, (N, p), standardised like the converter's."""

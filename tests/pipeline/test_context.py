@@ -30,7 +30,11 @@ def stamps(tmp_path_factory):
 
 
 def of(*variants, makers=("gan", "library", "measures", "selection", "identification", "plant")):
-    return {f"{maker}/{variant}" for maker in makers for variant in variants}
+    alone = {variant: f"{variant}-alone" for variant in variants if variant in (*LEARNING, "exact")}
+    picked = {
+        f"{m}/{name}" for m in makers if m in ("selection", "identification") for name in alone.values()
+    }
+    return picked | {f"{maker}/{variant}" for maker in makers for variant in variants}
 
 
 LEARNING = ("vanilla", "eigen", "diagonal", "prediction")  # from seeds
@@ -39,7 +43,14 @@ IDENTIFICATIONS, PLANTS = (of(*SETS, makers=[maker]) for maker in ("identificati
 LONG = {"long/3", "long/12"} | of("long-3", "long-12", makers=["identification", "plant"])
 BASELINES = ("natural", "search-10", "search-40", "search-160")
 MEASURES = of("seeds", "random", "exact", *BASELINES, *LEARNING, makers=["measures"])
-UNSEEDED = {"gan/exact", "library/exact", "random", *BASELINES}
+UNSEEDED = {
+    "gan/exact",
+    "library/exact",
+    "selection/exact-alone",
+    "identification/exact-alone",
+    "random",
+    *BASELINES,
+}
 UNSEEDED |= of("random", makers=["selection", "identification", "plant"])
 
 

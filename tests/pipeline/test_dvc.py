@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PIPELINES = {
     "": {"seeds", "published_seeds", "identify"},
     "published": {"seeds", "paper_seeds", "identify"},
-    "small": {"paper_seeds", "published_seeds", "identify"},
+    "small": {"paper_seeds", "published_seeds", "short", "identify"},
 }
 
 

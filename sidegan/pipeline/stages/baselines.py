@@ -1,6 +1,9 @@
-"""Stages random and long: random trajectories, those of a short search, and a single long trajectory."""
+"""Stages random and long: random trajectories, those of a short search, and a single long trajectory.
 
-from dataclasses import asdict
+Short trajectories by the long one's optimiser come with it.
+"""
+
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
@@ -20,13 +23,15 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stages import Stage
-from sidegan.seeding import Gradient, make_long
+from sidegan.pipeline.stages.seeds import make
+from sidegan.seeding import METHODS, Gradient, make_long
 
 REACH = 0.8  # share of its tightest joint limit that a random trajectory uses
 _TRIES = 1000  # most draws per random trajectory
 _DRAWN, _VALID, _BISECTIONS = 400, 0.99, 12  # natural draws, their share to be valid, steps to find the reach
 _SEARCHED = 200  # trajectories of each search
 _EVALUATIONS = (10, 40, 160)
+GRADIENT, _CHOICE = "gradient", 5  # optimiser of the single long trajectory; short ones for each one picked
 
 
 def random_set(run: RunContext) -> Artifact:
@@ -146,6 +151,18 @@ def _make_long(run: RunContext, build: Build, harmonics: int) -> None:
     write_json(build.folder / REPORT, report)
 
 
+def gradient_set(run: RunContext) -> Artifact:
+    """Short trajectories by the optimiser of the single long one, to pick a set from."""
+    method = replace(METHODS[GRADIENT], count=_CHOICE * run.cfg.selection.count)
+    other = run.with_settings(seeds=method)
+    return other.artifact("short", GRADIENT, make, method.stamped(), title="short", alone=True)
+
+
+def _long(run: RunContext) -> list[Artifact]:
+    made = [long_trajectory(run, h) for h in run.cfg.long.harmonics]
+    return made if run.cfg.seeds.method == GRADIENT else [*made, gradient_set(run)]
+
+
 def _compile_searches(run: RunContext) -> None:
     """Start compiling what missing searches need, while other stages run."""
     if any(run.store.find(searched_set(run, evaluations)) is None for evaluations in _EVALUATIONS):
@@ -154,5 +171,5 @@ def _compile_searches(run: RunContext) -> None:
 
 STAGES = {
     "random": Stage(lambda run: baselines(run).values(), check=_compile_searches),
-    "long": Stage(lambda run: [long_trajectory(run, h) for h in run.cfg.long.harmonics]),
+    "long": Stage(_long),
 }

@@ -21,7 +21,7 @@ from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import EXPECTED, FACTS, RESULTS, RunContext
 from sidegan.pipeline.stages import Stage
 from sidegan.pipeline.stages.baselines import prediction, test_trajectories
-from sidegan.pipeline.stages.selection import ExcitationSet, excitation_sets
+from sidegan.pipeline.stages.selection import ExcitationSet, alone, excitation_sets, picked
 from sidegan.plant.recorded import recorded
 from sidegan.plant.varied import VariedPlant
 from sidegan.report.tables import arrow
@@ -92,7 +92,9 @@ def _execute(run: RunContext, build: Build, excitation: ExcitationSet) -> None:
 
 
 STAGES = {
-    "identification": Stage(lambda run: [identification(run, each) for each in excitation_sets(run)]),
+    "identification": Stage(
+        lambda run: [identification(run, each) for each in [*excitation_sets(run), *picked(run, alone(run))]]
+    ),
     "plant": Stage(
         lambda run: [plant(run, each) for each in excitation_sets(run)],
         check=lambda run: require_consistent(run.cell.arm),

@@ -17,11 +17,14 @@ from sidegan.identification.sums import Sums
 from sidegan.pipeline.artifact import Artifact, Build, Metrics
 from sidegan.pipeline.context import FACTS, RESULTS, RunContext
 from sidegan.pipeline.stages import Stage
-from sidegan.pipeline.stages.baselines import test_trajectories
-from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
+from sidegan.pipeline.stages.baselines import random_set, test_trajectories
+from sidegan.pipeline.stages.seeds import seed_set
+from sidegan.pipeline.stages.selection import RANDOM, SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
 SUMS = "sums.npz"
+COPIES = "copies"  # the seeds once more, measured as generated trajectories are
+CONTROLS = (RANDOM, COPIES)  # which any set of generated trajectories should beat
 FITTED = 0.44, 10**-1.8  # p₀ and s fitted to the norms in the paper's Table III
 
 
@@ -43,6 +46,12 @@ class Replication:
         return cls(noise, 1 if noise.exact else settings.draws(reading), 1)
 
 
+def compared(run: RunContext) -> list[Pool]:
+    """The seeds, each generator's library, and the controls."""
+    controls = {RANDOM: random_set(run), COPIES: seed_set(run)}
+    return [*whole_sets(run), *(Pool(name, None, (made,)) for name, made in controls.items())]
+
+
 def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
     """Sums over the measurements of a whole set; readings that measure it the same way share them."""
     measured = Replication.of(run, pool, reading)
@@ -58,7 +67,7 @@ def sums(run: RunContext, pool: Pool, reading: Reading) -> Artifact:
 
 def replication(run: RunContext, reading: Reading) -> Artifact:
     """Errors of identification from each combination of whole sets, under a reading."""
-    inputs = {f"{pool.name} {pool.training or 0}": sums(run, pool, reading) for pool in whole_sets(run)}
+    inputs = {f"{pool.name} {pool.training or 0}": sums(run, pool, reading) for pool in compared(run)}
     settings = asdict(run.cfg.identification) | asdict(run.cfg.replication)
     settings |= {"repeats": run.cfg.replication.draws(reading), "reading": reading}
     del settings["readings"], settings["others"]
@@ -118,14 +127,13 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
     settings = run.cfg.replication
     tests = (run.cell.trajectory, test_trajectories(run))
     study = replace(run.cfg.identification, noise=settings.of_seeds(reading))
-    seeds, *libraries = ((pool, draws(run, pool, reading)) for pool in whole_sets(run))
+    seeds, *others = ((pool, draws(run, pool, reading)) for pool in compared(run))
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.draws(reading)):
         first = seeds[1][repeat]
         jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas})]
-        for training in run.cfg.trainings:
-            of_training = [(pool, parts) for pool, parts in libraries if pool.training == training]
-            jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
+        for pool, parts in others:
+            jobs.append((pool.training or 0, {pool.name: [first[0], *parts[repeat]]}))
         for training, sets in jobs:
             errors, facts = combined(run.cell.body, sets, tests, study)
             fitted = {name: _fitted_norm(reduce(Sums.plus, x), first[0]) for name, x in sets.items()}
@@ -144,8 +152,9 @@ def _fitted_norm(sums: Sums, seeds: Sums) -> float:
 
 
 def _replications(run: RunContext) -> Iterator[Artifact]:
+    yield random_set(run)
     for reading in run.cfg.replication.readings:
-        yield from (sums(run, pool, reading) for pool in whole_sets(run))
+        yield from (sums(run, pool, reading) for pool in compared(run))
         yield replication(run, reading)
 
 

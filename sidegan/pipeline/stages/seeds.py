@@ -27,9 +27,9 @@ def seed_set(run: RunContext) -> Artifact:
     """The seed set; each method is a separate maker."""
     settings = run.cfg.seeds
     maker = "seeds" if settings.method == "gradient" else f"{settings.method}_seeds"
-    make = _read if settings.method == "published" else _make
+    how = _read if settings.method == "published" else make
     return run.artifact(
-        maker, settings.method, make, settings.stamped(), title="seeds", metrics=_metrics, alone=True
+        maker, settings.method, how, settings.stamped(), title="seeds", metrics=_metrics, alone=True
     )
 
 
@@ -84,7 +84,8 @@ def _check(run: RunContext) -> None:
         require("paper", "pygmo")
 
 
-def _make(run: RunContext, build: Build) -> None:
+def make(run: RunContext, build: Build) -> None:
+    """Make the seeds by the configured optimiser."""
     settings = run.cfg.seeds
     batch = _shipped(run)
     if batch is None:

@@ -1,5 +1,6 @@
 """Stages library and selection: valid trajectories of each generator, and the sets picked from pools."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,7 +15,7 @@ from sidegan.motion.trajectory import Trajectory
 from sidegan.pipeline.artifact import Artifact, Build
 from sidegan.pipeline.context import REPORT, RunContext
 from sidegan.pipeline.stages import Stage
-from sidegan.pipeline.stages.baselines import long_family, long_trajectory, random_set
+from sidegan.pipeline.stages.baselines import GRADIENT, gradient_set, long_family, long_trajectory, random_set
 from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.training import generator, generators, load_generator
 
@@ -85,10 +86,14 @@ class ExcitationSet:
 
 
 def pools(run: RunContext) -> list[Pool]:
-    """The pools of the paper: random trajectories, the seeds, and the seeds with each generator's library."""
+    """The pools of the paper: random trajectories, the seeds, and the seeds with each generator's library.
+
+    If the seeds are not by gradients, short trajectories that are, as the single long one is.
+    """
     seeds = seed_set(run)
+    short = [] if run.cfg.seeds.method == GRADIENT else [Pool(GRADIENT, None, (gradient_set(run),))]
     grown = [Pool(name, k, (seeds, library(run, name, k))) for name, k in generators(run)]
-    return [Pool(RANDOM, None, (random_set(run),)), Pool(SEEDS, None, (seeds,)), *grown]
+    return [Pool(RANDOM, None, (random_set(run),)), *short, Pool(SEEDS, None, (seeds,)), *grown]
 
 
 def whole_sets(run: RunContext) -> list[Pool]:
@@ -105,17 +110,25 @@ def selection(run: RunContext, pool: Pool) -> Artifact:
     return run.artifact("selection", label, make, run.cfg.selection, pool.inputs, training=pool.training)
 
 
+def alone(run: RunContext) -> list[Pool]:
+    """Each generator's library without the seeds, as a pool to pick from."""
+    return [Pool(f"{pool.name}-alone", pool.training, pool.parts) for pool in whole_sets(run)[1:]]
+
+
+def picked(run: RunContext, pools: Iterable[Pool]) -> list[ExcitationSet]:
+    """The sets picked from pools."""
+    return [
+        ExcitationSet(pool.name, pool.training, run.cell.trajectory, selection(run, pool)) for pool in pools
+    ]
+
+
 def excitation_sets(run: RunContext) -> list[ExcitationSet]:
     """The sets to compare: the single long trajectories, and the picks from each pool."""
     long = [
         ExcitationSet(f"long-{h}", None, long_family(run, h), long_trajectory(run, h))
         for h in run.cfg.long.harmonics
     ]
-    picked = [
-        ExcitationSet(pool.name, pool.training, run.cell.trajectory, selection(run, pool))
-        for pool in pools(run)
-    ]
-    return [*long, *picked]
+    return [*long, *picked(run, pools(run))]
 
 
 def _pick(run: RunContext, build: Build, pool: Pool) -> None:
@@ -126,5 +139,5 @@ def _pick(run: RunContext, build: Build, pool: Pool) -> None:
 
 STAGES = {
     "library": Stage(lambda run: [library(run, name, k) for name, k in generators(run)]),
-    "selection": Stage(lambda run: [selection(run, pool) for pool in pools(run)]),
+    "selection": Stage(lambda run: [selection(run, pool) for pool in [*pools(run), *alone(run)]]),
 }
