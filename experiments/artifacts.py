@@ -194,4 +194,6 @@ def comparison(run: RunContext) -> dict[str, Artifacts]:
     """Artifacts of every condition that the page compares, by name."""
     current = run.cfg.condition.name
     names = run.cfg.conditions or [current]
-    return {name: Artifacts(run if name == current else run.with_other("condition", name)) for name in names}
+    return {
+        name: Artifacts(run if name == current else run.with_changes(f"condition={name}")) for name in names
+    }

@@ -9,7 +9,7 @@ from experiments.artifacts import Artifacts
 from experiments.pages import DOCS, FOLDER, leave
 from sidegan.base.names import plain
 from sidegan.pipeline.context import RunContext
-from sidegan.pipeline.stages.measures import of_arms as tasks_of_arms
+from sidegan.pipeline.stages.measures import variations
 from sidegan.pipeline.stages.selection import SEEDS
 from sidegan.pipeline.tracking import Tracker
 from sidegan.report import tables
@@ -42,7 +42,7 @@ Arms = Mapping[str, Artifacts]
 
 def collect(run: RunContext) -> dict[str, Artifacts]:
     """Artifacts of every arm, by the arm's name in the settings."""
-    return {name: Artifacts(arm_run) for name, arm_run in tasks_of_arms(run).items()}
+    return {name: Artifacts(arm_run) for name, arm_run in variations(run).items()}
 
 
 def present(arms: Arms, folder: Path, tracker: Tracker) -> None:

@@ -56,7 +56,7 @@ class Adversary(nn.Module):
         examples: real views, (N, …).
         view: maps a batch to views, (B, …).
         penalty: weight of the discriminator's squared gradient at examples. Without it, a generator as fast
-            as ours chases the discriminator with all samples at once, and collapses onto one motion.
+            as ours chases the discriminator with all samples at once.
 
     Source: Mescheder et al. 2018, Which training methods for GANs do actually converge? (penalty R₁).
     """

@@ -17,7 +17,6 @@ _SMALL = 0.1  # initial scale of the layers next to the shortcut
 _DRAWS = 1024  # samples for the layers' mean
 _PEAKS = 4  # finer time points per step for the use of limits, to catch peaks
 _POINTS = 2  # time points per harmonic in corrections
-_FARTHEST = 0.5  # largest correction of each element of an image, whose spread is about one
 _ACCELERATION = 5.0  # unit of accelerations [rad/s²]
 
 
@@ -94,15 +93,22 @@ class Generator(FromNoise):
 
 
 class Discriminator(nn.Module):
-    """Logits (B,) of being an example, for images (B, 2, J, H) or standardised features (B, p)."""
+    """Logits (B,) of being an example, for images (B, 2, J, H) or standardised features (B, p).
+
+    Beside each sample it sees the spread of the batch, so that a batch of equal samples is told apart.
+
+    Source: Karras et al. 2018, Progressive growing of GANs (the standard deviation over a minibatch).
+    """
 
     def __init__(self, inputs: int, width: int) -> None:
         super().__init__()
-        self.layers = nn.Sequential(nn.Flatten(), *_hidden(inputs, width), nn.Linear(width, 1))
+        self.layers = nn.Sequential(*_hidden(2 * inputs, width), nn.Linear(width, 1))
 
     def forward(self, x: Tensor) -> Tensor:
         """Logits (B,)."""
-        return self.layers(x)[:, 0]
+        x = x.flatten(1)
+        spread = x.std(0, keepdim=True).expand_as(x)
+        return self.layers(torch.cat([x, spread], 1))[:, 0]
 
 
 def _hidden(inputs: int, width: int) -> list[nn.Module]:
@@ -164,8 +170,7 @@ class Correction(nn.Module):
     """Corrections of images (B, 2, J, H), from the images and their roll-out; initially zero.
 
     The worth of a joint's motion depends on the other joints' positions at that time, which the roll-out
-    shows: the network learns the step that an optimiser would take. Steps are bounded: otherwise a few could
-    map all images to one, as those of a vanilla GAN do.
+    shows: the network learns the step that an optimiser would take.
     """
 
     def __init__(self, arm: Arm, trajectory: Trajectory, width: int) -> None:
@@ -183,4 +188,4 @@ class Correction(nn.Module):
     def forward(self, images: Tensor, c: Tensor) -> Tensor:
         """Corrections of images (B, 2, J, H) of trajectories with coefficients c [rad/s]."""
         seen = torch.cat([images.flatten(1), self.roll_out(c).flatten(1)], 1)
-        return (_FARTHEST * torch.tanh(self.layers(seen) / _FARTHEST)).view_as(images)
+        return self.layers(seen).view_as(images)

@@ -56,9 +56,9 @@ class Weights:
 class Refresh:
     """Further training of surrogates on the generator's samples, before every epoch."""
 
-    samples: Size = 600  # new samples, labelled by exact physics
+    samples: Size = 300  # new samples, labelled by exact physics
     window: Count = 6  # number of recent epochs whose samples are used
-    steps: Natural = 40  # batches of 100
+    steps: Natural = 20  # batches of 100
     learning_rate: Positive = 1e-3  # of Adam
 
 
@@ -97,7 +97,9 @@ class Published:
 class GeneratorSettings:
     """A generator and its optimiser: the same for all variants of a run, which differ by their losses."""
 
-    width: Width = 256  # of generator and discriminators
+    # of generator and discriminators; convolutions see the published images, of 7 joints and 6 harmonics
+    network: Literal["dense", "convolutional"] = "dense"
+    width: Width = 256  # of hidden layers; of convolutions, channels of the last one
     noise: Width = 100  # dimension of the generator's noise
     gaussian_start: bool = True  # initialise to the seeds' mean and covariance
     limited: bool = True  # enforce limits on motion by construction
@@ -105,10 +107,15 @@ class GeneratorSettings:
     corrections: Natural = 5  # networks that correct a trajectory given its roll-out
     penalty: NonNegative = 1.0  # of the discriminators' squared gradient at the seeds
     batch: Annotated[int, Field(ge=2, le=10**5)] = 100  # trajectories per step
-    learning_rate: Positive = 3e-3  # the largest
+    learning_rate: Positive = 1e-3  # the largest
     warm_up: Share = 0.04  # share of the training over which the learning rate rises
     last_rate: Share = 0.02  # final share of the learning rate, after a cosine decay
     betas: tuple[Beta, Beta] = (0.9, 0.99)  # of Adam
+
+    def __post_init__(self) -> None:
+        for option, nothing in (("gaussian_start", "false"), ("corrections", "0")):
+            if self.network == "convolutional" and getattr(self, option):
+                raise ConfigError(f"a convolutional generator has no {option}: set it to {nothing}")
 
     def rate(self, share: float) -> float:
         """Learning rate when a share of the training is done."""
@@ -152,9 +159,6 @@ class Variant:
                 raise ConfigError(f"{self.variant} {'needs' if needed else 'has no'} settings {group}")
         if self.refresh is not None and (self.published is not None or not self.features):
             raise ConfigError(f"{self.variant} has no surrogates to refresh: set refresh to null")
-        for option, nothing in (("gaussian_start", "false"), ("boxed", "false"), ("corrections", "0")):
-            if self.published is not None and getattr(self.generator, option):
-                raise ConfigError(f"the published networks have no generator.{option}: set it to {nothing}")
         later = "fitness" if self.features and start else ""
         if not any(weight for name, weight in vars(self.weights).items() if name != later):
             raise ConfigError("no loss has a weight in the first epoch, expected one of weights above 0")
@@ -173,7 +177,7 @@ class Variant:
 _SIDE = Variant(
     variant="Eigen",
     weights=Weights(
-        adversarial=0.3, features=0.3, success=150.0, fitness=150.0, distance=250.0, rank=200.0, offset=600.0
+        adversarial=1.0, features=1.0, success=150.0, fitness=200.0, distance=250.0, rank=300.0, offset=900.0
     ),
     reserve=0.03,
     refresh=Refresh(),

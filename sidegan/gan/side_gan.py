@@ -12,11 +12,11 @@ import torch
 from torch import Tensor
 
 from sidegan.base.arrays import Array
-from sidegan.errors import SideganError
+from sidegan.errors import ConfigError, SideganError
 from sidegan.gan.generator import TrajectoryGenerator
 from sidegan.gan.losses import Adversary, Batch, Loss, common_offset, missing_distance, missing_rank
 from sidegan.gan.networks import FromNoise, Generator
-from sidegan.gan.published import PublishedScaling
+from sidegan.gan.published import IMAGE, ConvolutionalGenerator, PublishedScaling
 from sidegan.gan.reward import Energies
 from sidegan.gan.scaling import Box, Scaling
 from sidegan.gan.settings import Variant
@@ -77,9 +77,17 @@ class SideGAN(pl.LightningModule):
         self.success_predictor, self.converter = deepcopy((data.success_predictor, data.converter))
 
     def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
-        """The generator's untrained network, and the scaling of the seeds."""
+        """The generator's untrained network, and its scaling: of the seeds, or of the published images."""
         settings, box = self.settings.generator, self.data.box
         joints, harmonics, _ = self.data.trajectory.shape
+        if settings.network == "convolutional":
+            published = PublishedScaling(joints, harmonics)
+            if published.shape != IMAGE:
+                raise ConfigError(
+                    f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
+                    f"harmonics; these trajectories have {joints} joints and {harmonics} harmonics"
+                )
+            return ConvolutionalGenerator(settings.noise, settings.width, settings.batch), published
         network = Generator(joints, harmonics, settings.noise, settings.width, settings.gaussian_start)
         seeds = self.seeds if box is None else Box(box).free(self.seeds)
         scaling = Scaling.fit(seeds)

@@ -15,10 +15,9 @@ from sidegan.design.problem import Problem
 from sidegan.errors import ConfigError
 from sidegan.gan.losses import Adversary, Batch, Loss, Value
 from sidegan.gan.metrics import noises
-from sidegan.gan.networks import Discriminator, FromNoise
-from sidegan.gan.published import IMAGE, ConvolutionalDiscriminator, ConvolutionalGenerator, PublishedScaling
+from sidegan.gan.networks import Discriminator
+from sidegan.gan.published import ConvolutionalDiscriminator
 from sidegan.gan.reward import Energies, Worth, violation
-from sidegan.gan.scaling import Scaling
 from sidegan.gan.settings import ExactPhysics, Published, Variant
 from sidegan.gan.side_gan import Data, SideGAN
 from sidegan.gan.tensors import array, tensor
@@ -39,12 +38,11 @@ class Vanilla(SideGAN):
 
     def adversary(self, examples: Tensor, view: Value) -> Adversary:
         """An untrained discriminator of examples (N, …) from views of a batch."""
-        penalty = self.settings.generator.penalty
-        return Adversary(self.make_critic(examples), examples, view, penalty)
-
-    def make_critic(self, examples: Tensor) -> nn.Module:
-        """An untrained discriminator for examples (N, …)."""
-        return Discriminator(examples[0].numel(), self.settings.generator.width)
+        settings = self.settings.generator
+        critic: nn.Module = Discriminator(examples[0].numel(), settings.width)
+        if settings.network == "convolutional":
+            critic = ConvolutionalDiscriminator(examples.shape[1:], settings.width)
+        return Adversary(critic, examples, view, settings.penalty)
 
     def losses(self) -> list[Loss]:
         """The adversarial loss."""
@@ -154,23 +152,7 @@ class Exact(SideGAN):
 
 
 class PublishedVanilla(Vanilla):
-    """The authors' vanilla GAN: convolutions of scrambled images."""
-
-    def make_network(self) -> tuple[FromNoise, Scaling | PublishedScaling]:
-        """The authors' network, and their scrambled images."""
-        family = self.data.trajectory
-        layout = PublishedScaling(family.joints, family.harmonics)
-        if layout.shape != IMAGE:
-            raise ConfigError(
-                f"{self.name}: the published networks see images of shape {IMAGE}, of 7 joints and 6 "
-                f"harmonics; these trajectories have {family.joints} joints and {family.harmonics} harmonics"
-            )
-        settings = self.settings.generator
-        return ConvolutionalGenerator(settings.noise, settings.width, settings.batch), layout
-
-    def make_critic(self, examples: Tensor) -> nn.Module:
-        """An untrained discriminator of images (N, 2, 7, 7) or of features (N, p)."""
-        return ConvolutionalDiscriminator(examples.shape[1:], self.settings.generator.width)
+    """The authors' vanilla GAN; its networks are those of ``conf/gan/_published_generator.yaml``."""
 
 
 class PublishedEigen(PublishedVanilla, Eigen):

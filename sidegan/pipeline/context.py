@@ -76,13 +76,16 @@ class RunContext:
         """A copy with changed settings, by their names in the configuration."""
         return replace(self, cfg=replace(self.cfg, stages=[], **changes))
 
-    def with_other(self, group: str, name: str) -> "RunContext":
-        """A copy with another choice in a config group, such as a condition or an arm."""
-        keys = [override.partition("=")[0] for override in self.overrides]
-        choosing = (group, f"{group}.name")
-        kept = [word for word, key in zip(self.overrides, keys) if key.lstrip("+") not in choosing]
-        added = "+" * (f"+{group}" in keys)  # where the experiment has no such group
-        return replace(self, cfg=composed(*kept, f"{added}{group}={name}"))
+    def with_changes(self, *changes: str) -> "RunContext":
+        """A copy with other overrides of the command, such as condition=published or gan.eigen.epochs=9."""
+        words = list(self.overrides)
+        for change in changes:
+            key, _, value = change.partition("=")
+            added = "+" * any(word.startswith(f"+{key}=") for word in words)  # no group of the experiment
+            dropped = {key, f"{key}.name"}
+            words = [word for word in words if word.partition("=")[0].lstrip("+") not in dropped]
+            words.append(f"{added}{key}={value}")
+        return replace(self, cfg=composed(*words))
 
     def random(self, purpose: str, training: int | None = None) -> np.random.SeedSequence:
         """Random seed sequence for a purpose, independent of all others."""

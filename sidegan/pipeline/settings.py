@@ -161,6 +161,7 @@ class Config:
     condition: ConditionSettings = _group("condition")
     conditions: list[str] | None = None  # that the page compares; null: only the run's own
     arms: list[str] = _group("arms")  # to compare, files of the group robot
+    rows: dict[str, list[str]] = _group("rows")  # to compare: changes of the command's settings, by name
     discussion: Discussion = _group("discussion")
     table: str = _group("table")  # Python module that collects and presents the results
     recordings: list[Recorded] = _group("recordings")  # to identify from: one file each, or one per signal

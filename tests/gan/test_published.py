@@ -101,9 +101,9 @@ def test_unsupported_shapes_and_options_are_refused(variants, planar, tmp_path):
     data = Data(Constraints(planar), family, np.random.default_rng(0).random((9, *family.shape)))
     with pytest.raises(ConfigError, match=r"\(2, 7, 7\), of 7 joints and 6 harmonics"):
         train(variants["vanilla"], data, Run("x", 0, tmp_path))
-    for option in ("gaussian_start", "boxed"):
-        with pytest.raises(ConfigError, match=f"have no generator.{option}: set it to false"):
-            changed(variants["eigen"], {"generator": {option: True}})
+    for option, value in {"gaussian_start": True, "corrections": 1}.items():
+        with pytest.raises(ConfigError, match=f"a convolutional generator has no {option}: set it to"):
+            changed(variants["eigen"], {"generator": {option: value}})
     with pytest.raises(ConfigError, match="PublishedEigen has no surrogates to refresh"):
         replace(variants["eigen"], refresh=REFRESH)
 

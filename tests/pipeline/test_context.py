@@ -150,5 +150,5 @@ def test_the_default_clearance_leaves_home_room_to_move(context, caplog, room, k
 @pytest.mark.parametrize("chosen", ["robot=planar2", "robot.name=x.urdf", "++robot.name=x.urdf"])
 def test_another_arm_of_a_comparison_is_its_own(context, chosen):
     run = replace(context(), overrides=("+experiment=generality", chosen, "robot.effort=0.5"))
-    other = run.with_other("robot", "kuka_lwr4").cfg.robot
+    other = run.with_changes("robot=kuka_lwr4").cfg.robot
     assert (other.name, other.effort) == ("kuka_lwr4", 0.5)

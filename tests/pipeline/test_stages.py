@@ -132,7 +132,9 @@ def test_compared_arms_share_artifacts_with_single_runs(context):
     compared = RunContext(composed(*GIVEN), context().store, GIVEN)
     own = composed("+experiment=training", "condition=gradient", "robot=planar2", *shared)
     alone = RunContext(own, context().store, ())
-    found = {artifact.digest: artifact.title for artifact in measures.STAGES["arms"].artifacts(compared)}
+    found = {
+        artifact.digest: artifact.title for artifact in measures.STAGES["variations"].artifacts(compared)
+    }
     for artifact in (seed_set(alone), library(alone, "eigen", 0)):
         assert found[artifact.digest] == f"planar2 {artifact.title}"
 

@@ -1,4 +1,4 @@
-"""Stages measures and arms: how well each set identifies an arm, or several, and is like the seeds.
+"""Stages measures and variations: how well each set identifies an arm, or several, and is like the seeds.
 
 The error is that of identification from random draws of a set, expected on the test trajectories; unlike a
 pick, a draw does not favour the set's best. Similarity is to one half of the seeds; the seeds' own is that of
@@ -24,7 +24,7 @@ from sidegan.pipeline.stages.seeds import seed_set
 from sidegan.pipeline.stages.selection import SEEDS, Pool, whole_sets
 from sidegan.report.tables import arrow
 
-_OF_ARMS = ("seeds", "surrogates", "gan", "library", "random", "measures")  # stages of each of several arms
+_OF_EACH = ("seeds", "surrogates", "gan", "library", "random", "measures")  # stages of each of several runs
 _SMALLEST = 1e-6  # lower bound of a joint's torque, as a share of the largest joint's
 
 
@@ -77,26 +77,30 @@ def _make(run: RunContext, build: Build, pool: Pool, level: float) -> None:
     write_json(build.folder / REPORT, finite(report))
 
 
-def of_arms(run: RunContext) -> dict[str, RunContext]:
-    """The run for each configured arm, by the arm's name in the settings."""
-    return {name: run.with_other("robot", name) for name in run.cfg.arms}
+def variations(run: RunContext) -> dict[str, RunContext]:
+    """The run with each of the changes that it compares, by name: other arms, or other settings."""
+    rows = run.cfg.rows if run.cfg.has("rows") else {name: [f"robot={name}"] for name in run.cfg.arms}
+    return {name: run.with_changes(*changes) for name, changes in rows.items()}
 
 
-def _arms(run: RunContext) -> Iterator[Artifact]:
-    for name, arm_run in of_arms(run).items():
-        for part in map(stage, _OF_ARMS):
-            for artifact in part.artifacts(arm_run):
-                yield replace(artifact, title=f"{name} {artifact.title}")
+def _varied(run: RunContext) -> Iterator[Artifact]:
+    seen = set[str]()
+    for name, other in variations(run).items():
+        for part in map(stage, _OF_EACH):
+            for artifact in part.artifacts(other):
+                if artifact.digest not in seen:
+                    seen.add(artifact.digest)
+                    yield replace(artifact, title=f"{name} {artifact.title}")
 
 
-def _check_arms(run: RunContext) -> None:
-    for arm_run in of_arms(run).values():
-        _ = arm_run.cell.constraints
-        for part in map(stage, _OF_ARMS):
-            part.check(arm_run)
+def _check_varied(run: RunContext) -> None:
+    for other in variations(run).values():
+        _ = other.cell.constraints
+        for part in map(stage, _OF_EACH):
+            part.check(other)
 
 
 STAGES = {
     "measures": Stage(lambda run: [measures(run, pool) for pool in pools(run)]),
-    "arms": Stage(_arms, check=_check_arms),
+    "variations": Stage(_varied, check=_check_varied),
 }
