@@ -21,6 +21,7 @@ from sidegan.pipeline.run import BAD_CONFIG, FAILURE, INTERRUPTED, interrupts, r
 from sidegan.pipeline.sweep import end_sweep, swept
 
 _UNNAMED = ("experiment", "outputs", "seed", "tracking", "publish", "parallel", "hydra")  # in names of runs
+_started: list[DictConfig] = []  # settings of the jobs that have begun
 
 
 def main() -> int:
@@ -30,6 +31,7 @@ def main() -> int:
     os.environ.update({f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")})
     # A scheduler's notice ends it like an interrupt: files that can be resumed, and a closed run.
     interrupts.clear()
+    _started.clear()
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, _interrupt)
     code, words = 0, ""
@@ -45,6 +47,8 @@ def main() -> int:
         end_sweep("KILLED")
         code, words = INTERRUPTED, "\nstopped; the same command continues where it stopped"
     except (HydraException, OmegaConfBaseException, ValueError) as error:  # ValueError: of a word for a list
+        if _started and not isinstance(error, HydraException | OmegaConfBaseException):
+            raise  # a fault of a job, and not of the words
         code = BAD_CONFIG
         words = f"error: {explain(error)}"
     except BrokenPipeError:  # whoever read what is printed has seen enough, as in --help | head
@@ -62,6 +66,7 @@ def main() -> int:
 
 @hydra.main(version_base="1.3", config_path=str(CONF), config_name="config")
 def _command(cfg: DictConfig) -> None:
+    _started.append(cfg)
     job = HydraConfig.get()
     overrides: Any = OmegaConf.to_container(job.overrides.task)
     given: Any = OmegaConf.to_container(cfg)  # as it was given: what leads nowhere is refused later, by name

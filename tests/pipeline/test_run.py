@@ -111,6 +111,15 @@ def test_a_refusal_is_one_line_and_a_bug_has_its_traceback(command, capsys, tmp_
     assert statuses(tmp_path) == [{"code": code, "error": f"{type(error).__name__}: {error}"}]
 
 
+def test_a_fault_beyond_a_stage_is_no_wrong_configuration(command, monkeypatch):
+    def fault(*arguments):
+        raise ValueError("a fault of ours")
+
+    monkeypatch.setattr("sidegan.run.run_job", fault)
+    with pytest.raises(ValueError, match="a fault of ours"):
+        command("stages=[use]")
+
+
 def test_a_status_write_failure_does_not_hide_the_error(command, monkeypatch, capsys):
     def full(path, content):
         raise StorageError("no space left")
