@@ -53,7 +53,7 @@ _SHOWN = {
 
 def collect(run: RunContext) -> dict[str, Artifacts]:
     """Artifacts of every row, by its name."""
-    return {name: Artifacts(other) for name, other in variations(run).items()}
+    return {name.replace("_", " "): Artifacts(other) for name, other in variations(run).items()}
 
 
 def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> None:
@@ -85,9 +85,9 @@ def numbers(rows: Mapping[str, Artifacts]) -> pd.DataFrame:
     found = pd.concat(frames, ignore_index=True)
     keys = [key for key in _SHOWN if key in found]
     found[keys] = found[keys].astype(float)
-    over = [key for key in _OVER if key in found]
     of_seeds = found[found.name == SEEDS].iloc[0]
-    found[over] = found[over] / of_seeds[over].astype(float)
+    for key in (key for key in _OVER if key in found):
+        found[key] /= of_seeds[key.removesuffix("_valid")]
     return found.reindex(columns=["row", "name", "training", *_SHOWN])
 
 
@@ -124,7 +124,7 @@ def front(found: pd.DataFrame) -> "Figure":
             axis.annotate(words, (at, height), (4, 4), textcoords="offset points", fontsize=7)
         if key == "valid":
             logarithmic(axis)
-        axis.set_xscale("log")
+        logarithmic(axis, "x")
         axis.set_xlabel("median cond(YᵀY) over the seeds'", fontsize=9)
         axis.set_ylabel(label, fontsize=9)
         axis.set_title(letter, loc="left", fontsize=10, fontweight="bold")

@@ -41,13 +41,14 @@ def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
     axis.spines[["right", "top"]].set_visible(False)
 
 
-def logarithmic(axis: Axes) -> None:
-    """Set a logarithmic y axis with plain numbers at its ticks."""
-    axis.set_yscale("log")
-    decades = np.ptp(np.log10(axis.get_ylim()))
-    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
-    axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
-    axis.yaxis.set_minor_formatter(NullFormatter())
+def logarithmic(axis: Axes, which: Literal["x", "y"] = "y") -> None:
+    """Set a logarithmic axis with plain numbers at its ticks."""
+    axis.set(**{f"{which}scale": "log"})
+    ticks = getattr(axis, f"{which}axis")
+    decades = np.ptp(np.log10(ticks.get_view_interval()))
+    ticks.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < 4 else (1.0,)))
+    ticks.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
+    ticks.set_minor_formatter(NullFormatter())
 
 
 def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
