@@ -17,7 +17,7 @@ from sidegan.gan.tensors import array, read_tensors, write_tensors
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
 
-_FORMAT = 8
+_FORMAT = 9
 
 
 class TrajectoryGenerator(nn.Module):
@@ -57,16 +57,20 @@ class TrajectoryGenerator(nn.Module):
         """Coefficients [rad/s], (B, J, H, 2), from images, within the box and the limits if it has them."""
         return self.bounded(self.scaling.coefficients(images))
 
+    def boxed(self, free: Tensor) -> Tensor:
+        """Coefficients [rad/s], (B, J, H, 2), within the box; ``free`` itself without one."""
+        return free if self.box is None else self.box(free)
+
     def bounded(self, free: Tensor) -> Tensor:
         """Coefficients [rad/s], (B, J, H, 2), within the box and the limits; ``free`` itself without both."""
-        c = free if self.box is None else self.box(free)
+        c = self.boxed(free)
         return c if self.limits is None else self.limits(c)
 
     def images(self, count: int, stream: torch.Generator | None = None) -> Tensor:
-        """New images, (count, 2, …)."""
+        """New images, (count, 2, …); corrections see motions before the limits, and their use of these."""
         images = self.network.sample(count, stream)
         for correction in self.corrections:
-            images = images + correction(images, self.coefficients(images))
+            images = images + correction(images, self.boxed(self.scaling.coefficients(images)))
         return images
 
     @torch.no_grad()

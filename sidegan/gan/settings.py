@@ -177,7 +177,7 @@ class Variant:
 _SIDE = Variant(
     variant="Eigen",
     weights=Weights(
-        adversarial=1.0, features=1.0, success=150.0, fitness=200.0, distance=250.0, rank=300.0, offset=900.0
+        adversarial=1.0, features=1.0, success=150.0, fitness=200.0, distance=250.0, rank=350.0, offset=900.0
     ),
     reserve=0.03,
     refresh=Refresh(),

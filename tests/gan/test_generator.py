@@ -44,7 +44,7 @@ def test_samples_follow_their_seed(generator):
     assert (generator.sample(6, stream) != a).any()  # a stream goes on
 
 
-OTHER = "does not hold a trajectory generator of format 8"
+OTHER = "does not hold a trajectory generator of format 9"
 FOREIGN = [
     (OTHER, lambda c: torch.zeros(3)),
     (OTHER, lambda c: [1, 2]),
