@@ -126,6 +126,11 @@ class Artifacts:
     def _replicated(self, k: int, file: str = RESULTS) -> pd.DataFrame:
         return self.run.frame(replication(self.run, self.cfg.replication.readings[k]), file)
 
+    def dominance(self) -> float:
+        """Share of the joint with the largest error in the seeds' expected unweighted mean."""
+        of_seeds = self.expected[(self.expected["set"] == SEEDS) & ~self.expected.weighted.astype(bool)]
+        return float(of_seeds.nmse.max() / of_seeds.nmse.sum())
+
     @property
     def seed_seconds(self) -> float:
         """CPU time per seed [s]; NaN for published seeds."""

@@ -22,10 +22,11 @@ CRITERIA = claims_training.CRITERIA | claims_identification.CRITERIA
 
 
 class Claim(NamedTuple):
-    """A claim of the paper: its text, place, number and criterion, and our findings."""
+    """A claim of the paper: its text, kind, place, number and criterion, and our findings."""
 
     key: str
     text: str
+    kind: str
     where: str
     paper: str
     criterion: str
@@ -42,14 +43,16 @@ def claims(conditions: Mapping[str, Artifacts]) -> list[Claim]:
         for finding in findings.values():
             numbers = finding.numbers | numbers
         text, criterion, why = (words[part].format(**numbers) for part in ("claim", "criterion", "why"))
-        judged.append(Claim(key, text, words["where"], words["paper"], criterion, why, findings))
+        judged.append(
+            Claim(key, text, words["kind"], words["where"], words["paper"], criterion, why, findings)
+        )
     return judged
 
 
 def table(judged: list[Claim]) -> pd.DataFrame:
     """The verdicts on every claim, a column for each condition."""
     rows = [
-        {"Claim": claim.text, "Paper": f"{claim.paper} ({claim.where})"}
+        {"Claim": claim.text, "Kind": claim.kind, "Paper": f"{claim.paper} ({claim.where})"}
         | {name: signed(finding) for name, finding in claim.findings.items()}
         for claim in judged
     ]

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,18 +34,9 @@ _ON_BOX = 1e-3  # share of the largest coefficient
 _AT_LIMIT = 0.01  # rad
 _TRACES, _POSES = 8, 6  # generated trajectories, and poses along one of them, as in the paper's figure 2
 
-# Tables over all conditions, with the rows to show on the page; all rows if none are named.
-_JOINED: dict[str, tuple[str, ...]] = {
-    "generators": (),
-    "likeness": (),
-    "draws": (),
-    "table1": (exp1.SIMULATOR, exp1.EXPECTED, exp1.GEOMETRIC, *exp1.ON_PLANTS[:2]),  # unweighted
-    "factors": (exp1.SIMULATOR, exp1.EXPECTED, *exp1.ON_PLANTS),
-    "table2": (),
-    "readings": (),
-    "table3": (),
-    "density": (),
-}
+# tables over all conditions
+_JOINED = ("generators", "likeness", "draws", "table1", "factors")
+_JOINED += ("table2", "table2_weighted", "readings", "table3", "density")
 
 _SEEDS = {
     "published": "of the authors",
@@ -111,11 +103,12 @@ def _context(conditions: Conditions, judged: list[claims.Claim], target: Path) -
 
 
 def _verdicts(judged: list[claims.Claim], condition: str) -> str:
-    """Text on how many claims hold under a condition, and how many of those on figure 3."""
-    verdicts = {claim.key: claim.findings[condition].verdict for claim in judged}
-    of_training = [verdicts[claim.key] for claim in judged if claim.where.startswith("figure 3")]
-    figure = f"of the {len(of_training)} on figure 3: {claims.totals(of_training)}"
-    return f"{claims.totals(verdicts.values())}; {figure}"
+    """Text on how many claims hold under a condition, of all and of each kind."""
+    kinds: dict[str, list[str]] = {}
+    for claim in judged:
+        kinds.setdefault(claim.kind, []).append(claim.findings[condition].verdict)
+    parts = [f"{kind} ({len(found)}): {claims.totals(found)}" for kind, found in kinds.items()]
+    return f"{claims.totals(chain(*kinds.values()))}. {'; '.join(parts)}"
 
 
 def described(artifacts: Artifacts) -> str:
@@ -156,13 +149,11 @@ def _all_tables(conditions: Conditions, judged: list[claims.Claim]) -> dict[str,
 
 
 def _joined(key: str, tables_of: Mapping[str, Mapping[str, pd.DataFrame]]) -> pd.DataFrame:
-    """A table over all conditions, with the rows of ``_JOINED``, and the paper's rows once at the end."""
+    """A table over all conditions, with the paper's rows once at the end."""
     parts = {name: shown[key] for name, shown in tables_of.items()}
     of_paper = {name: part.index.astype(str).str.startswith("Paper") for name, part in parts.items()}
-    kept = _JOINED[key]
     ours = {name: part[~of_paper[name]] for name, part in parts.items()}
-    wanted = {name: part[part.index.isin(kept)] if kept else part for name, part in ours.items()}
-    joined = _once(pd.concat(wanted, names=["condition"]))
+    joined = _once(pd.concat(ours, names=["condition"]))
     first, part = next(iter(parts.items()))
     paper = part[of_paper[first]]
     index = pd.MultiIndex.from_product([["paper"], paper.index], names=joined.index.names)

@@ -8,7 +8,8 @@ import pyarrow as pa
 
 from sidegan.base.names import plain
 
-_FIRST = ("random", "natural", "seeds", "vanilla", "eigen", "diagonal", "prediction")
+_FIRST = ("random", "natural", "gradient", "seeds", "vanilla", "eigen", "diagonal", "prediction")
+_TITLES = {"random": "random valid", "gradient": "short, by gradients"}
 _SEARCH = "search-"  # and the number of evaluations
 _AGAIN = "seeds ×"  # and the number of measurements
 _SETS = {
@@ -85,7 +86,7 @@ def title(name: str) -> str:
         return f"single long, {name.removeprefix('long-')} harmonics"
     if name.startswith("seeds"):
         return name
-    return "random valid" if name == "random" else f"seeds + {name}"
+    return _TITLES.get(name, f"seeds + {name}")
 
 
 def spread(values: pd.Series) -> str:
