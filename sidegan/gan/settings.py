@@ -10,7 +10,7 @@ from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Shar
 from sidegan.errors import ConfigError
 
 _Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
-Name = Literal[_Ours, "PublishedVanilla", "PublishedEigen", "PublishedDiagonal"]
+Name = Literal[_Ours, "PublishedEigen", "PublishedDiagonal"]
 Beta = Annotated[float, Field(ge=0, lt=1)]
 _SURROGATES = ("features", "success", "fitness")  # losses that use surrogates
 
@@ -29,7 +29,6 @@ TRAITS: dict[Name, Traits] = {
     "Diagonal": Traits("diagonal"),
     "Predicting": Traits("energies", ("reward",)),
     "Exact": Traits(groups=("exact", "reward"), missing=("adversarial", "features")),
-    "PublishedVanilla": Traits(groups=("published",), missing=_SURROGATES),
     "PublishedEigen": Traits("spectrum", ("published",)),
     "PublishedDiagonal": Traits("diagonal", ("published",)),
 }

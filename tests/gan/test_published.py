@@ -20,11 +20,12 @@ from sidegan.gan.published import (
     read_weights,
 )
 from sidegan.gan.side_gan import Data
+from sidegan.gan.surrogates import scores
 from sidegan.gan.tensors import read_tensors
 from sidegan.gan.training import Run, train
 from sidegan.gan.variants import PublishedEigen, unevenness
 from sidegan.motion.trajectory import Trajectory
-from sidegan.seeding.published import WEIGHTS, Layout
+from sidegan.seeding.published import WEIGHTS, Layout, PublishedSeeds
 from sidegan.validity import Constraints, check
 from tests.gan.conftest import REFRESH
 from tests.golden.make import DATA
@@ -145,3 +146,13 @@ def test_the_authors_weights_fit_the_networks(name, network):
     weights = read_weights(AUTHORS / WEIGHTS[name])
     own = {key: x.shape for key, x in network.state_dict().items() if key != "scale"}
     assert {key: x.shape for key, x in weights.items()} == own
+
+
+@pytest.mark.skipif(not AUTHORS.exists(), reason="the authors' weights are not at hand")
+def test_the_authors_predictor_accepts_their_motions_only_if_they_are_small():
+    shipped, predictor = PublishedSeeds(AUTHORS), PublishedPredictor()
+    predictor.load_state_dict({"scale": predictor.scale, **read_weights(shipped.weights("predictor"))})
+    images = Layout(7, 6).image(shipped.read(FAMILY))
+    told = scores(predictor.accepts, images, images[:1])
+    assert told["accepted"] < 0.01 and told["accepted_25"] == 1
+    assert told["accepted"] < told["accepted_75"] < told["accepted_50"] < told["accepted_25"]

@@ -36,7 +36,7 @@ EXACT = {"variant": "Exact", "exact": PHYSICS, "reward": REWARD, "weights": asdi
         ({"exact": PHYSICS}, "Vanilla has no settings exact"),
         ({"published": {"fitness": "ratio"}}, "Vanilla has no settings published"),
         ({"refresh": asdict(REFRESH)}, "Vanilla has no surrogates to refresh"),
-        ({"variant": "PublishedVanilla"}, "PublishedVanilla needs settings published"),
+        ({"variant": "PublishedEigen"}, "PublishedEigen needs settings published"),
         ({"weights": asdict(NONE)}, "no loss has a weight in the first epoch"),
         ({"variant": "Eigen", "weights": FIT, "fitness_start": 1}, "no loss has a weight in the first epoch"),
     ],

@@ -52,7 +52,7 @@ def generator(run: RunContext, name: str, training: int, variant: Variant | None
         inputs["surrogates"] = surrogates(run)
     settings |= asdict(variant) | {"evaluation": run.cfg.evaluation, "box": box}
     samples = 0  # to keep of each epoch: published surrogates learn from a vanilla GAN's samples
-    if variant.published is not None and not variant.features:
+    if variant.generator.network == "convolutional" and not variant.features:
         settings["samples"] = samples = -(-run.cfg.surrogates.samples // variant.epochs)
     make = partial(_train, name=name, training=training, variant=variant, box=box, samples=samples)
     return run.artifact("gan", name, make, settings, inputs, training=training)
