@@ -73,7 +73,7 @@ def present(rows: Mapping[str, Artifacts], folder: Path, tracker: Tracker) -> No
 
 def numbers(rows: Mapping[str, Artifacts]) -> pd.DataFrame:
     """Every training of every row, after the controls; what is fitness or size is over the seeds'."""
-    frames = []
+    frames = list[pd.DataFrame]()
     for row, made in rows.items():
         every = made.generators.assign(valid=tables.valid_share(made.generators), row=row)
         if not frames:

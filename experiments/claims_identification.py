@@ -161,7 +161,7 @@ def _not_less(made: Artifacts) -> Judgement:
     geometric = {
         n: _gain(made, n, max).map(exp2.percent) - _gain(made, n, min).map(exp2.percent) for n in GANS
     }
-    changes = [sum(of.values(), start=0.0) / len(GANS) for of in (effects, geometric)]
+    changes = [pd.concat(of, axis=1).mean(axis=1) for of in (effects, geometric)]
     verdict, other = (not_below(x, negligible=_NEGLIGIBLE_POINTS) for x in changes)
     ours = f"change of the improvement [percentage points]: mean over joints {intervals(effects)}"
     ours += f"; geometric mean {intervals(geometric)}" + unless_same(verdict, other)

@@ -35,8 +35,8 @@ _AT_LIMIT = 0.01  # rad
 _TRACES, _POSES = 8, 6  # generated trajectories, and poses along one of them, as in the paper's figure 2
 
 # tables over all conditions
-_JOINED = ("generators", "likeness", "draws", "table1", "factors")
-_JOINED += ("table2", "table2_weighted", "readings", "table3", "density")
+_JOINED = ["generators", "likeness", "draws", "table1", "factors"]
+_JOINED += ["table2", "table2_weighted", "readings", "table3", "density"]
 
 _SEEDS = {
     "published": "of the authors",
