@@ -48,8 +48,8 @@ OTHER = "does not hold a trajectory generator of format 9"
 FOREIGN = [
     (OTHER, lambda c: torch.zeros(3)),
     (OTHER, lambda c: [1, 2]),
-    (OTHER, lambda c: c | {"format": 7}),
-    ("is not a complete generator file: 'digest'", lambda c: {"format": 8}),
+    (OTHER, lambda c: c | {"format": 8}),
+    ("is not a complete generator file: 'digest'", lambda c: {"format": 9}),
     ("is not a complete generator file: .*loading state_dict", lambda c: c | {"weights": {}}),
     ("not a complete generator file: .*unexpected keyword", lambda c: c | {"network": {"sides": 4}}),
     ("weights that are not finite", lambda c: c | {"weights": {k: x / 0 for k, x in c["weights"].items()}}),

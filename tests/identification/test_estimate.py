@@ -152,8 +152,10 @@ class TestOracles:
     def test_the_classical_recursion(self, prior):
         fit = fed(*ROWS, 37, prior)
         parameters, covariance = classical(*ROWS, prior)
-        assert_close(fit.parameters, parameters)
-        assert_close(fit.inverse, covariance)
+        # the recursion begins at P₀, of which it subtracts nearly all: it rounds by this share
+        rounding = np.finfo(float).eps * prior / np.linalg.eigvalsh(covariance).min()
+        assert_close(fit.parameters, parameters, rounding)
+        assert_close(fit.inverse, covariance, rounding)
 
     def test_weights_are_the_inverse_residual_deviations(self):
         fit = fed(*ROWS, fit=reweighted)

@@ -184,7 +184,11 @@ def test_help_fits_a_screen_and_starts_nothing(command, capsys, tmp_path):
     assert len(lines) <= 40 and max(map(len, lines)) <= 110
     assert command("--help", "hydra/help=everything") == 0
     shown = capsys.readouterr().out
-    for words in ("  long            the single long", "experiment: excite, exp1", "workspace: desk, free"):
+    for words in (
+        "  long            the single long",
+        "experiment: ablation, excite, exp1",
+        "workspace: desk, free",
+    ):
         assert words in shown
     assert [path for path in tmp_path.iterdir() if path.suffix != ".log"] == []
 

@@ -46,7 +46,7 @@ def test_starts_of_the_first_shipped_seeds_are_recorded_in_proportion(context, t
 
 
 MADE = {"seeds": 1, "surrogates": 2, "gan": 5, "library": 5, "random": 5, "measures": 11}
-MADE |= {"long": 2, "selection": 7, "identification": 9, "plant": 9, "table": 0}
+MADE |= {"long": 2, "selection": 12, "identification": 14, "plant": 9, "table": 0}
 COLUMNS = ["single long, 3 harmonics", "single long, 12 harmonics", "random valid", "seeds"]
 COLUMNS += [f"seeds + {name}" for name in ("vanilla", "eigen", "diagonal", "prediction", "exact")]
 FILES = ("table1.md", "draws.md", "joints.csv", "sets.csv", "generators.md", "likeness.md", "results.csv")
