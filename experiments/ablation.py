@@ -30,7 +30,6 @@ _CAPTION = (
 )
 _COVERED = {"coverage": "c", "coverage_diagonal": "log diag(YᵀY)"}
 _OVER = ("condition", "condition_valid", "diagonal_ratio", "distance", "rank_uncentred")  # the seeds'
-_COVERED = {"coverage": "c", "coverage_diagonal": "log diag(YᵀY)"}
 _SHOWN = {
     "valid": "valid",
     "condition": "cond",

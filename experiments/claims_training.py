@@ -1,6 +1,7 @@
 """Criteria of the claims about training, diversity and cost (figure 3, the text, the discussion)."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from math import expm1
 
@@ -302,7 +303,7 @@ def _few_seeds_faster(made: Artifacts) -> Judgement:
     seed = made.seed_seconds
     each = {name: drawn / float(x.mean()) for name, x in valid.items()}
     ours = "; ".join(f"{name} {seconds(x)}" for name, x in each.items()) + f" against {seconds(seed)}"
-    return Judgement(_measured(seed / max(each.values()), 1.0, ours).verdict, ours, {"seeds": smallest})
+    return replace(_measured(seed / max(each.values()), 1.0, ours), numbers={"seeds": smallest})
 
 
 def _checked(made: Artifacts) -> Judgement:

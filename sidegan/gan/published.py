@@ -157,7 +157,7 @@ class PublishedPretraining:
     ) -> dict[str, float]:
         """Save the success predictor, trained or with given weights, and return its held-out scores.
 
-        Those of ``pretraining.scores``, on the seeds and the faulty ones among held-out samples;
+        Those of ``surrogates.scores``, on the seeds and the faulty ones among held-out samples;
         ``accuracy_broad`` is the accuracy on all held-out samples.
         """
         torch.manual_seed(seed)

@@ -18,11 +18,8 @@ from sidegan.base.parallel import Report
 from sidegan.errors import ArtifactError
 from sidegan.pipeline.places import VERSIONS
 
-_STAGES = {
-    "baseline": "random",
-    "short": "long",
-    "sums": "replication",
-}  # stages of makers that do not have their name
+# stages of makers that do not have their name
+_STAGES = {"baseline": "random", "short": "long", "sums": "replication"}
 Metrics = Mapping[str, float | Sequence[float | None]]
 
 

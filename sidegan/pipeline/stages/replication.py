@@ -131,9 +131,11 @@ def _combine(run: RunContext, build: Build, reading: Reading) -> None:
     tables: list[tuple[pd.DataFrame, ...]] = []
     for repeat in range(settings.draws(reading)):
         first = seeds[1][repeat]
-        jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas})]
-        for pool, parts in others:
-            jobs.append((pool.training or 0, {pool.name: [first[0], *parts[repeat]]}))
+        fixed = {pool.name: [first[0], *parts[repeat]] for pool, parts in others if pool.training is None}
+        jobs = [(0, {f"{SEEDS} ×{k}": first[:k] for k in settings.replicas} | fixed)]
+        for training in run.cfg.trainings:
+            of_training = [(pool, parts) for pool, parts in others if pool.training == training]
+            jobs.append((training, {pool.name: [first[0], *parts[repeat]] for pool, parts in of_training}))
         for training, sets in jobs:
             errors, facts = combined(run.cell.body, sets, tests, study)
             fitted = {name: _fitted_norm(reduce(Sums.plus, x), first[0]) for name, x in sets.items()}
