@@ -15,7 +15,6 @@ from sidegan.identification.fit import (
     covariance_of,
     gather,
     least_squares,
-    residual_of,
     reweighted,
     torque_errors,
 )
@@ -115,7 +114,8 @@ def score(model: TorqueModel, parameters: Array, measurements: Samples) -> Score
     """
     if parameters.shape != (len(model.names),):
         raise ShapeError(f"parameters are {parameters.shape}, the model has {len(model.names)}")
-    parts = [(part.torque, residual_of(model, part, parameters)) for part in pieces(measurements)]
+    each = pieces(measurements)
+    parts = [(part.torque, part.torque - model.torque(parameters, *part.inputs)) for part in each]
     if not sum(len(torque) for torque, _ in parts):
         raise ShapeError("there are no samples to test with")
     torque, residual = (np.concatenate(x) for x in zip(*parts))

@@ -1,5 +1,6 @@
 """An identified arm: its model, each method's estimate and errors, and the verdict."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from sidegan.base.arrays import Array
 from sidegan.identification.estimate import Estimate, Score
+from sidegan.identification.evidence import Effect
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel, typical
 from sidegan.identification.residuals import Unmodelled, find_unmodelled
@@ -30,6 +32,7 @@ class IdentifiedArm:
     kind: str  # of the test: held out, each recording by the others, or in sample
     use: str  # recommended method: consistent, unless the chosen one predicts clearly better
     quality: Quality  # of the recommended model
+    effects: Sequence[Effect] = ()  # on single joints, that the model has beyond its terms
 
     @property
     def recordings(self) -> list[CheckedRecording]:
@@ -84,6 +87,11 @@ class IdentifiedArm:
     def unmodelled(self) -> Unmodelled:
         """Unmodelled torques, from the residuals of the chosen method."""
         return find_unmodelled(self.model, self.chosen, measurements_of(self.training))
+
+    @property
+    def modelled(self) -> list[str]:
+        """Sentences on the effects that the model has, and what each buys."""
+        return [effect.sentence(self.quality.joint(effect.joint)) for effect in self.effects]
 
     @property
     def left_over(self) -> list[str]:

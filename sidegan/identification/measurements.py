@@ -79,7 +79,7 @@ def pieces(measurements: Samples) -> Iterator[Measurements]:
 def thinned(samples: Sequence[Measurements], most: int) -> Measurements:
     """Every k-th sample of recordings in one, at most about so many."""
     stride = max(1, sum(map(len, samples)) // most)
-    names = vars(samples[0])
+    names = samples[0]._named()
     return Measurements(*(np.concatenate([getattr(x, name)[::stride] for x in samples]) for name in names))
 
 

@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
 from sidegan.base.typed import Positive
 from sidegan.errors import ShapeError
+from sidegan.identification.effects import Effects, KindName, forms
 from sidegan.motion.dynamics import LINK_PARAMETERS, RigidBody
 from sidegan.robot import Arm, possible_links
 
@@ -37,6 +40,8 @@ class Terms:
     coulomb: bool = True  # fc · tanh(dq / sign_width)
     offset: bool = True  # fo
     sign_width: Positive = 0.03  # velocity [rad/s or m/s] at which the smooth sign reaches 76 %
+    # further effects that identify models: those for which data held out speak, or of joints by name
+    effects: Literal["auto", "none"] | dict[str, list[KindName]] = "auto"
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -48,10 +53,13 @@ class Terms:
 
         Coulomb friction follows ``sign``, tanh(dq / sign_width) when None.
         """
-        if sign is None:
-            sign = np.tanh(dq / self.sign_width)
-        values = {"rotor_inertia": ddq, "viscous": dq, "coulomb": sign, "offset": np.ones_like(dq)}
+        ones, sign = np.ones_like(dq), self.sign(dq) if sign is None else sign
+        values = {"rotor_inertia": ddq, "viscous": dq, "coulomb": sign, "offset": ones}
         return [values[name] for name in self.kinds]
+
+    def sign(self, dq: Array) -> Array:
+        """Smooth sign of velocities."""
+        return np.tanh(dq / self.sign_width)
 
 
 # For torques from motor currents, and for rigid bodies alone, such as simulated arms.
@@ -63,34 +71,40 @@ class TorqueModel:
     """A model of an arm's torque, τ = Y θ with P parameters θ.
 
     The rigid-body base parameters come first, in ``body.base``'s order, then one parameter per term and
-    joint. A parameter that has the same effect as earlier ones (the rotor inertia of the first joint and the
-    link's inertia about its axis) has no column: it is grouped into theirs.
+    joint, then those of effects. A term's parameter with the same effect as earlier ones (the rotor inertia
+    of the first joint and the link's inertia about its axis) has no column: it is grouped into theirs.
 
     Attributes:
+        effects: effects on single joints that are terms, too; None if there are none.
         names: names of the parameters, such as "Izz6" or "fv3", (P,).
         rigid: number of base parameters, the first of the P.
+        moved: number of these and of rotor inertias, which follow: their torque is the effects' load.
         kinds: names of the terms in use, in the order of their columns.
-        standard_names: names of each link's ten parameters, then of each term's J parameters, (F,).
+        standard_names: names of each link's ten parameters, each term's J, and the effects', (F,).
         extras: indices, among all terms' kinds · J parameters, of those that have a column.
         mapping: maps standard parameters to the model's, (P, F).
 
     Source: Gautier 1991, Numerical calculation of the base inertial parameters of robots.
     """
 
-    def __init__(self, body: RigidBody, terms: Terms = FULL) -> None:
+    def __init__(self, body: RigidBody, terms: Terms = FULL, effects: Effects | None = None) -> None:
         self.body = body
         self.arm = body.arm
-        self.terms = terms
+        self.terms, self.effects = terms, effects
         self.kinds = terms.kinds
         self.joints = joints = body.joints
         self.rigid = rigid = len(body.base.values)
         links = [f"{name}{i + 1}" for i in range(joints) for name in LINK_PARAMETERS]
         names = [f"{_LETTERS[k]}{i + 1}" for k in self.kinds for i in range(joints)]
         self.extras, grouped = self._grouped()
-        self.standard_names = [*links, *names]
+        rotors = joints if "rotor_inertia" in self.kinds else 0
+        self.moved = rigid + int((self.extras < rotors).sum())
+        further = [] if effects is None else effects.names
+        self.standard_names = [*links, *names, *further]
         nothing = np.zeros((len(self.extras), 10 * joints))
-        self.mapping = np.block([[body.base.mapping, grouped[:rigid]], [nothing, grouped[rigid:]]])
-        self.names = [*body.base.names, *(names[k] for k in self.extras)]
+        mapping = np.block([[body.base.mapping, grouped[:rigid]], [nothing, grouped[rigid:]]])
+        self.mapping = scipy.linalg.block_diag(mapping, np.eye(len(further)))
+        self.names = [*body.base.names, *(names[k] for k in self.extras), *further]
         self.count = len(self.names)
 
     @cached_property
@@ -117,11 +131,14 @@ class TorqueModel:
         q, dq, ddq = states_within(self.arm, _USUAL, seed=seed)
         return q, _PACE * dq, _PACE * ddq
 
-    def regressor(self, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
+    def regressor(
+        self, q: Array, dq: Array, ddq: Array, sign: Array | None = None, load: Array | None = None
+    ) -> Array:
         """Regressor Y, (S, J, P), of states (S, J), with torque = Y θ [N·m or N].
 
-        Coulomb friction follows ``sign``, tanh(dq / sign_width) when None. In memory the states are the last
-        axis, which makes products over samples fast.
+        Coulomb friction follows ``sign``, tanh(dq / sign_width) when None, and friction that grows with the
+        load follows the torque of ``load``, the first ``moved`` parameters, those of the effects when None.
+        In memory the states are the last axis, which makes products over samples fast.
 
         Raises:
             ShapeError: when a shape does not fit the arm.
@@ -133,11 +150,16 @@ class TorqueModel:
         signals = self.terms.signals(dq, ddq, sign)
         for place, k in enumerate(self.extras.tolist(), start=self.rigid):
             y[k % self.joints, place] = signals[k // self.joints][:, k % self.joints]
+        if effects := self.effects:
+            moved = torques_of(y[:, : self.moved].transpose(2, 0, 1), effects.load if load is None else load)
+            shapes = forms(q, dq, self.terms.sign(dq) if sign is None else sign, moved / effects.usual)
+            for place, (j, form) in enumerate(effects.columns, start=self.rigid + len(self.extras)):
+                y[j, place] = shapes[form, :, j]
         return y.transpose(2, 0, 1)
 
     def torque(self, parameters: Array, q: Array, dq: Array, ddq: Array, sign: Array | None = None) -> Array:
-        """Torque [N·m or N], (S, J), from parameters (P,) at states (S, J)."""
-        return torques_of(self.regressor(q, dq, ddq, sign), parameters)
+        """Torque [N·m or N], (S, J), from parameters (P,) at states (S, J); the load is their own."""
+        return torques_of(self.regressor(q, dq, ddq, sign, parameters[: self.moved]), parameters)
 
     def _grouped(self) -> tuple[Array, Array]:
         """Indices of the independent extra columns, and all extras' coefficients in the P parameters."""

@@ -13,6 +13,7 @@ import numpy as np
 import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
+from sidegan.identification.effects import KINDS, PLACES, forms
 from sidegan.identification.estimate import Estimate
 from sidegan.identification.fit import spread_of
 from sidegan.identification.measurements import Measurements, Samples, pieces
@@ -30,24 +31,12 @@ _EXPECTED = 1.25  # allowance for the error of the expected noise
 _HANN = 35 / 18  # correlated spectral values per independent one, under a Hann window
 _ALIKE = 4.0  # standard deviations at which a correlation between neighbours is significant
 
-_SHARP = 0.03  # width of the smooth sign of friction [rad/s]
 _CHANCE = 4.0  # a kind must explain this many times what it would explain of noise
 _LEAST = 0.05  # least share of a joint's residual variance that a kind must explain
 _MOST = 3  # kinds per joint, at most
 _ROUNDING = 1e-10
 _TINY = np.finfo(float).tiny
 _LOST = 1e-6  # relative eigenvalue below which forms are not separable
-
-# Kinds of unmodelled torque: indices of their forms in ``unmodelled``.
-KINDS = {
-    "friction near rest": (0,),
-    "friction that grows with the load": (1,),
-    "nonlinear viscous friction": (2,),
-    "friction that differs between directions": (3,),
-    "friction that depends on the position": (12, 13),
-    "torque that depends on the position": (4, 5, 6, 7),
-    "ripple": (8, 9, 10, 11),
-}
 
 
 def is_noise(
@@ -116,25 +105,11 @@ def _uncorrelated(samples: Array) -> Array:
     return result
 
 
-def unmodelled(q: Array, dq: Array, torque: Array, usual: Array) -> Array:
-    """Unmodelled torques of unit amplitude, in the order of ``KINDS``' indices, (…, J, K).
-
-    At positions, velocities and torques (…, J) of joints whose usual torque is ``usual``, (J,).
-    """
-    s = np.tanh(dq / _SHARP)
-    root = (dq * dq + 1e-4) ** 0.25
-    waves = [f(n * q) for n in (2, 8, 20, 100) for f in (np.sin, np.cos)]
-    size = torque / usual
-    forms = [s * np.exp(-((dq / 0.1) ** 2)), s * np.tanh(3 * size) * size]
-    forms += [s * root, s * dq, *waves, s * np.sin(2 * q), s * np.cos(2 * q)]
-    return np.stack(forms, -1)
-
-
 class Lack(NamedTuple):
     """A kind of unmodelled torque in one joint."""
 
     joint: int
-    kind: str  # of ``KINDS``
+    kind: str  # in words
     share: float  # of the variance of the joint's residuals
 
 
@@ -187,10 +162,10 @@ class _Normal(NamedTuple):
     right: Array  # (K,)
     energy: Array  # sum of squared residuals, ()
 
-    def by(self, forms: list[int]) -> tuple[float, Array]:
+    def by(self, some: list[int]) -> tuple[float, Array]:
         """Sum of squared residuals that some forms explain, and the amplitude of each."""
-        amounts = scaled_inverse(self.normal[forms][:, forms], _LOST) @ self.right[forms]
-        return float(amounts @ self.right[forms]), amounts
+        amounts = scaled_inverse(self.normal[some][:, some], _LOST) @ self.right[some]
+        return float(amounts @ self.right[some]), amounts
 
 
 def _explained(joint: _Normal, chance: float) -> tuple[list[tuple[str, float]], Array]:
@@ -200,13 +175,14 @@ def _explained(joint: _Normal, chance: float) -> tuple[list[tuple[str, float]], 
     reached = 0.0
     amounts = np.zeros_like(joint.right)
     while joint.energy > 0 and len(found) < _MOST:
-        values = {kind: joint.by([*chosen, *forms])[0] for kind, forms in KINDS.items() if kind not in found}
+        left = {kind: places for kind, places in PLACES.items() if KINDS[kind].words not in found}
+        values = {kind: joint.by([*chosen, *places])[0] for kind, places in left.items()}
         best = max(values, key=values.__getitem__)
         share = (values[best] - reached) / float(joint.energy)
-        if share < max(_LEAST, _CHANCE * chance * len(KINDS[best])):
+        if share < max(_LEAST, _CHANCE * chance * len(PLACES[best])):
             break
-        found[best] = share
-        chosen += KINDS[best]
+        found[KINDS[best].words] = share
+        chosen += PLACES[best]
         reached, amounts[chosen] = joint.by(chosen)
     return [*found.items()], amounts
 
@@ -230,7 +206,8 @@ def _normals(model: TorqueModel, estimate: Estimate, samples: Samples) -> tuple[
 
 
 def _forms(model: TorqueModel, estimate: Estimate, y: Array, part: Measurements) -> Array:
-    """Forms of unmodelled torque, (S, J, K), at samples with regressor y."""
-    rigid = torques_of(y[..., : model.rigid], estimate.parameters[: model.rigid])
+    """Torques of a unit of each form, (S, J, K), at samples with regressor y."""
+    load = torques_of(y[..., : model.moved], estimate.parameters[: model.moved])
     usual = np.sqrt(np.maximum(estimate.sums.energy / estimate.sums.weight, _TINY))
-    return unmodelled(part.position, part.velocity, rigid, usual)
+    sign = model.terms.sign(part.velocity) if part.sign is None else part.sign
+    return np.moveaxis(forms(part.position, part.velocity, sign, load / usual), 0, -1)

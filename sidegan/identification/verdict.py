@@ -35,6 +35,7 @@ _NAMED = 6  # parameters that a reason names at most
 _MOST = 10.0  # shares above are reported as "more than"
 _CLEAR = 2.0  # deviations below zero at which a single parameter is negative; corrected for their number
 _FRICTION = ("fv", "fc", "Ia")  # prefixes of the parameters that cannot be negative
+_SHAPED = ("sa", "fr")  # of effects beside which they are only parts of a curve, and can
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -199,7 +200,12 @@ def _excitation(quality: Quality) -> Iterator[Finding]:
 def _negative(quality: Quality) -> Iterator[Finding]:
     estimate = quality.estimate
     each = zip(estimate.names, estimate.parameters.tolist(), estimate.deviation.tolist())
-    signed = [entry for entry in each if entry[0].rstrip("0123456789") in _FRICTION]
+    shaped = {joint_of(name) for name in estimate.names if name.startswith(_SHAPED)}
+    signed = [
+        entry
+        for entry in each
+        if entry[0].rstrip("0123456789") in _FRICTION and joint_of(entry[0]) not in shaped
+    ]
     clear = -NormalDist().inv_cdf(NormalDist().cdf(-_CLEAR) / max(1, len(signed)))  # Bonferroni
     for name, value, deviation in signed:
         if value < -clear * deviation:

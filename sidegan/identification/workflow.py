@@ -11,13 +11,14 @@ from sidegan.base.arrays import geometric_mean
 from sidegan.errors import RecordingError
 from sidegan.identification.causes import causes_of
 from sidegan.identification.estimate import Estimate, Score, estimate, score
+from sidegan.identification.evidence import effects_of
 from sidegan.identification.fit import constrained, spread_of
 from sidegan.identification.identified import CONSISTENT, EQUAL_WEIGHTS, IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.residuals import is_noise
 from sidegan.identification.settings import EstimationSettings
-from sidegan.identification.verdict import Quality
+from sidegan.identification.verdict import BAD, USABLE, Finding, Quality
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Arm
@@ -34,12 +35,38 @@ def identify_arm(
     terms: Terms,
     settings: EstimationSettings,
 ) -> IdentifiedArm:
-    """Identify from training recordings; test on validation, or else on each recording in turn."""
-    samples, held_out = measurements_of(training), measurements_of(validation)
+    """Identify from training recordings; test on validation, or else on each recording in turn.
+
+    Effects on single joints are sought if no fault explains the errors, so that they do not hide one.
+    """
     model = TorqueModel(RigidBody(arm), terms)
-    if (count := sum(map(len, samples))) * model.joints < model.count:
+    count = sum(map(len, measurements_of(training)))
+    if count * model.joints < model.count:
         few = f"{count} samples of {model.joints} joints are left"
         raise RecordingError(f"{few}, too few for {model.count} parameters")
+    plain = _judged(model, training, validation, settings)
+    if terms.effects == "none" or (plain.quality.faulty and terms.effects == "auto"):
+        return plain
+    wanted = None if terms.effects == "auto" else terms.effects
+    found = effects_of(model, [measurements_of([recording]) for recording in training], wanted)
+    if found.effects is None:
+        return plain
+    result = _judged(TorqueModel(model.body, terms, found.effects), training, validation, settings)
+    result = replace(result, effects=found.each)
+    if plain.quality.verdict != BAD:
+        return result
+    doubt = Finding(USABLE, f"not trustworthy without its effects on joints: {plain.quality.reasons[0]}")
+    return replace(result, quality=replace(result.quality, causes=(*result.quality.causes, doubt)))
+
+
+def _judged(
+    model: TorqueModel,
+    training: list[CheckedRecording],
+    validation: list[CheckedRecording],
+    settings: EstimationSettings,
+) -> IdentifiedArm:
+    """A model's estimates, errors and verdict."""
+    samples, held_out = measurements_of(training), measurements_of(validation)
     strength = settings.strength
     methods = dict.fromkeys((settings.method, EQUAL_WEIGHTS, CONSISTENT))
     estimates = {method: estimate(method, model, samples, strength) for method in methods}
@@ -63,7 +90,7 @@ def identify_arm(
     sets = [recordings for recordings in (training, validation) if recordings]
     noise = [is_noise(model, used.parameters, used.covariance, recordings) for recordings in sets]
     judged = Quality(
-        arm=arm,
+        arm=model.arm,
         estimate=estimates[settings.method],
         train=trained[use],
         held_out=None if tested is trained else tested[use],

@@ -72,8 +72,8 @@ def checked(arm, seed, truth=None, change=None, seconds=15, rate=200, friction=(
     return check_recording(made if change is None else change(made), arm, of_file())
 
 
-def identified(arm, training, validation=(), method="weighted", **others):
-    terms = Terms(sign_width=0.01)
+def identified(arm, training, validation=(), method="weighted", effects="auto", **others):
+    terms = Terms(sign_width=0.01, effects=effects)
     options = EstimationSettings(method=method, **others)
     return identify_arm(arm, list(training), list(validation), terms, options)
 

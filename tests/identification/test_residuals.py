@@ -8,8 +8,9 @@ import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
 from sidegan.identification import Measurements, estimate
+from sidegan.identification.effects import KINDS, PLACES, forms
 from sidegan.identification.identified import measurements_of
-from sidegan.identification.residuals import BIASED, KINDS, find_unmodelled, is_noise, unmodelled
+from sidegan.identification.residuals import BIASED, find_unmodelled, is_noise
 from sidegan.identification.verdict import USABLE
 from tests.identification.recordings import (
     VISCOUS,
@@ -103,6 +104,7 @@ def test_a_joint_drowned_in_noise_is_judged_separately(planar):
 SAMPLES = 6000
 SIZE = 4.0  # [N·m] of a planted misfit
 NOISE = 0.5  # [N·m]
+FORMS = PLACES["ripple"].stop
 NAMES = [f"joint {j + 1}" for j in range(7)]
 
 
@@ -115,16 +117,16 @@ def planted(model, states, amounts):
     """Torque of the model with its true parameters, and misfits of so much of each form, (J, K)."""
     q, dq, _ = states
     torque = model.torque(truth_of(model), *states)
-    rigid = model.regressor(*states)[..., : model.rigid] @ truth_of(model)[: model.rigid]
+    load = model.regressor(*states)[..., : model.moved] @ truth_of(model)[: model.moved]
     scale = np.sqrt(np.square(model.torque(truth_of(model), *multisine(model.joints, SAMPLES))).mean(0))
-    return torque + np.einsum("sjk,jk->sj", unmodelled(q, dq, rigid, scale), amounts)
+    return torque + np.einsum("ksj,jk->sj", forms(q, dq, model.terms.sign(dq), load / scale), amounts)
 
 
 def one_each(model):
     """Amounts of a misfit of another kind at every joint, (J, K)."""
-    amounts = np.zeros((model.joints, 14))
-    for j, forms in enumerate(KINDS.values()):
-        amounts[j, list(forms)] = SIZE
+    amounts = np.zeros((model.joints, FORMS))
+    for j, places in enumerate(PLACES.values()):
+        amounts[j, places] = SIZE
     return amounts
 
 
@@ -146,7 +148,8 @@ def flawed(model):
 
 def test_each_kind_is_found_at_its_joint_and_nowhere_else(flawed):
     *_, found = flawed
-    assert [(misfit.joint, misfit.kind) for misfit in found.found] == [*enumerate(KINDS)]
+    assert [misfit.joint for misfit in found.found] == [*range(len(KINDS))]
+    assert [misfit.kind for misfit in found.found] == [kind.words for kind in KINDS.values()]
     assert all(0.2 < misfit.share <= 1 for misfit in found.found)
 
 
@@ -162,7 +165,7 @@ def test_the_predicted_errors_are_those_of_the_identified_model(model, flawed):
 
 @pytest.mark.parametrize("keep", [0.0, 0.9], ids=["white", "coloured"])
 def test_noise_is_not_taken_for_misfit(model, keep):
-    data = recorded(model, np.zeros((model.joints, 14)), keep)
+    data = recorded(model, np.zeros((model.joints, FORMS)), keep)
     found = find_unmodelled(model, estimate("weighted", model, data), data)
     assert found.found == () and (found.error == 0).all()
     (words,) = found.sentences(NAMES, np.zeros(model.joints))

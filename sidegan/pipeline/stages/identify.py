@@ -128,7 +128,7 @@ def _show(run: RunContext, tracker: Tracker) -> None:
     error, kind = verdict["validation"]["nmse_mean"], verdict["validation"]["kind"]
     log.info("%s, %s: mean nMSE %.4g (%s)", verdict["robot"], verdict["verdict"], error, kind)
     biased = [line for line in verdict["left_over"] if line.endswith(BIASED)]
-    for line in (verdict["advice"], *verdict["reasons"], *biased):
+    for line in (verdict["advice"], *verdict["reasons"], *verdict["modelled"], *biased):
         log.info("  %s", line)
     log.info("report: %s", target / REPORT)
 

@@ -21,8 +21,12 @@ _UNITS = {
     **dict.fromkeys(("mx", "my", "mz"), "kg·m"),
     **{"m": "kg", "I": "kg·m²", "Ia": "kg·m²"},
     **{"fv": "N·m·s/rad", "fc": "N·m", "fo": "N·m"},
+    **{"fr": "N·m/(rad/s)^½", "fd": "N·m·s/rad"},
 }
-_OF_SLIDES = {"Ia": "kg", "fv": "N·s/m", "fc": "N", "fo": "N"}  # the same of prismatic joints
+_OF_SLIDES = {  # the same of prismatic joints
+    **{"Ia": "kg", "fv": "N·s/m", "fc": "N", "fo": "N"},
+    **{"fr": "N/(m/s)^½", "fd": "N·s/m"},
+}
 
 
 class Origin(NamedTuple):
@@ -197,8 +201,8 @@ def parameter_table(identified: IdentifiedArm) -> pd.DataFrame:
 
 
 def _unit(kind: str, slides: bool) -> str:
-    """Unit of a kind of parameter, of a prismatic joint if it slides."""
-    usual = _UNITS.get(kind, _UNITS.get(kind[:1], ""))
+    """Unit of a kind of parameter, of a prismatic joint if it slides; effects' are torques by default."""
+    usual = _UNITS.get(kind, _UNITS.get(kind[:1], "N" if slides else "N·m"))
     return _OF_SLIDES.get(kind, usual) if slides else usual
 
 

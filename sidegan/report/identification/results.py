@@ -111,6 +111,11 @@ def verdict(identified: IdentifiedArm) -> dict[str, Any]:
         "condition_number": _number(chosen.condition),
         "weak_parameters": list(quality.weak),
         "torque_deviation": _numbers(quality.torque_deviation),
+        "effects": [
+            {"joint": arm.joint_names[effect.joint], "kind": effect.kind, "error": _number(effect.error)}
+            for effect in identified.effects
+        ],
+        "modelled": identified.modelled,
         "left_over": identified.left_over,
         "torque_bias": _numbers(identified.unmodelled.error),
         "unmodelled": [
@@ -149,6 +154,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
         "rate": identified.training[0].grid.rate,
         "covariance": chosen.covariance.tolist(),
         "sign_width": model.terms.sign_width,
+        "usual_load": [] if model.effects is None else model.effects.usual.tolist(),
         "consistent": _standard(model, identified.standard),
         "use": {"method": identified.use, **_standard(model, identified.used_standard)},
     }
@@ -157,7 +163,9 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
 def _standard(model: TorqueModel, standard: Array) -> dict[str, Any]:
     """Standard parameters (F,) as links and terms."""
     terms = {kind: standard[model.standard_slice(kind)].tolist() for kind in model.kinds}
-    return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms}
+    names = [] if model.effects is None else model.effects.names
+    effects = dict(zip(names, standard[len(standard) - len(names) :].tolist()))
+    return {"inertial_parameters": model.links_of(standard).tolist(), "terms": terms, "effects": effects}
 
 
 def _numbers(values: Array) -> list[float | None]:

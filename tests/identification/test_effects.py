@@ -1,0 +1,168 @@
+"""Effects on single joints: planted ones become terms, of noise and faults none do, and files hold them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio
+import pytest
+
+from sidegan.errors import ConfigError
+from sidegan.identification import Measurements, TorqueModel, estimate
+from sidegan.identification.effects import KINDS, Effects
+from sidegan.identification.evidence import effects_of
+from sidegan.identification.verdict import BAD, GOOD
+from sidegan.report.identification import Origin, write_results
+from sidegan.steps.excite import known_model
+from tests.identification.recordings import (
+    FRICTION,
+    VISCOUS,
+    checked,
+    identified,
+    model_of,
+    multisine,
+    truth_of,
+    white,
+)
+from tests.pipeline.test_identify import python_class
+
+NOISE = 0.5  # [N·m]
+SIZE = 5 * NOISE  # of each form
+ALIKE = 1.2  # largest ratio of errors to those of the model that made the torques
+
+
+@pytest.fixture(scope="module")
+def model(arm):
+    return model_of(arm)
+
+
+def plant(model, *chosen):
+    """The model with effects, and its true parameters."""
+    load = truth_of(model)[: model.moved]
+    moved = model.regressor(*multisine(model.joints, 1000))[..., : model.moved] @ load
+    effects = Effects(sorted(chosen), load, np.sqrt(np.square(moved).mean(0)))
+    true = TorqueModel(model.body, model.terms, effects)
+    return true, np.append(truth_of(model), np.full(true.count - model.count, SIZE))
+
+
+def recorded(model, parameters, seed, noise=NOISE):
+    states = multisine(model.joints, 3000, seed)
+    torque = model.torque(parameters, *states)
+    return Measurements(*states, torque + noise * white(torque.shape, seed, 1))
+
+
+def squares(model, parameters, exact):
+    """Mean squared error of each joint's torque, (J,)."""
+    return np.square(exact.torque - model.torque(parameters, *exact.states)).mean(0)
+
+
+PLANTED = {kind: ((1, kind),) for kind in KINDS} | {"three": ((0, "near_rest"), (1, "load"), (3, "position"))}
+
+
+@pytest.mark.parametrize("chosen", PLANTED.values(), ids=PLANTED)
+def test_planted_effects_become_terms_that_predict_as_well_as_the_truth(model, chosen):
+    true, parameters = plant(model, *chosen)
+    data = [recorded(true, parameters, seed) for seed in (0, 1)]
+    found = effects_of(model, [[part] for part in data])
+    assert [(effect.joint, effect.kind) for effect in found.each] == [*chosen]
+    assert all(effect.error < 0.9 for effect in found.each)
+    fitted, exact = TorqueModel(model.body, model.terms, found.effects), recorded(true, parameters, 2, 0.0)
+    ours, best = (squares(x, estimate("weighted", x, data).parameters, exact) for x in (fitted, true))
+    plain = squares(model, estimate("weighted", model, data).parameters, exact)
+    assert np.exp(np.log(ours / best).mean()) < ALIKE
+    assert all(ours[joint] < plain[joint] / 2 for joint, _ in chosen)
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_noise_gives_no_terms(model, parts):
+    data = [[recorded(model, truth_of(model), seed)] for seed in range(parts)]
+    assert effects_of(model, data).effects is None
+
+
+def test_the_load_is_that_of_pinocchio(model, arm):
+    """Friction that grows with the load, and a rotor's, in closed form."""
+    true, parameters = plant(model, (1, "load"))
+    q, dq, ddq = states = multisine(model.joints, 50, 3)
+    robot = pinocchio.buildModelFromUrdf(str(arm.urdf))
+    robot.armature = FRICTION["rotor_inertia"] * np.linspace(1.0, 0.4, model.joints)  # as in truth_of
+    load = np.stack([pinocchio.rnea(robot, robot.createData(), *state) for state in zip(*states)])
+    added = SIZE * np.tanh(dq / 0.01) * np.abs(load) / true.effects.usual
+    plain = model.torque(parameters[: model.count], *states)
+    np.testing.assert_allclose(true.torque(parameters, q, dq, ddq)[:, 1], (plain + added)[:, 1], atol=1e-8)
+
+
+def arm_joint(model, joint):
+    return model.arm.joint_names[joint]
+
+
+def test_wanted_effects_are_kept_and_unknown_joints_refused(model):
+    data = [[recorded(model, truth_of(model), seed)] for seed in (0, 1)]
+    found = effects_of(model, data, {arm_joint(model, 2): ["load", "direction"]})
+    assert [(effect.joint, effect.kind) for effect in found.each] == [(2, "direction"), (2, "load")]
+    with pytest.raises(ConfigError) as error:
+        effects_of(model, data, {"wrist": ["load"]})
+    assert "wrist" in str(error.value) and arm_joint(model, 0) in str(error.value)
+
+
+def stiff(made):
+    """A recording of an arm with friction near rest in its elbow."""
+    torque, v = made.torque.copy(), made.velocity[:, 1]
+    torque[:, 1] += 2 * np.tanh(v / 0.01) * np.exp(-((v / 0.1) ** 2))
+    return replace(made, torque=torque)
+
+
+def without_coulomb(arm, seed, truth=None, change=None):
+    """A recording whose Coulomb friction, of another width than the model's, looks like no effect."""
+    return checked(arm, seed, truth, change, friction=(VISCOUS, 0.0), noise=0.002)
+
+
+@pytest.fixture(scope="module")
+def stuck(planar):
+    """An arm with such a joint, identified with and without effects."""
+    parts = [without_coulomb(planar, seed, change=stiff) for seed in range(3)]
+    return [identified(planar, parts[:2], parts[2:], effects=effects) for effects in ("auto", "none")]
+
+
+def test_identification_has_them_and_says_what_they_buy(stuck):
+    with_them, without = stuck
+    assert [(effect.joint, effect.kind) for effect in with_them.effects] == [(1, "near_rest")]
+    assert with_them.modelled[0].startswith("joint 2 (elbow): the model has friction near rest")
+    assert not without.effects and "friction near rest" in " ".join(without.left_over)
+    assert with_them.quality.verdict == GOOD and with_them.quality.mean(with_them.quality.judged) < (
+        without.quality.mean(without.quality.judged) / 2
+    )
+
+
+def test_files_hold_them(stuck, planar, tmp_path):
+    """The Python class has the model's torques, and a design knows the arm by what it shares with others."""
+    found, _ = stuck
+    write_results(found, Origin("", "", {}), tmp_path)
+    states = white((3, 20, 2), 1)
+    torque = found.model.torque(found.used.parameters, *states)
+    np.testing.assert_allclose(python_class(tmp_path).torque(*states), torque, atol=1e-9)
+    known, covariance, *_ = known_model(tmp_path, planar)
+    count = known.count
+    assert count < found.model.count
+    np.testing.assert_allclose(covariance, found.chosen.covariance[:count, :count])
+
+
+def test_a_fault_is_not_explained_by_effects(planar):
+    """A load in one recording alone."""
+    heavier = planar.inertial_parameters.copy()
+    heavier[1, :2] += 1.0  # [kg, kg·m]
+    carrying = replace(planar, inertial_parameters=heavier)
+    parts = [without_coulomb(planar, seed, truth) for seed, truth in enumerate((carrying, None, None))]
+    found = identified(planar, parts[:2], parts[2:])
+    assert not found.effects and found.quality.verdict != GOOD
+
+
+def test_effects_do_not_turn_a_bad_model_into_a_good_one(planar):
+    """Most of the elbow's torque depends on its position in a way that the plain model does not have."""
+
+    def strung(made):
+        torque = made.torque.copy()
+        torque[:, 1] += 3 * torque[:, 1].std() * np.sin(8 * made.position[:, 1])
+        return replace(made, torque=torque)
+
+    parts = [without_coulomb(planar, seed, change=strung) for seed in range(3)]
+    plain, found = (identified(planar, parts[:2], parts[2:], effects=x) for x in ("none", "auto"))
+    assert plain.quality.verdict == BAD and found.quality.verdict != GOOD
