@@ -142,6 +142,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     model, chosen = identified.model, identified.chosen
     return {
         "joints": list(model.arm.joint_names),
+        "gravity": model.arm.gravity.tolist(),
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),
