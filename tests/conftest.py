@@ -26,7 +26,7 @@ LONGEST = ("test_lab_day.py", "experiments/", "hostile/", "pipeline/", "validity
 # Why a test may be skipped: an extra, a program or a recording that is not on this machine.
 SKIPS = re.compile(
     r"no CUDA device|not at hand|its recordings are not in|example-robot-data"
-    r"|needs a browser|needs root|no clone"
+    r"|needs a browser|needs a compiler|needs root|no clone"
     r"|could not import '(dvc|xacro|xacrodoc|hydra_plugins\.hydra_submitit_launcher)\b"
 )
 

@@ -101,7 +101,7 @@ class IdentifiedModel:
         return self.arm.model.torque(self.arm.used.parameters, *rows).reshape(shape)
 
     def save(self, folder: str | Path) -> None:
-        """Write model, URDF, MJCF, a standalone Python class, tables, verdict and report.
+        """Write model, URDF, MJCF, a standalone Python class, a C header, tables, verdict and report.
 
         Raises:
             StorageError: when a file cannot be written.

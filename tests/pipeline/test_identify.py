@@ -25,7 +25,7 @@ from tests.recording.conftest import moved
 from tests.recording.files import frame
 from tests.tiny import tiny
 
-FILES = "MLmodel check.json links.csv model.py parameters.csv parameters.json report.html verdict.json"
+FILES = "MLmodel arm.h check.json links.csv model.py parameters.csv parameters.json report.html verdict.json"
 VISCOUS, COULOMB = np.array([2.0, 0.8]), np.array([1.0, 0.4])
 
 
@@ -187,6 +187,7 @@ def test_the_python_class_uses_the_weighted_model_if_better(planar, tmp_path):
     names = [write(tmp_path, f"{seed}.csv", strange, seed) for seed in range(2)]
     verdict, folder = identified(tmp_path, *given(*names))
     assert verdict["use"] == "weighted" and "Use the weighted" in verdict["advice"]
+    assert "Method: weighted" in (folder / "arm.h").read_text()
     numbers = json.loads((folder / "parameters.json").read_text())
     terms = Terms(sign_width=numbers["sign_width"])
     body = TorqueModel(RigidBody(planar), terms)

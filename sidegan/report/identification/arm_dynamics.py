@@ -36,6 +36,7 @@ class ArmDynamics:
         numbers = json.loads((folder / "parameters.json").read_text(encoding="utf-8"))
         self.joints: list[str] = numbers["joints"]
         self.model: Any = pinocchio.buildModelFromMJCF(str(folder / numbers["mjcf"]))
+        self.model.gravity.linear = np.array(numbers["gravity"])  # which Pinocchio does not read from an MJCF
         use = numbers["use"]
         self.method: str = use["method"]
         self._terms = {name: np.array(values) for name, values in use["terms"].items()}
@@ -95,8 +96,10 @@ class ArmDynamics:
 
     def mass_matrix(self, q: Vector) -> Vector:
         """Joint-space inertia with rotors [kg·m² or kg], (J, J), at positions (J,)."""
-        upper = self._pinocchio.crba(self.model, self._data, np.asarray(q, float))
-        return np.triu(upper) + np.triu(upper, 1).T
+        rnea, q, still = self._pinocchio.rnea, np.asarray(q, float), np.zeros(len(self.joints))
+        # By rows, since Pinocchio's crba adds up links, whose masses may be negative here.
+        rows = [rnea(self.model, self._data, q, still, unit).copy() for unit in np.eye(len(q))]
+        return np.array(rows) - self.gravity(q)
 
     def predict(self, frame: Any) -> Any:
         """Table of torques ``tau_<joint>`` [N·m or N] of one with a row per state, as MLflow calls it.

@@ -74,9 +74,9 @@ def _use(identified: IdentifiedArm) -> str:
         )
     worse = excess(method, identified.tested)
     return (
-        f"Use the {method} model, which is in the Python class: no physically possible links predict as "
-        f"well, their nMSE is {worse:.2g} times as large, geometric mean over joints ({compared}). The URDF "
-        "and the MJCF hold the consistent one, since simulators reject others."
+        f"Use the {method} model, which is in the Python class and the C header: no physically possible "
+        f"links predict as well, their nMSE is {worse:.2g} times as large, geometric mean over joints "
+        f"({compared}). The URDF and the MJCF hold the consistent one, since simulators reject others."
     )
 
 
@@ -97,10 +97,10 @@ def _needed(quality: Quality) -> str:
 
 def _held(identified: IdentifiedArm) -> str:
     """Which files hold the consistent model, and the terms that some of them cannot hold."""
-    terms = {"offset": "offsets (Python class only)", "rotor_inertia": "rotors (not in the URDF)"}
+    terms = {"offset": "offsets (not in the URDF and the MJCF)", "rotor_inertia": "rotors (not in the URDF)"}
     missing = " and ".join(words for kind, words in terms.items() if kind in identified.model.kinds)
     but = f", except {missing}" if missing else ""
-    return f"The URDF, the MJCF and the Python class hold it{but}."
+    return f"The URDF, the MJCF, the Python class and the C header hold it{but}."
 
 
 def recommendations(identified: IdentifiedArm, command: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Files of an identification: tables, URDF, MJCF, a machine-readable verdict, and an HTML report."""
+"""Files of an identification: tables, models, a machine-readable verdict, and an HTML report."""
 
 import math
 import platform
@@ -17,12 +17,14 @@ from sidegan.identification.model import TorqueModel
 from sidegan.recording.check import CheckedRecording
 from sidegan.report.document import web_page
 from sidegan.report.identification import content
+from sidegan.report.identification.c_header import c_header
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
 from sidegan.robot import write_mjcf, write_urdf
 
 VERDICT, REPORT = "verdict.json", "report.html"
 PARAMETERS = "parameters.json"  # the model in full
 _TABLE, _LINKS, _MLMODEL = "parameters.csv", "links.csv", "MLmodel"
+_HEADER = "arm.h"
 _CLASS, _SOURCE = "model.py", Path(__file__).with_name("arm_dynamics.py")  # copied, never imported
 # MLflow's settings to load that class from its folder.
 _LOADED = {
@@ -40,15 +42,17 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     """Write all results of an identification into a folder."""
     arm = identified.model.arm
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
-    drives = identified.drives
+    drives, numbers = identified.drives, model_numbers(identified)
+    names = [recording.name for recording in identified.training]
     write_checks(identified.recordings, folder)
     write_bytes(folder / _TABLE, parameter_table(identified).to_csv(index=False).encode())
     write_bytes(folder / _LINKS, link_table(identified).to_csv(index=False).encode())
-    write_json(folder / PARAMETERS, model_numbers(identified) | {"mjcf": mjcf})
+    write_json(folder / PARAMETERS, numbers | {"mjcf": mjcf})
     write_json(folder / VERDICT, verdict(identified))
     write_urdf(arm, identified.links, folder / urdf, drives)
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
+    write_bytes(folder / _HEADER, c_header(arm, numbers, names, identified.quality.verdict))
     write_bytes(folder / _MLMODEL, yaml.safe_dump({"flavors": {"python_function": _LOADED}}).encode())
     write_bytes(folder / REPORT, report_html(identified, origin))
 
@@ -147,6 +151,7 @@ def model_numbers(identified: IdentifiedArm) -> dict[str, Any]:
     model, chosen = identified.model, identified.chosen
     return {
         "joints": list(model.arm.joint_names),
+        "gravity": model.arm.gravity.tolist(),
         "names": list(chosen.names),
         "formulas": list(model.formulas),
         "parameters": chosen.parameters.tolist(),

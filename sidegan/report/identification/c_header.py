@@ -1,0 +1,33 @@
+"""The identified arm as a C header: inverse dynamics for a controller's loop."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sidegan.report.document import templates
+from sidegan.robot import Arm
+
+
+def c_header(arm: Arm, numbers: Mapping[str, Any], recordings: Sequence[str], verdict: str) -> bytes:
+    """The recommended model as a C99 header, from ``arm.h.jinja``.
+
+    Args:
+        arm: the arm: its chain and gravity.
+        numbers: the model as in parameters.json, of which ``use`` and ``sign_width`` count.
+        recordings: names of the recordings that it was identified from.
+        verdict: on the model.
+    """
+    environment = templates(Path(__file__).parent, html=False)
+    environment.filters |= {"braces": _braces}
+    words = {"recordings": recordings, "verdict": verdict, **numbers}
+    return environment.get_template("arm.h.jinja").render(arm=arm, **words).encode()
+
+
+def _braces(values: ArrayLike) -> str:
+    """An array as a C initializer, a line per row of a matrix; its numbers read back exactly."""
+    x = np.asarray(values)
+    text = (", " if x.ndim == 1 else ",\n    ").join(map(str, x.tolist()))
+    return "{" + text.translate(str.maketrans("[]", "{}")) + "}"
