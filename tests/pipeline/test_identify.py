@@ -143,7 +143,7 @@ def test_the_python_class_splits_its_torque(once, consistent):
     q, dq, ddq = (x[0] for x in states)
     accelerating = model.torque(q, dq, ddq) - model.torque(q, dq, 0 * ddq)
     np.testing.assert_allclose(model.mass_matrix(q) @ ddq, accelerating, rtol=0, atol=1e-9)
-    resting = model.gravity(q) + model.friction(0 * dq)
+    resting = model.gravity(q) + model.friction(q, 0 * dq, model.gravity(q))
     np.testing.assert_allclose(model.torque(q, 0 * dq, 0 * ddq), resting, rtol=0, atol=1e-9)
 
 

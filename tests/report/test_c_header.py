@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from sidegan.base.storage import write_json
+from sidegan.identification.effects import KINDS as EFFECTS
 from sidegan.report.identification.arm_dynamics import ArmDynamics
 from sidegan.report.identification.c_header import c_header
 from sidegan.robot import Drives, write_mjcf
@@ -36,8 +37,11 @@ def write(folder, arm, kinds=KINDS):
     random, joints = np.random.default_rng(0), arm.joints
     terms = {kind: random.normal(size=joints).tolist() for kind in kinds}
     links = random.normal(size=(joints, 10)).tolist()
-    use = {"method": "weighted", "inertial_parameters": links, "terms": terms}
+    letters = [letter for kind in EFFECTS.values() for letter in kind.letters] if kinds == KINDS else []
+    effects = {f"{letter}{k % joints + 1}": float(random.normal()) for k, letter in enumerate(letters)}
+    use = {"method": "weighted", "inertial_parameters": links, "terms": terms, "effects": effects}
     numbers = {"joints": [*arm.joint_names], "gravity": arm.gravity.tolist(), "sign_width": 0.3, "use": use}
+    numbers["usual_load"] = random.uniform(1, 2, joints).tolist()
     write_mjcf(arm, real_links(joints, 0), folder / "arm.xml", Drives.none(joints))
     write_json(folder / "parameters.json", numbers | {"mjcf": "arm.xml"})
     (folder / "arm.h").write_bytes(c_header(arm, numbers, ["a.csv"], "good"))
@@ -73,7 +77,7 @@ def test_the_header_computes_what_the_python_class_does(name, kinds, arm, tmp_pa
     states = [np.ascontiguousarray(x) for x in random_states(arm, 50)]
     rows = [*zip(*states)]
     assert_close([call("torque", *row) for row in rows], model.torque(*states))
-    assert_close([call("friction", q, dq, ddq) for q, dq, ddq in rows], model.friction(states[1]))
+    assert_close([call("friction", *row) for row in rows], model.friction(*states))
     assert_close([call("gravity", q) for q in states[0]], [model.gravity(q) for q in states[0]])
     masses = [call("mass_matrix", q, shape=(arm.joints, arm.joints)) for q in states[0]]
     assert_close(masses, [model.mass_matrix(q) for q in states[0]])

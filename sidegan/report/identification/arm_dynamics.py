@@ -57,36 +57,33 @@ class ArmDynamics:
             raise ValueError(f"states are {shapes}, expected three times (…, {len(self.joints)})")
         rows = zip(*(x.reshape(-1, len(self.joints)) for x in states))
         rigid = [self._pinocchio.rnea(self.model, self._data, *row).copy() for row in rows]
-        load = np.reshape(rigid, states[0].shape)
-        return load + self.friction(states[1]) + self.effects(states[0], states[1], load)
+        moved = np.reshape(rigid, states[0].shape)
+        return moved + self.friction(states[0], states[1], moved)
 
-    def friction(self, dq: Vector) -> Vector:
-        """Friction and offset [N·m or N], (…, J), at velocities [rad/s or m/s], (…, J)."""
-        dq = np.asarray(dq, float)
+    def friction(self, q: Vector, dq: Vector, rigid: Vector) -> Vector:
+        """Friction, offset and other effects on single joints [N·m or N], (…, J).
+
+        At positions, velocities, and torques of rigid bodies and rotors, (…, J) each.
+        """
+        q, dq, rigid = (np.asarray(x, float) for x in (q, dq, rigid))
         still = np.zeros(len(self.joints))
         viscous, coulomb, offset = (self._terms.get(name, still) for name in ("viscous", "coulomb", "offset"))
-        return viscous * dq + coulomb * np.tanh(dq / self._sign_width) + offset
-
-    def effects(self, q: Vector, dq: Vector, load: Vector) -> Vector:
-        """Further effects on single joints [N·m or N], (…, J), such as friction that grows with the load.
-
-        At positions, velocities, and torques of links and rotors, (…, J) each; zero if the model has none.
-        """
-        sign, size = np.tanh(dq / self._sign_width), np.abs(load) / self._usual
-        waves = zip("abcd" * 2, "kkkkwwww", (2, 2, 8, 8, 20, 20, 100, 100), (np.sin, np.cos) * 4)
+        sign = np.tanh(dq / self._sign_width)
+        torque = viscous * dq + coulomb * sign + offset
+        waves = zip("kkkkwwww", "abcd" * 2, (2, 2, 8, 8, 20, 20, 100, 100), (np.sin, np.cos) * 4)
         forms = {
             "sa": sign * np.exp(-np.square(dq / 0.1)),
             "sb": sign * np.exp(-np.abs(dq) / 0.3),
-            "fl": sign * size,
+            "fl": sign * np.abs(rigid) / self._usual,
             "fr": sign * np.sqrt(np.hypot(dq, 0.01)),
             "fd": np.abs(dq),
             "pa": sign * np.sin(2 * q),
             "pb": sign * np.cos(2 * q),
-            **{kind + letter: wave(n * q) for letter, kind, n, wave in waves},
+            **{kind + letter: wave(n * q) for kind, letter, n, wave in waves},
         }
-        torque = np.zeros_like(q)
         for name, value in self._effects.items():
-            torque[..., int(name[2:]) - 1] += value * forms[name[:2]][..., int(name[2:]) - 1]
+            joint = int(name[2:]) - 1
+            torque[..., joint] += value * forms[name[:2]][..., joint]
         return torque
 
     def gravity(self, q: Vector) -> Vector:

@@ -16,7 +16,7 @@ def c_header(arm: Arm, numbers: Mapping[str, Any], recordings: Sequence[str], ve
 
     Args:
         arm: the arm: its chain and gravity.
-        numbers: the model as in parameters.json, of which ``use`` and ``sign_width`` count.
+        numbers: the model as in parameters.json, of which ``use``, ``sign_width`` and ``usual_load`` count.
         recordings: names of the recordings that it was identified from.
         verdict: on the model.
     """
