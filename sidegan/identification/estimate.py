@@ -43,7 +43,9 @@ class Estimate:
     covariance: Array  # of the parameters, (P, P), due to torque errors; errors of states are not included
     weights: Array  # weight of each joint's equations, (J,)
     inflation: Array  # samples per independent sample, (J,)
-    condition: float  # of the weighted, scaled regressor; infinite if some direction is not excited
+    condition: (
+        float  # of the weighted, scaled regressor without effects; infinite if some direction is not excited
+    )
     samples: int  # number of samples, each of all joints
     sums: Sums  # over the samples; allow a fit with other weights
     standard: Array | None = None  # in ``TorqueModel.standard_names``' order, (F,); consistent method only
@@ -75,6 +77,7 @@ def estimate(
     data = gather(model, measurements)
     fit = METHODS[method](model, data, strength)
     errors = fit.errors or torque_errors(model, data, fit)
+    excited = len(model.names) - (len(model.effects.names) if model.effects else 0)
     return Estimate(
         method=method,
         names=tuple(model.names),
@@ -82,7 +85,7 @@ def estimate(
         covariance=covariance_of(data.sums, fit, errors),
         weights=fit.weights,
         inflation=errors.inflation,
-        condition=condition(data.sums.weighted(fit.weights)[0]),
+        condition=condition(data.sums.weighted(fit.weights)[0][:excited, :excited]),
         samples=int(data.sums.weight),
         sums=data.sums,
         standard=fit.standard,

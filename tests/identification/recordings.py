@@ -97,6 +97,8 @@ def judged(model, found, data, validation=None):
 class Fixed:
     """A linear model whose regressor (S, J, P) is known beforehand; the first position is the sample."""
 
+    effects = None
+
     def __init__(self, y):
         self.y, self.joints, self.count = y, y.shape[1], y.shape[2]
         self.names, self.kinds = [f"p{i + 1}" for i in range(self.count)], ("all",)
