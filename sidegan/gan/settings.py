@@ -9,9 +9,8 @@ from pydantic import Field
 from sidegan.base.typed import Count, Natural, NonNegative, Part, Positive, Share, Size, Width
 from sidegan.errors import ConfigError
 
-_Ours = Literal["Vanilla", "Eigen", "Diagonal", "Predicting", "Exact"]
-Name = Literal[_Ours, "PublishedEigen", "PublishedDiagonal"]
 Beta = Annotated[float, Field(ge=0, lt=1)]
+_OWN = "or a class of your own as package.module.Class"
 _SURROGATES = ("features", "success", "fitness")  # losses that use surrogates
 
 
@@ -23,7 +22,7 @@ class Traits(NamedTuple):
     missing: tuple[str, ...] = ()  # losses that it does not have
 
 
-TRAITS: dict[Name, Traits] = {
+TRAITS = {
     "Vanilla": Traits(missing=_SURROGATES),
     "Eigen": Traits("spectrum"),
     "Diagonal": Traits("diagonal"),
@@ -127,7 +126,7 @@ class GeneratorSettings:
 class Variant:
     """A SIDE-GAN variant: its class, the weights of its losses, and its training."""
 
-    variant: Name  # the class in ``gan.variants``
+    variant: str  # the class in ``gan.variants``, or a subclass elsewhere: package.module.Class
     weights: Weights  # of the generator's losses
     generator: GeneratorSettings = GeneratorSettings()  # shared by the variants of a run
     epochs: Count = 50  # of training; samples are measured by exact physics after each
@@ -142,11 +141,9 @@ class Variant:
     published: Published | None = None  # only published variants
 
     def __post_init__(self) -> None:
-        if self.variant not in list(TRAITS):
-            raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}")
+        traits = self.traits
         if not isinstance(self.weights, Weights):
             raise ConfigError(f"weights are {self.weights!r}, expected Weights")
-        traits = TRAITS[self.variant]
         if foreign := [f"weights.{name}" for name in traits.missing if getattr(self.weights, name)]:
             raise ConfigError(f"{self.variant} has no such loss: {', '.join(foreign)} must be 0")
         start = self.fitness_start
@@ -170,7 +167,19 @@ class Variant:
     @property
     def features(self) -> str | None:
         """Features that the variant's converter predicts; None for a variant without surrogates."""
-        return TRAITS[self.variant].features
+        return self.traits.features
+
+    @property
+    def traits(self) -> Traits:
+        """Properties of the variant's class; a subclass elsewhere has those of the class it is made from."""
+        if self.variant in TRAITS:
+            return TRAITS[self.variant]
+        if "." not in self.variant:
+            raise ConfigError(f"variant is {self.variant!r}, expected one of {', '.join(TRAITS)}, {_OWN}")
+        from sidegan.gan.variants import class_of  # imports torch
+
+        names = [base.__name__ for base in class_of(self.variant).__mro__]
+        return next(TRAITS[name] for name in names if name in TRAITS)
 
 
 _SIDE = Variant(

@@ -4,6 +4,7 @@ The latter follow the code that accompanies Jegorova et al. 2020 (``seeding.publ
 where the paper's text differs.
 """
 
+from pkgutil import resolve_name
 from typing import Any, cast
 
 import torch
@@ -191,3 +192,20 @@ def unevenness(features: Tensor, kind: str) -> Tensor:
 _OURS: list[type[SideGAN]] = [Vanilla, Eigen, Diagonal, Predicting, Exact]
 _PUBLISHED = [PublishedEigen, PublishedDiagonal]
 VARIANTS = {variant.__name__: variant for variant in (*_OURS, *_PUBLISHED)}
+
+
+def class_of(name: str) -> type[SideGAN]:
+    """A variant's class by its name in ``VARIANTS``, or a subclass of one as ``package.module.Class``.
+
+    Raises:
+        ConfigError: when there is no such class.
+    """
+    if name in VARIANTS:
+        return VARIANTS[name]
+    try:
+        found = resolve_name(name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"variant is {name!r}, which cannot be imported: {error}") from error
+    if not (isinstance(found, type) and issubclass(found, tuple(VARIANTS.values()))):
+        raise ConfigError(f"variant is {name!r}, expected a subclass of one of {', '.join(VARIANTS)}")
+    return found

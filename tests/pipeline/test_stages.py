@@ -1,11 +1,14 @@
 """A whole tiny experiment: what every stage leaves and what is made anew; one recipe on several arms."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import pandas as pd
 import pytest
 
+import sidegan
 from experiments.artifacts import Artifacts, comparison
 from experiments.exp1 import table1
 from experiments.generality import beside_seeds
@@ -150,3 +153,30 @@ def test_errors_are_relative_to_the_seeds():
     eigen = table.loc["eigen"].to_dict()
     assert eigen["valid"] == pytest.approx(0.95) and eigen["mean cosine"] == pytest.approx(0.2)
     assert eigen["cond(YᵀY)"] == 1 and eigen["error, the paper's noise"] == pytest.approx(0.2)
+
+
+OWN = """
+from sidegan.gan.losses import Loss
+from sidegan.gan.variants import Vanilla
+
+
+class Slow(Vanilla):
+    def losses(self):
+        return [*super().losses(), Loss(1.0, lambda batch: batch.coefficients.square().mean())]
+"""
+
+
+def test_a_variant_of_ones_own_trains_in_an_experiment_and_in_python(made, tmp_path, monkeypatch):
+    """A class in a package beside, and its file in a folder of settings: nothing is edited here."""
+    (tmp_path / "mylab.py").write_text(OWN)
+    (tmp_path / "lab" / "gan").mkdir(parents=True)
+    own = "defaults: [_base@mine, _self_]\n\nmine:\n  variant: mylab.Slow\n  weights: {adversarial: 1}\n"
+    (tmp_path / "lab" / "gan" / "mine.yaml").write_text(own)
+    words = ["--config-dir", "lab", "+experiment=exp1", *TINY, "gan=mine", "stages=[seeds,gan]"]
+    ran = subprocess.run([sys.executable, "-m", "sidegan.run", *words], cwd=tmp_path, capture_output=True)
+    assert ran.returncode == 0, ran.stderr
+    assert [*tmp_path.glob("outputs/gan/planar2-mine-*/generator.pt")]
+    monkeypatch.syspath_prepend(tmp_path)
+    mine = {"variant": "mylab.Slow", "weights": {"adversarial": 1}, "epochs": 1, "steps": 1}
+    generator = sidegan.train(mine, made.cell, made.load(seed_set(made)).coefficients)
+    assert generator.sample(3).shape == (3, *made.cell.trajectory.shape)
