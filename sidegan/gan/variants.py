@@ -208,4 +208,4 @@ def class_of(name: str) -> type[SideGAN]:
         raise ConfigError(f"variant is {name!r}, which cannot be imported: {error}") from error
     if not (isinstance(found, type) and issubclass(found, tuple(VARIANTS.values()))):
         raise ConfigError(f"variant is {name!r}, expected a subclass of one of {', '.join(VARIANTS)}")
-    return found
+    return cast("type[SideGAN]", found)

@@ -106,7 +106,7 @@ def known_model(folder: Path, arm: Arm) -> tuple[TorqueModel, Array, Array, floa
         numbers = read_json(path)
         if numbers["joints"] != list(arm.joint_names):
             raise ConfigError(f"{path} is for an arm with joints {', '.join(numbers['joints'])}")
-        kinds = {name: name in numbers["use"]["terms"] for name in _TERMS}
+        kinds: dict[str, Any] = {name: name in numbers["use"]["terms"] for name in _TERMS}
         model = TorqueModel(RigidBody(arm), Terms(**kinds, sign_width=numbers["sign_width"]))
         count = model.count  # what follows are effects on joints, which is no aim of a design
         if not _alike(" ; ".join(model.formulas), " ; ".join(numbers["formulas"][:count])):
