@@ -1,8 +1,11 @@
 """Opponents of sidegan, as one would write them; rows skip where FIGAROH or frax is absent."""
 
+import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from contextlib import redirect_stdout
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import mujoco
@@ -11,6 +14,7 @@ import pinocchio as pin
 import pytest
 from mujoco import rollout
 
+from sidegan.identification import Measurements
 from sidegan.plant import Plant
 from sidegan.plant.model import mujoco_model
 from sidegan.robot import Arm
@@ -83,6 +87,21 @@ class Pinocchio:
             covariance = covariance - gain @ carried.T
             covariance = (covariance + covariance.T) / 2  # else rounding makes it diverge
         return estimate
+
+
+def pinocchio_torque(arm: Arm, training: Measurements, validation: Measurements) -> Array:
+    """Torques (S, J) of validation, by least squares with viscous and Coulomb friction."""
+    model = chain_model(arm)
+    data = model.createData()
+
+    def regressor(samples: Measurements) -> Array:
+        """(S, J, 12 J)."""
+        rigid = [pin.computeJointTorqueRegressor(model, data, *state) for state in zip(*samples.states)]
+        velocity = samples.velocity[:, :, None] * np.eye(arm.joints)
+        return np.concatenate([rigid, velocity, np.sign(velocity)], axis=2)
+
+    equations = np.concatenate(regressor(training))
+    return regressor(validation) @ np.linalg.lstsq(equations, training.torque.ravel())[0]
 
 
 class Mujoco:
@@ -193,6 +212,40 @@ class Figaroh:
         search.initialize()
         search.solve(1)
         return search.problem.iteration_data["obj_values"]
+
+
+def figaroh_torque(arm: Arm, training: Measurements, validation: Measurements) -> Array:
+    """Torques (S, J) of validation, by FIGAROH's weighted least squares with all terms of its joints."""
+    from figaroh.identification.base_identification import BaseIdentification
+    from figaroh.tools.qrdecomposition import build_baseRegressor, get_baseIndex
+    from figaroh.tools.regressor import build_regressor_basic
+
+    joints = list(range(arm.joints))
+    settings = {"act_idxq": joints, "act_idxv": joints, "active_joints": list(arm.joint_names)}
+    terms = ("has_friction", "has_actuator_inertia", "has_joint_offset")
+    settings |= dict.fromkeys(["is_joint_torques", *terms], True)
+
+    class Identification(BaseIdentification):  # type: ignore[misc]
+        def load_param(self, *_: Any) -> None:
+            self.identif_config = settings
+
+        def load_trajectory_data(self) -> None:
+            names = ("positions", "velocities", "accelerations", "torques")
+            self.processed_data = dict(zip(names, (*training.states, training.torque)))
+            self.num_samples = len(training)
+
+    model = chain_model(arm)
+    found = Identification(SimpleNamespace(model=model, data=model.createData()))
+    found.load_trajectory_data()
+    found.calculate_full_regressor()
+    found.initialize_standard_parameters()
+    with redirect_stdout(sys.stderr):
+        found.solve(decimate=False, plotting=False, wls=True)
+    y = build_regressor_basic(found.robot, *validation.states, settings)
+    kept = [name in found.active_parameters for name in found.standard_parameter]
+    base = get_baseIndex(found.regressor_reduced, found.active_parameters)
+    predicted = build_baseRegressor(y[:, kept], base) @ found.phi_base
+    return predicted.reshape(arm.joints, -1).T  # from rows joint by joint
 
 
 def frax_torque(arm: Arm, folder: Path) -> Any:
