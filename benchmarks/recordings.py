@@ -107,7 +107,7 @@ def sidegan(arm: Recorded, **changes: Any) -> Array:
 METHODS: dict[str, Callable[[Recorded], Array]] = {
     "Pinocchio, least squares": partial(opponent, pinocchio_torque),
     "FIGAROH": partial(opponent, figaroh_torque),
-    **({"sidegan, model.extra=none": partial(sidegan, extra="none")} if hasattr(Terms, "extra") else {}),
+    "sidegan, model.effects=none": partial(sidegan, effects="none"),
     "sidegan": sidegan,
 }
 
