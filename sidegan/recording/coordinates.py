@@ -14,6 +14,8 @@ from sidegan.recording.gravity import misfit
 from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.units import Units
 from sidegan.robot import Arm
+from sidegan.robot.sources import read_source
+from sidegan.robot.units import transmissions
 
 BETTER = 0.3  # largest ratio of residuals, of other over recorded positions, at which others are believed
 UNLIKE = 0.3  # most that they may leave unexplained then, mean over joints
@@ -60,7 +62,10 @@ def couplings(names: Sequence[str]) -> Iterator[tuple[str, Array, Array]]:
     for pair in pairwise(range(len(names))):
         for (j, k), sign in product((pair, pair[::-1]), (-1.0, 1.0)):
             motion = own + sign * np.outer(own[j], own[k])
-            yield f"the position of {names[j]} looks counted from that of {names[k]}", motion, own
+            angle = (
+                f"the position of {names[j]} looks counted from that of {names[k]}, as from the horizontal"
+            )
+            yield angle, motion, own
             belt = f"the motors of {names[j]} and {names[k]} look coupled, as by a belt"
             yield belt, motion, np.linalg.inv(motion).T
         text = "{} and {} look driven by a differential".format(*(names[j] for j in pair))
@@ -70,21 +75,23 @@ def couplings(names: Sequence[str]) -> Iterator[tuple[str, Array, Array]]:
             yield text, motion, np.linalg.inv(motion).T
 
 
-def _columns(arm: Arm, settings: RecordingSettings) -> Iterator[Map]:
-    """Maps from reversed, swapped and coupled joints."""
-    names, none, own = arm.joint_names, np.zeros(arm.joints), np.eye(arm.joints)
+def _columns(arm: Arm, settings: RecordingSettings, poor: bool) -> Iterator[Map]:
+    """Maps from reversed, swapped and coupled joints, and, if the fit is poor, from motors before gears."""
+    names, own = arm.joint_names, np.eye(arm.joints)
+    found = [(f"the axis of {name} looks reversed", own - 2 * np.diag(x)) for name, x in zip(names, own)]
+    maps = [*((text, x, x) for text, x in found), *couplings(names)]
+    if poor:
+        motors = transmissions(read_source(arm.urdf, arm.setup.args).root, names)
+        torques = [own, np.linalg.inv(motors).T]
+        text = "positions look like those of the motors before the transmissions in the description"
+        maps += [(text, motors, x) for x in torques[: 1 + (np.count_nonzero(motors) > arm.joints)]]
     for j, k in combinations(range(arm.joints), 2):
         order = np.arange(arm.joints)
         order[[j, k]] = k, j
-        text = (
-            f"the motions of {names[j]} and {names[k]} look swapped: each one's torque fits the other's "
-            "positions; is the order of columns right? (recording.position)"
-        )
-        yield Map(own[order], none, text)
-    turned = [(f"the axis of {name} looks reversed", own - 2 * np.diag(x)) for name, x in zip(names, own)]
-    for text, motion, torque in [*((text, x, x) for text, x in turned), *couplings(names)]:
-        more = f"with {settings.coupled(names, motion, torque)} it explains the torques far better"
-        yield Map(motion, none, f"{text}: {more}", torque)
+        maps.append((f"the motions of {names[j]} and {names[k]} look swapped", own[order], own))
+    for text, motion, torque in maps:
+        way = settings.coupled(names, motion, torque)
+        yield Map(motion, np.zeros(arm.joints), f"{text}: {way} explains the torques far better", torque)
 
 
 def positions_behind(
@@ -101,7 +108,7 @@ def positions_behind(
     def misfit_of(x: Map) -> float:
         return misfit(body, *x.of(*few))
 
-    best = min([same, *_units(arm, units), *_columns(arm, settings)], key=misfit_of)
+    best = min([same, *_units(arm, units), *_columns(arm, settings, left > _POOR)], key=misfit_of)
     if misfit_of(best) > joints * math.log(_POOR):
         factors = _factors(body, units, few)
         best = factors if misfit_of(factors) < misfit_of(best) + joints * math.log(_FACTORS) else best
