@@ -112,8 +112,8 @@ def export_set(
         home = tuple(trajectory.home or ())
         start = (matrix @ settings.start).tolist()
         ends = {APPROACH: (start, home), RETURN: (home, start)}
-        both_ways = {name: approach(constraints, *both, settings) for name, both in ends.items()}
-        ways = {name: way.for_controller(matrix) for name, way in both_ways.items()}
+        for name, both in ends.items():
+            ways[name] = approach(constraints, *both, settings).for_controller(matrix)
     goals = points | ways
     pause = settings.pause or 0.0
     texts: dict[str, str] = {}
@@ -137,7 +137,7 @@ def export_set(
 
 def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSettings) -> None:
     """Refuse settings that do not fit an arm, or a family at its final speed, by a ConfigError."""
-    least = least_rate(trajectory)
+    matrix, least = settings.matrix(arm), least_rate(trajectory)
     if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
         raise ConfigError(
             f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
@@ -159,7 +159,7 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
                 f"controllers.start is {settings.start}, expected the positions of {arm.joints} joints, "
                 f"{', '.join(arm.joint_names)}"
             )
-        refuse_degrees(arm, (settings.matrix(arm) @ settings.start).tolist(), "controllers.start")
+        refuse_degrees(arm, (matrix @ settings.start).tolist(), "controllers.start")
 
 
 def _of_a_run(path: Path) -> bool:

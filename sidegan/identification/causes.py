@@ -120,13 +120,11 @@ def _error_with(found: IdentifiedArm, gravity: Array) -> float:
 
 def _coupled(found: IdentifiedArm) -> str:
     """Remark that joints' motions or torques are coupled, with the settings that uncouple them; or empty."""
-    model = found.model
-    coupling = coupled(model, measurements_of(found.training))
+    coupling = coupled(found.model, measurements_of(found.training))
     if coupling is None:
         return ""
-    text, motion, torque = coupling
     settings = found.training[0].agreement.settings
-    return f"{text}: {settings.coupled(model.arm.joint_names, motion, torque)} uncouples them"
+    return f"{coupling[0]}: {settings.coupled(found.model.arm.joint_names, *coupling[1:])} uncouples them"
 
 
 def _differences(found: IdentifiedArm) -> list[Finding]:

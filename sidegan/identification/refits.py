@@ -168,21 +168,20 @@ def coupled(model: TorqueModel, samples: Sequence[Measurements]) -> tuple[str, A
     """
     whole = thinned(samples, _SAMPLES_OF_TILT)
     own = np.eye(model.joints)
-    plain = sums_of(model.regressor(*whole.inputs), whole.torque)
-    weights = reweighted(plain).weights
+    weights = reweighted(sums_of(model.regressor(*whole.inputs), whole.torque)).weights
 
     def left(part: slice, motion: Array, torque: Array, weights: Array | None = None) -> float:
         """Logarithm of the squared residuals in a part of the samples, summed over joints."""
         inputs = whole.inputs if (motion == own).all() else [x @ motion.T for x in whole.states]
         sums = sums_of(model.regressor(*(x[part] for x in inputs)), whole.torque[part] @ torque.T)
         fit = reweighted(sums) if weights is None else least_squares(sums, weights=weights)
-        squares = np.log(np.maximum(sums.squares(fit.parameters), _TINY)).sum()
-        return float(squares) - 2 * float(np.linalg.slogdet(torque)[1])  # in any units of torque
+        squares = np.log(np.maximum(sums.squares(fit.parameters), _TINY))
+        return float(squares.sum() - 2 * np.linalg.slogdet(torque)[1])  # whatever the units of torques
 
     halves = [slice(None, len(whole) // 2), slice(len(whole) // 2, None)]
     before = [left(half, own, own) for half in halves]
     candidates = [*_coupled_torques(model, whole), *couplings(model.arm.joint_names)]
-    likely = sorted(candidates, key=lambda x: left(slice(None, None, 2), *x[1:], weights))[:_LIKELY]
+    likely = sorted(candidates, key=lambda x: left(slice(None, None, 2), x[1], x[2], weights))[:_LIKELY]
     gains = [max(left(half, *x[1:]) - then for half, then in zip(halves, before)) for x in likely]
     best = min(zip(gains, likely), key=lambda x: x[0], default=(0.0, None))
     return best[1] if best[0] < np.log(_COUPLED) else None
@@ -198,12 +197,8 @@ def _coupled_torques(model: TorqueModel, samples: Measurements) -> Iterator[tupl
         rest = pair - y[:, j] @ np.linalg.lstsq(y[:, j], pair)[0]
         factor = float(rest[:, 0] @ rest[:, 1]) / max(float(rest[:, 1] @ rest[:, 1]), _TINY)
         factor = round(factor) if abs(abs(factor) - 1) < _WHOLE else factor
-        times = "" if abs(factor) == 1 else f"{abs(factor):.2g} times "
-        text = (
-            f"the torque of {names[j]} looks like its own {'plus' if factor > 0 else 'minus'} {times}that of "
-            f"{names[k]}, as where a belt couples their motors"
-        )
-        yield text, own, own - factor * np.outer(own[j], own[k])
+        text = f"the torque of {names[j]} looks like its own and {factor:.2g} times that of {names[k]}"
+        yield f"{text}, as where a belt couples their motors", own, own - factor * np.outer(own[j], own[k])
 
 
 def change_between(found: IdentifiedArm) -> list[str]:

@@ -73,12 +73,8 @@ def commanded_files(path: Path) -> list[Path]:
     return files
 
 
-def load_commanded(path: Path, joint_names: Sequence[str], matrix: Array | float = 1.0) -> list[Commanded]:
-    """The commanded trajectories, from tables with the columns of ``excite``.
-
-    ``matrix``, (J, J), is that of joints' positions from commanded ones, see ``recording.coupling``.
-    """
-    coupling = matrix * np.eye(len(joint_names))
+def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> list[Commanded]:
+    """The trajectories in tables of ``excite``, from whose positions ``coupling``, (J, J), makes joints'."""
     found = []
     for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):

@@ -62,9 +62,7 @@ def couplings(names: Sequence[str]) -> Iterator[tuple[str, Array, Array]]:
     for pair in pairwise(range(len(names))):
         for (j, k), sign in product((pair, pair[::-1]), (-1.0, 1.0)):
             motion = own + sign * np.outer(own[j], own[k])
-            angle = (
-                f"the position of {names[j]} looks counted from that of {names[k]}, as from the horizontal"
-            )
+            angle = f"the position of {names[j]} looks counted from {names[k]}'s, as from the horizontal"
             yield angle, motion, own
             belt = f"the motors of {names[j]} and {names[k]} look coupled, as by a belt"
             yield belt, motion, np.linalg.inv(motion).T
@@ -86,9 +84,8 @@ def _columns(arm: Arm, settings: RecordingSettings, poor: bool) -> Iterator[Map]
         text = "positions look like those of the motors before the transmissions in the description"
         maps += [(text, motors, x) for x in torques[: 1 + (np.count_nonzero(motors) > arm.joints)]]
     for j, k in combinations(range(arm.joints), 2):
-        order = np.arange(arm.joints)
-        order[[j, k]] = k, j
-        maps.append((f"the motions of {names[j]} and {names[k]} look swapped", own[order], own))
+        both = own - np.outer(own[j] - own[k], own[j] - own[k])
+        maps.append((f"the motions of {names[j]} and {names[k]} look swapped", both, own))
     for text, motion, torque in maps:
         way = settings.coupled(names, motion, torque)
         yield Map(motion, np.zeros(arm.joints), f"{text}: {way} explains the torques far better", torque)

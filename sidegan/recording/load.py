@@ -65,9 +65,8 @@ def load_recording(
     read = unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides)
     if settings.coupling:
         matrix = settings.motion_matrix(joint_names)
-        motion = {name: x for name, x in read.signals().items() if name in SIGNALS[:3]}
-        coupled: dict[str, Any] = {name: x @ matrix.T for name, x in motion.items()}
-        read = replace(read, **coupled)
+        coupled = {name: x @ matrix.T for name, x in read.signals().items() if name in SIGNALS[:3]}
+        read = replace(read, **coupled)  # type: ignore[arg-type]
     return driven(read)
 
 

@@ -66,7 +66,7 @@ class RecordingSettings:
                 )
 
     def motion_matrix(self, joint_names: Sequence[str]) -> Array:
-        """The matrix C, (J, J), of positions q = C q_recorded, velocities and accelerations."""
+        """The matrix C, (J, J), of positions, velocities and accelerations: q = C q_recorded."""
         return coupling_matrix("recording.coupling", self.coupling, joint_names)
 
     def torque_matrix(self, joint_names: Sequence[str]) -> Array:
@@ -79,9 +79,8 @@ class RecordingSettings:
         """Settings for positions that are ``motion``, (J, J), times those of now, and torques likewise."""
         motion = motion @ self.motion_matrix(joint_names)
         torque = torque @ self.torque_matrix(joint_names)
-        found = [coupling_setting("recording.coupling", motion, joint_names)]
-        if self.coupling is None and np.array_equal(motion, np.eye(len(motion))):
-            found = []
+        same = self.coupling is None and np.array_equal(motion, np.eye(len(motion)))
+        found = [] if same else [coupling_setting("recording.coupling", motion, joint_names)]
         if self.torque_coupling is not None or not np.allclose(torque, np.linalg.inv(motion).T):
             found.append(coupling_setting("recording.torque_coupling", torque, joint_names))
         return " ".join(found)

@@ -1,6 +1,6 @@
 """Coupled coordinates, as of motors behind gears, belts and differentials, or angles from the horizontal."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,10 +10,8 @@ from sidegan.base.typed import Number
 from sidegan.errors import ConfigError
 from sidegan.robot.setup import setting
 
-# For each joint, the factor of each column of which it is the sum; others are their own columns. Columns have
-# the names of joints.
+# {joint: {column: factor}}: columns, named like joints, whose sum a joint is; others are their own columns
 Rows = dict[str, dict[str, Number]]
-_ROUNDED = ".6g"
 
 
 def coupling_matrix(name: str, rows: Rows | None, joint_names: Sequence[str]) -> Array:
@@ -33,11 +31,8 @@ def coupling_matrix(name: str, rows: Rows | None, joint_names: Sequence[str]) ->
     return matrix
 
 
-def coupling_setting(name: str, matrix: Array, joint_names: Iterable[str]) -> str:
+def coupling_setting(name: str, matrix: Array, joint_names: Sequence[str]) -> str:
     """The setting of this name that makes this matrix, (J, J), as an argument of the command."""
-    names = [*joint_names]
-    each = zip(names, matrix.tolist(), np.eye(len(names)).tolist())
-    rows: Mapping[str, object] = {
-        joint: {k: x for k, x in zip(names, row) if x} for joint, row, own in each if row != own
-    }
-    return setting(name, rows, _ROUNDED)
+    each = zip(joint_names, matrix.tolist())
+    rows = {joint: {k: x for k, x in zip(joint_names, row) if x} for joint, row in each}
+    return setting(name, {joint: row for joint, row in rows.items() if row != {joint: 1.0}}, ".6g")

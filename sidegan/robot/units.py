@@ -27,7 +27,6 @@ FAR, REACHES = 6.0, 3.0  # [m] and in reaches: an impossible radius of gyration
 OUTSIDE, OUTSIDE_UNSEEN, SHORT = 1.4, 3.0, 0.25
 LIGHT, FOAM = 2.5e-3, 25.0  # of a link: share of the median mass, and [kg/m³] over its size cubed
 INERTIAS = {"kg·mm²": 1e-6, "kg·cm²": 1e-4, "g·mm²": 1e-9}  # in kg·m²
-_REDUCTIONS = "mechanicalReduction", "mechanical_reduction"
 _ENDLESS = 500.0  # times the largest limit, from which on one is a placeholder, as powers of ten are
 _ROUND = 2e-3  # relative tolerance of a power of ten, such as 999
 
@@ -62,8 +61,9 @@ def refuse_angles(root: ET.Element, where: str) -> None:
 def reductions_of(root: ET.Element) -> dict[str, float]:
     """Gear reductions above 1 that transmissions of single joints state, by joint."""
     names = [x.get("name", "") for x in root.findall("joint")]
-    rows = dict(zip(names, np.abs(transmissions(root, names))))
-    return {name: float(1 / x.max()) for name, x in rows.items() if (x > 0).sum() == 1 and x.max() < 1}
+    matrix = np.abs(transmissions(root, names))
+    alone = (np.count_nonzero(matrix, 0) == 1) & (np.count_nonzero(matrix, 1) == 1)
+    return {name: float(1 / x.max()) for name, x, one in zip(names, matrix, alone) if one and x.max() < 1}
 
 
 def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
@@ -71,7 +71,7 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
     matrix = np.eye(len(joint_names))
     for element in root.iter("transmission"):
         joints, motors = (
-            sorted(element.findall(tag), key=lambda x: x.get("role") or x.findtext("role", ""))
+            sorted(element.findall(tag), key=lambda x: x.get("role", "") + x.findtext("role", ""))
             for tag in ("joint", "actuator")
         )
         at = [joint_names.index(name) for x in joints if (name := x.get("name", "")) in joint_names]
@@ -89,4 +89,5 @@ def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
 
 def _reduction(element: ET.Element) -> float:
     """The gear reduction that a part of a transmission states; 1 if none."""
-    return next((x for tag in _REDUCTIONS if (x := xml.plain(element.findtext(tag)))), 1.0)
+    tags = "mechanicalReduction", "mechanical_reduction"
+    return next((x for tag in tags if (x := xml.plain(element.findtext(tag)))), 1.0)

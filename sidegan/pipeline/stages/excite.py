@@ -118,10 +118,8 @@ def _order(run: RunContext, durations: Mapping[str, float]) -> str:
         for length, names in groups
     ]
     ways = APPROACH in durations
-    q = run.cfg.controllers.start or []
-    if not ways:
-        home = run.cell.trajectory.home or [0.0] * run.cell.arm.joints
-        q = np.linalg.solve(run.cfg.controllers.matrix(run.cell.arm), home).tolist()
+    settings, home = run.cfg.controllers, run.cell.trajectory.home or [0.0] * run.cell.arm.joints
+    q = settings.start or [] if ways else np.linalg.solve(settings.matrix(run.cell.arm), home).tolist()
     where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q))
     place = f"at controllers.start: {where}"
     if not ways:
