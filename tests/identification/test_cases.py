@@ -143,7 +143,7 @@ CASES = [
     (
         of_belt,
         BAD,
-        r"^the torque of joint_6 looks like its own minus that of joint_5, .*"
+        r"^the torque of joint_6 looks like its own and -1 times that of joint_5, .*"
         r"'recording\.torque_coupling=\{joint_6: \{joint_5: 1, joint_6: 1\}\}'",
     ),
     (
@@ -283,9 +283,9 @@ def of_ratio(made):
 
 
 COUPLED = [
-    (counted, "^the position of joint_4 looks counted from that of joint_3"),
+    (counted, "^the position of joint_4 looks counted from joint_3's"),
     (of_differential, "^joint_5 and joint_6 look driven by a differential"),
-    (of_ratio, "^the torque of joint_5 looks like its own plus 0.5 times that of joint_6"),
+    (of_ratio, "^the torque of joint_5 looks like its own and 0.5 times that of joint_6"),
 ]
 
 
@@ -329,7 +329,7 @@ WARNED = [
     (
         counted,
         BAD,
-        "the position of joint_4 looks counted from that of joint_3, as from the horizontal: 'rec",
+        "the position of joint_4 looks counted from joint_3's, as from the horizontal: 'rec",
     ),
     (turned_round, BAD, "the axis of joint_4 looks reversed"),
     (slower, USABLE, r"^with a motion (2|1\.9\d|2\.0\d) times as fast .* are the time stamps right"),

@@ -81,9 +81,9 @@ def test_files_are_in_the_coordinates_of_the_controller(ran):
         np.testing.assert_allclose(course(counted, k)[STATES[:2]] @ joints.T, motion, rtol=0, atol=1e-7)
     approach = course(counted, "approach")[STATES[:2]].to_numpy()
     np.testing.assert_allclose(approach[[0, -1]], [[0.4, 0.1], [0.0, 0.0]], rtol=0, atol=1e-9)
-    (_, command), (then, _), (_, identify) = sections(counted)
+    _, (then, _), (_, identify) = sections(counted)
     assert "must stand at controllers.start: shoulder 0.4, elbow 0.1" in then
-    assert coupling in command and "'recording.coupling={elbow: {elbow: 1, shoulder: -1}}'" in identify
+    assert "'recording.coupling={elbow: {elbow: 1, shoulder: -1}}'" in identify
 
 
 def test_a_first_run_is_slower(ran, folder):
