@@ -60,6 +60,11 @@ class Course:
         """Duration from the first to the last point [s]."""
         return float(self.time[-1])
 
+    def for_controller(self, coupling: Array) -> "Course":
+        """This motion in the controller's coordinates, from which ``coupling``, (J, J), makes the joints'."""
+        inverse = np.linalg.inv(coupling)
+        return Course(self.joint_names, self.time, *(getattr(self, name) @ inverse.T for name in STATES))
+
     def sampled(self, rate: float) -> "Course":
         """This motion resampled at a rate [Hz], by quintic interpolation."""
         count = max(1, round(self.duration * rate))

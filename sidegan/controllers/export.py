@@ -12,6 +12,7 @@ from sidegan.controllers.formats import SCRIPTED, csv_text, goal_text, script_te
 from sidegan.errors import ConfigError, InfeasibleError
 from sidegan.motion.trajectory import Trajectory
 from sidegan.robot import Arm
+from sidegan.robot.coupling import Rows, coupling_matrix
 from sidegan.validity import Constraints, check
 from sidegan.validity.home import refuse_degrees
 
@@ -42,6 +43,8 @@ class ExportSettings:
     rate: Hertz = 100.0  # of the tables [Hz]
     speed: Part = 1.0  # share of the planned speed: the same paths, slower
     pause: Seconds | None = 1.0  # rest between trajectories [s]; null: none
+    # joints whose position is a sum of the controller's, in whose coordinates files and ``start`` are
+    coupling: Rows | None = None
     start: list[Number] | None = None  # present position [rad or m]; adds a path from there to home and back
     careful: Part = 0.2  # share of the limits that this path uses; of torques, in addition to holding the arm
     longest: Positive = 600.0  # most time for this path [s]
@@ -51,6 +54,10 @@ class ExportSettings:
     def __post_init__(self) -> None:
         if not self.formats or len(set(self.formats)) < len(self.formats):
             raise ConfigError("formats must name one or more, each once")
+
+    def matrix(self, arm: Arm) -> Array:
+        """The matrix, (J, J), of joints' positions from the controller's."""
+        return coupling_matrix("controllers.coupling", self.coupling, arm.joint_names)
 
     def refuse_long(self, motion: str, duration: float) -> None:
         """Refuse a motion of this duration [s] that has too many samples for the memory, by a ConfigError."""
@@ -91,18 +98,22 @@ def export_set(
             f"{found.failures(first)[0]}; no files are written"
         )
     arm, rate, digits = constraints.arm, settings.rate, len(str(len(c)))
+    matrix = settings.matrix(arm)
 
     def courses(times: Array) -> dict[str, Course]:
         """Each trajectory with points at these times [s], by its number."""
         motions = (trajectory.roll_out(coefficients[None], times) for coefficients in c)
-        return {f"{k:0{digits}}": Course.of(arm.joint_names, motion) for k, motion in enumerate(motions, 1)}
+        made = (Course.of(arm.joint_names, motion).for_controller(matrix) for motion in motions)
+        return {f"{k:0{digits}}": course for k, course in enumerate(made, 1)}
 
     points = courses(trajectory.times(least_rate(trajectory)))
     ways: dict[str, Course] = {}
     if settings.start is not None:
         home = tuple(trajectory.home or ())
-        ends = {APPROACH: (settings.start, home), RETURN: (home, settings.start)}
-        ways = {name: approach(constraints, *both, settings) for name, both in ends.items()}
+        start = (matrix @ settings.start).tolist()
+        ends = {APPROACH: (start, home), RETURN: (home, start)}
+        for name, both in ends.items():
+            ways[name] = approach(constraints, *both, settings).for_controller(matrix)
     goals = points | ways
     pause = settings.pause or 0.0
     texts: dict[str, str] = {}
@@ -126,7 +137,7 @@ def export_set(
 
 def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSettings) -> None:
     """Refuse settings that do not fit an arm, or a family at its final speed, by a ConfigError."""
-    least = least_rate(trajectory)
+    matrix, least = settings.matrix(arm), least_rate(trajectory)
     if "csv" in settings.formats and settings.rate < least * (1 - _PRINTED):
         raise ConfigError(
             f"controllers.rate is {settings.rate:g} Hz, expected {least:.5g} or more: {POINTS} points per "
@@ -148,7 +159,7 @@ def require_exportable(arm: Arm, trajectory: Trajectory, settings: ExportSetting
                 f"controllers.start is {settings.start}, expected the positions of {arm.joints} joints, "
                 f"{', '.join(arm.joint_names)}"
             )
-        refuse_degrees(arm, settings.start, "controllers.start")
+        refuse_degrees(arm, (matrix @ settings.start).tolist(), "controllers.start")
 
 
 def _of_a_run(path: Path) -> bool:

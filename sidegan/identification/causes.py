@@ -15,7 +15,7 @@ from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.refits import (
     change_between,
-    coupled_torques,
+    coupled,
     held_load,
     moved,
     shifted_zeros,
@@ -55,7 +55,7 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
     if twice and found.quality.verdict != GOOD:
         return [*(Finding(BAD, text) for text in twice), *repairs], False
     parts = [x for recording in found.training for x in recording.segments]
-    agreement = agreement_of(model.body, parts, found.training[0].agreement.units)
+    agreement = agreement_of(model.body, parts, found.training[0].agreement.settings)
     exchanged, gravity = agreement.exchanged(arm), agreement.gravity(arm)
     now = error = found.quality.judged.nmse_mean
     if gravity and (error := _error_with(found, agreement.load.gravity)) > now:
@@ -119,16 +119,12 @@ def _error_with(found: IdentifiedArm, gravity: Array) -> float:
 
 
 def _coupled(found: IdentifiedArm) -> str:
-    """Remark that a joint's torque holds a neighbour's; empty if none does."""
-    pair = coupled_torques(found.model, measurements_of(found.training))
-    if pair is None:
+    """Remark that joints' motions or torques are coupled, with the settings that uncouple them; or empty."""
+    coupling = coupled(found.model, measurements_of(found.training))
+    if coupling is None:
         return ""
-    joint, neighbour = (found.model.arm.joint_names[x] for x in pair[:2])
-    does, undo = ("plus", "subtract") if pair[2] > 0 else ("minus", "add")
-    return (
-        f"the torque of {joint} looks like its own {does} that of {neighbour}, as where a belt couples their "
-        f"motors: {undo} the column of {neighbour}"
-    )
+    settings = found.training[0].agreement.settings
+    return f"{coupling[0]}: {settings.coupled(found.model.arm.joint_names, *coupling[1:])} uncouples them"
 
 
 def _differences(found: IdentifiedArm) -> list[Finding]:

@@ -15,6 +15,7 @@ from sidegan.identification.fit import (
     Gathered,
     covariance_of,
     gather,
+    least_squares,
     reweighted,
     torque_errors,
 )
@@ -22,9 +23,10 @@ from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.measurements import Measurements, thinned
 from sidegan.identification.model import Terms, TorqueModel
 from sidegan.identification.payload import with_load
-from sidegan.identification.sums import Sums, sums_of, sums_of_draws
+from sidegan.identification.sums import Sums, sums_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.check import CheckedRecording
+from sidegan.recording.coordinates import couplings
 
 _SURE = 5.0  # standard deviations from zero at which a zero or a load is significant
 _EXPLAINED = 0.7  # largest share of the residuals' squares that may remain with other zeros or gravity
@@ -46,7 +48,9 @@ _FIRST = 0.05  # [rad] of the search
 _FINE = 1e-3  # [rad] at which it ends
 _NOTABLE_TILT = 0.03  # [rad] smallest tilt that is reported
 
-_COUPLED = 0.3  # most of the squares that may remain without a neighbour's torque
+_COUPLED = 0.3  # most of the squares that may remain without a coupling
+_LIKELY = 3  # couplings that are tried in both halves of the samples
+_WHOLE = 0.05  # largest difference from 1 of a factor that is taken for 1
 
 _HALF = 0.5  # most of the residuals' squares that may remain if a change is to explain them
 _FITS = 0.1  # most of the torques' squares that may remain then
@@ -157,25 +161,44 @@ def tilted_gravity(model: TorqueModel, samples: Sequence[Measurements]) -> Array
     return turned(found) if np.linalg.norm(found) > _NOTABLE_TILT and better else None
 
 
-def coupled_torques(model: TorqueModel, samples: Sequence[Measurements]) -> tuple[int, int, int] | None:
-    """A joint, a neighbour and the sign with which the neighbour's torque is in the joint's; None if none is.
+def coupled(model: TorqueModel, samples: Sequence[Measurements]) -> tuple[str, Array, Array] | None:
+    """What the recorded motion or torques look like, and matrices (J, J) that uncouple them; None if nothing.
 
-    Without it, links and terms fitted anew leave far less, in both halves of the samples.
+    With them, links and terms fitted anew leave far less, in both halves of the samples.
     """
     whole = thinned(samples, _SAMPLES_OF_TILT)
-    y, own = model.regressor(*whole.inputs), np.eye(model.joints)
-    pairs = [(j, k, s) for j, k in permutations(range(model.joints), 2) if abs(j - k) == 1 for s in (1, -1)]
-    alone = [whole.torque - s * np.outer(whole.torque[:, k], own[j]) for j, k, s in pairs]
-    torques = np.stack([whole.torque, *alone])
-    half = len(whole) // 2
-    gains = []
-    for part in (slice(None, half), slice(half, None)):
-        draws = sums_of_draws(y[part], torques[:, part])
-        squares = np.stack([x.squares(reweighted(x).parameters) for x in draws])
-        left = np.log(np.maximum(squares, _TINY)).sum(1)
-        gains.append(left[1:] - left[0])
-    worst = np.max(gains, 0)
-    return pairs[worst.argmin()] if len(pairs) and worst.min() < np.log(_COUPLED) else None
+    own = np.eye(model.joints)
+    weights = reweighted(sums_of(model.regressor(*whole.inputs), whole.torque)).weights
+
+    def left(part: slice, motion: Array, torque: Array, weights: Array | None = None) -> float:
+        """Logarithm of the squared residuals in a part of the samples, summed over joints."""
+        inputs = whole.inputs if (motion == own).all() else [x @ motion.T for x in whole.states]
+        sums = sums_of(model.regressor(*(x[part] for x in inputs)), whole.torque[part] @ torque.T)
+        fit = reweighted(sums) if weights is None else least_squares(sums, weights=weights)
+        squares = np.log(np.maximum(sums.squares(fit.parameters), _TINY))
+        return float(squares.sum() - 2 * np.linalg.slogdet(torque)[1])  # whatever the units of torques
+
+    halves = [slice(None, len(whole) // 2), slice(len(whole) // 2, None)]
+    before = [left(half, own, own) for half in halves]
+    candidates = [*_coupled_torques(model, whole), *couplings(model.arm.joint_names)]
+    likely = sorted(candidates, key=lambda x: left(slice(None, None, 2), x[1], x[2], weights))[:_LIKELY]
+    gains = [max(left(half, *x[1:]) - then for half, then in zip(halves, before)) for x in likely]
+    best = min(zip(gains, likely), key=lambda x: x[0], default=(0.0, None))
+    return best[1] if best[0] < np.log(_COUPLED) else None
+
+
+def _coupled_torques(model: TorqueModel, samples: Measurements) -> Iterator[tuple[str, Array, Array]]:
+    """Couplings of neighbours' torques alone, with the factor by which one lies in what a joint's lacks."""
+    names, own, y = model.arm.joint_names, np.eye(model.joints), model.regressor(*samples.inputs)
+    for j, k in permutations(range(model.joints), 2):
+        if abs(j - k) != 1:
+            continue
+        pair = samples.torque[:, [j, k]]
+        rest = pair - y[:, j] @ np.linalg.lstsq(y[:, j], pair)[0]
+        factor = float(rest[:, 0] @ rest[:, 1]) / max(float(rest[:, 1] @ rest[:, 1]), _TINY)
+        factor = round(factor) if abs(abs(factor) - 1) < _WHOLE else factor
+        text = f"the torque of {names[j]} looks like its own and {factor:.2g} times that of {names[k]}"
+        yield f"{text}, as where a belt couples their motors", own, own - factor * np.outer(own[j], own[k])
 
 
 def change_between(found: IdentifiedArm) -> list[str]:

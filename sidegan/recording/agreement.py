@@ -22,7 +22,7 @@ from sidegan.recording.gravity import (
     unexplained,
 )
 from sidegan.recording.recording import Segment
-from sidegan.recording.units import Units
+from sidegan.recording.settings import RecordingSettings
 from sidegan.robot import Arm
 from sidegan.robot.placement import direction, in_base, mount_of, straightened
 
@@ -58,7 +58,7 @@ class Agreement(NamedTuple):
     friction: Array
     usual: Array  # 99th percentile of the absolute measured torque [N·m or N], (J,)
     needed: Array  # 99th percentile of the absolute described torque [N·m or N], (J,)
-    units: Units  # in which the recording was read
+    settings: RecordingSettings  # with which the recording was read
     pace: float = 1.0  # times that the motion was faster than recorded, by its torques; 1 if they do not tell
 
     @property
@@ -198,19 +198,19 @@ def to_reverse(names: str) -> str:
     return f"(recording.reverse=[{names.replace(', ', ',')}])"
 
 
-def agreement_of(body: RigidBody, segments: list[Segment], units: Units) -> Agreement:
-    """Agreement of segments, read in these units, with an arm's description."""
+def agreement_of(body: RigidBody, segments: list[Segment], settings: RecordingSettings) -> Agreement:
+    """Agreement of segments, read with these settings, with an arm's description."""
     stride = max(1, sum(len(segment.time) for segment in segments) // _SAMPLES)
     q, v, a, torque = (np.concatenate([segment[k][::stride] for segment in segments]) for k in range(1, 5))
     load = load_of(body, q, v, a, torque)
     model = body.torque(q, v, a)
-    positions = positions_behind(body, load.misfit, units, q, v, a, torque)
+    positions = positions_behind(body, load.misfit, settings, q, v, a, torque)
     usual, needed = (np.quantile(np.abs(x), _MOST, 0) for x in (torque, model))
     found = Agreement(
         load=load,
         order=_order(model, v, a, torque),
         positions=positions,
-        units=units,
+        settings=settings,
         columns=_columns(body, positions, q, v, a, torque) if load.misfit > UNLIKE else None,
         turned=not np.array_equal(load.gravity, body.arm.gravity),
         moved=np.ptp(q, 0),
@@ -264,7 +264,7 @@ def _columns(body: RigidBody, positions: Map | None, *signals: Array) -> list[in
     gain = sum(j != k for j, k in enumerate(best)) * math.log(BETTER)
     halves = zip(*(np.array_split(x[:: max(1, len(x) // _FEW)], 2) for x in signals))
     for x in halves:
-        other = misfit(body, positions.of(*x[:3]) if positions else x[:3], x[3])
+        other = misfit(body, *(positions.of(*x) if positions else (x[:3], x[3])))
         ordered = misfit_by_order(body, *x)(best)
         if not (gain and ordered < min(other + gain, body.joints * math.log(UNLIKE))):
             return None

@@ -207,7 +207,7 @@ def check_recording(
         if (recording.position % 1).any():  # no counts; rates may be in any unit, too
             plain = replace(recording, velocity=None, acceleration=None)
             rough = preprocess(plain, settings, gains, sign_width, grid_for(statistics, settings, None), 0.0)
-            found = agreement_of(RigidBody(arm), rough, settings.units).positions
+            found = agreement_of(RigidBody(arm), rough, settings).positions
             doubt = found.text if found and found.text not in doubt else doubt
         raise RecordingError(f"{recording.name}: {doubt}")
     refused.refuse_idle(statistics, arm)
@@ -215,7 +215,7 @@ def check_recording(
     parts = [recording]
     repeated = None
     if settings.sent is not None:
-        sent = load_commanded(Path(settings.sent), arm.joint_names)
+        sent = load_commanded(Path(settings.sent), arm.joint_names, settings.motion_matrix(arm.joint_names))
         parts, repeated = averaged(recording, sent, statistics.gap)
     grid = grid_for(statistics, settings, None if repeated is None else repeated.bandwidth)
 
@@ -254,8 +254,8 @@ def check_recording(
         late = warnings[-1] if left.clear or left.lost else None
     # an uncorrected delay would distort the estimated signs and gravity
     timed = kept(given + left.seconds) if late and left.clear else segments
-    agreement = agreement_of(body, timed, settings.units)
-    torques = [(x.time, torque_of(x, gains, settings.reverse)) for x in parts]
+    agreement = agreement_of(body, timed, settings)
+    torques = [(x.time, torque_of(x, gains, settings)) for x in parts]
     refused.refuse_overload(statistics, arm, agreement, settings.units, torques)
     return CheckedRecording(
         joint_names=arm.joint_names,

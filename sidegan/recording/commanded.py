@@ -73,8 +73,8 @@ def commanded_files(path: Path) -> list[Path]:
     return files
 
 
-def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
-    """The commanded trajectories, from tables with the columns of ``excite``."""
+def load_commanded(path: Path, joint_names: Sequence[str], coupling: Array) -> list[Commanded]:
+    """The trajectories in tables of ``excite``, from whose positions ``coupling``, (J, J), makes joints'."""
     found = []
     for file in commanded_files(path):
         with reading(file, "CSV", RecordingError):
@@ -83,7 +83,7 @@ def load_commanded(path: Path, joint_names: Sequence[str]) -> list[Commanded]:
         if missing := [name for name in columns if name not in table]:
             raise RecordingError(f"{file} has no column {', '.join(missing)}: is it for this arm?")
         values = table[columns].to_numpy(np.float64)
-        found.append(Commanded(file.stem, values[:, 0], values[:, 1:]))
+        found.append(Commanded(file.stem, values[:, 0], values[:, 1:] @ coupling.T))
     return found
 
 

@@ -1,8 +1,8 @@
 """What recorded positions may be in place of the joints': in other units, of motors, swapped, coupled."""
 
 import math
-from collections.abc import Iterator
-from itertools import combinations, permutations
+from collections.abc import Iterator, Sequence
+from itertools import combinations, pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +11,11 @@ import scipy  # submodules load lazily
 from sidegan.base.arrays import Array
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.gravity import misfit
+from sidegan.recording.settings import RecordingSettings
 from sidegan.recording.units import Units
 from sidegan.robot import Arm
+from sidegan.robot.sources import read_source
+from sidegan.robot.units import transmissions
 
 BETTER = 0.3  # largest ratio of residuals, of other over recorded positions, at which others are believed
 UNLIKE = 0.3  # most that they may leave unexplained then, mean over joints
@@ -31,10 +34,12 @@ class Map(NamedTuple):
     matrix: Array  # M, (J, J)
     zero: Array  # z [rad or m], (J,)
     text: str  # ends with the setting or change of the file that makes it so
+    torque: Array | None = None  # of the joints' torques from recorded ones, (J, J); None: as recorded
 
-    def of(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Positions, velocities and accelerations, (S, J) each, of recorded ones."""
-        return q @ self.matrix.T + self.zero, v @ self.matrix.T, a @ self.matrix.T
+    def of(self, q: Array, v: Array, a: Array, torque: Array) -> tuple[tuple[Array, Array, Array], Array]:
+        """Positions, velocities and accelerations, and torques, (S, J) each, of recorded ones."""
+        motion = q @ self.matrix.T + self.zero, v @ self.matrix.T, a @ self.matrix.T
+        return motion, torque if self.torque is None else torque @ self.torque.T
 
 
 def _units(arm: Arm, units: Units) -> Iterator[Map]:
@@ -51,65 +56,72 @@ def _units(arm: Arm, units: Units) -> Iterator[Map]:
     yield Map(np.diag(degrees), none, "are these degrees? (recording.units.angle=deg)")
 
 
-def _columns(arm: Arm) -> Iterator[Map]:
-    """Maps from reversed, swapped and coupled joints."""
-    names, none, own = arm.joint_names, np.zeros(arm.joints), np.eye(arm.joints)
-    for j, name in enumerate(names):
-        text = (
-            f"the axis of {name} looks reversed: turned the other way, it explains the torques far better; "
-            "negate its columns of position, velocity and torque, or its axis in the description"
-        )
-        yield Map(own - 2 * np.outer(own[j], own[j]), none, text)
+def couplings(names: Sequence[str]) -> Iterator[tuple[str, Array, Array]]:
+    """Usual couplings of neighbours: what they look like, and matrices (J, J) of positions and torques."""
+    own = np.eye(len(names))
+    for pair in pairwise(range(len(names))):
+        for (j, k), sign in product((pair, pair[::-1]), (-1.0, 1.0)):
+            motion = own + sign * np.outer(own[j], own[k])
+            angle = f"the position of {names[j]} looks counted from {names[k]}'s, as from the horizontal"
+            yield angle, motion, own
+            belt = f"the motors of {names[j]} and {names[k]} look coupled, as by a belt"
+            yield belt, motion, np.linalg.inv(motion).T
+        text = "{} and {} look driven by a differential".format(*(names[j] for j in pair))
+        for mean, one, other in product((0, 1), (-0.5, 0.5), (-0.5, 0.5)):
+            motion = own.copy()
+            motion[np.ix_(pair, pair)] = np.roll([[one, one], [other, -other]], mean, 0)
+            yield text, motion, np.linalg.inv(motion).T
+
+
+def _columns(arm: Arm, settings: RecordingSettings, poor: bool) -> Iterator[Map]:
+    """Maps from reversed, swapped and coupled joints, and, if the fit is poor, from motors before gears."""
+    names, own = arm.joint_names, np.eye(arm.joints)
+    found = [(f"the axis of {name} looks reversed", own - 2 * np.diag(x)) for name, x in zip(names, own)]
+    maps = [*((text, x, x) for text, x in found), *couplings(names)]
+    if poor:
+        motors = transmissions(read_source(arm.urdf, arm.setup.args).root, names)
+        torques = [own, np.linalg.inv(motors).T]
+        text = "positions look like those of the motors before the transmissions in the description"
+        maps += [(text, motors, x) for x in torques[: 1 + (np.count_nonzero(motors) > arm.joints)]]
     for j, k in combinations(range(arm.joints), 2):
-        order = np.arange(arm.joints)
-        order[[j, k]] = k, j
-        text = (
-            f"the motions of {names[j]} and {names[k]} look swapped: each one's torque fits the other's "
-            "positions; is the order of columns right? (recording.position)"
-        )
-        yield Map(own[order], none, text)
-    for j, k in permutations(range(arm.joints), 2):
-        if abs(j - k) > 1:
-            continue
-        for sign, what in ((-1.0, "subtract the latter from"), (1.0, "add the latter to")):
-            text = (
-                f"the position of {names[j]} looks counted from that of {names[k]}, as from the horizontal: "
-                f"{what} the former, in columns of position and velocity"
-            )
-            yield Map(own + sign * np.outer(own[j], own[k]), none, text)
+        both = own - np.outer(own[j] - own[k], own[j] - own[k])
+        maps.append((f"the motions of {names[j]} and {names[k]} look swapped", both, own))
+    for text, motion, torque in maps:
+        way = settings.coupled(names, motion, torque)
+        yield Map(motion, np.zeros(arm.joints), f"{text}: {way} explains the torques far better", torque)
 
 
 def positions_behind(
-    body: RigidBody, left: float, units: Units, q: Array, v: Array, a: Array, torque: Array
+    body: RigidBody, left: float, settings: RecordingSettings, q: Array, v: Array, a: Array, torque: Array
 ) -> Map | None:
     """The map with which the description explains torques far better, in both halves of samples (S, J).
 
     None if there is none. ``left`` is the mean unexplained share without a map, with the best gravity.
     """
-    arm, joints = body.arm, body.joints
-    *motion, measured = (x[:: max(1, len(q) // _FEW)] for x in (q, v, a, torque))
+    arm, joints, units = body.arm, body.joints, settings.units
+    few = [x[:: max(1, len(q) // _FEW)] for x in (q, v, a, torque)]
     same = Map(np.eye(joints), np.zeros(joints), "")
 
     def misfit_of(x: Map) -> float:
-        return misfit(body, x.of(*motion), measured)
+        return misfit(body, *x.of(*few))
 
-    best = min([same, *_units(arm, units), *_columns(arm)], key=misfit_of)
+    best = min([same, *_units(arm, units), *_columns(arm, settings, left > _POOR)], key=misfit_of)
     if misfit_of(best) > joints * math.log(_POOR):
-        factors = _factors(body, units, motion, measured)
+        factors = _factors(body, units, few)
         best = factors if misfit_of(factors) < misfit_of(best) + joints * math.log(_FACTORS) else best
     for part in zip(*(np.array_split(x[:: max(1, len(q) // _HALVES)], 2) for x in (q, v, a, torque))):
         before = min(misfit(body, part[:3], part[3]), joints * math.log(left))
-        after = misfit(body, best.of(*part[:3]), part[3])
+        after = misfit(body, *best.of(*part))
         if after > min(before + 2 * math.log(BETTER), joints * math.log(UNLIKE)):
             return None
     return best
 
 
-def _factors(body: RigidBody, units: Units, motion: list[Array], torque: Array) -> Map:
+def _factors(body: RigidBody, units: Units, signals: list[Array]) -> Map:
     """A factor for each joint's position, as of motors before their gears."""
     arm, none = body.arm, np.zeros(body.joints)
     limit = np.maximum(np.abs(arm.position_lower), np.abs(arm.position_upper))
-    start = limit / 2 / np.maximum(np.abs(motion[0]).max(0), limit / 2)
+    start = limit / 2 / np.maximum(np.abs(signals[0]).max(0), limit / 2)
 
     def found(x: Array) -> Map:
         factor = start * np.exp(x)
@@ -121,7 +133,7 @@ def _factors(body: RigidBody, units: Units, motion: list[Array], torque: Array) 
         return Map(np.diag(factor), none, text)
 
     best = scipy.optimize.minimize(
-        lambda x: misfit(body, found(x).of(*motion), torque),
+        lambda x: misfit(body, *found(x).of(*signals)),
         none,
         method="Powell",
         bounds=[(-_FARTHEST, _FARTHEST)] * body.joints,

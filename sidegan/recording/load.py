@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from sidegan.recording.columns import Finder, Joints
 from sidegan.recording.mended import driven, unwrapped
 from sidegan.recording.merged import Part, merged
 from sidegan.recording.recording import Recording
-from sidegan.recording.settings import Files, Recorded, RecordingSettings, paths_of
+from sidegan.recording.settings import SIGNALS, Files, Recorded, RecordingSettings, paths_of
 from sidegan.recording.stamps import stamps_in_si
 from sidegan.recording.tables import Table, Where
 from sidegan.recording.text import text_table
@@ -61,7 +62,12 @@ def load_recording(
     found = merged([_read(path, settings, joints, only) for only, path in sources])
     notes = {"corrupt": tuple(found.corrupt), "remarks": tuple(found.remarks)}
     fields: dict[str, Any] = found.signals | notes
-    return driven(unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides))
+    read = unwrapped(Recording(name, tuple(joint_names), found.time, **fields), joints.slides)
+    if settings.coupling:
+        matrix = settings.motion_matrix(joint_names)
+        coupled = {name: x @ matrix.T for name, x in read.signals().items() if name in SIGNALS[:3]}
+        read = replace(read, **coupled)  # type: ignore[arg-type]
+    return driven(read)
 
 
 def recording_name(files: Recorded | Path) -> str:

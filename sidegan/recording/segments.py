@@ -60,12 +60,12 @@ def preprocess(
     76 %. ``delay`` is that of torques behind states [s], and is removed. The default grid is ``grid_for``.
     """
     grid = grid or grid_for(statistics_of(recording, settings), settings)
-    signals, factor = _signals(recording, gains, settings.reverse)
+    signals, factors = _signals(recording, gains, settings)
     edge = round(max(2 / grid.cutoff, abs(delay)) / grid.step)  # points distorted at the ends
     segments: list[Segment] = []
     for run in runs(recording.time, grid.step, grid.gap):
         pieces = [
-            _thinned(run, signals, factor, grid, span, sign_width, settings.still, delay)
+            _thinned(run, signals, factors, grid, span, sign_width, settings.still, delay)
             for span in _spans(run.points, grid, delay)
         ]
         kept, moving, *states = (np.concatenate(x) for x in zip(*pieces))
@@ -93,7 +93,7 @@ def _spans(points: int, grid: Grid, delay: float) -> Iterator[tuple[int, int, in
 def _thinned(
     run: Run,
     signals: Mapping[str, Array],
-    factor: Array,
+    factors: Array,
     grid: Grid,
     span: tuple[int, int, int, int],
     sign_width: float,
@@ -104,7 +104,7 @@ def _thinned(
     first, begin, end, last = span
     x = low_pass(run.at([*signals.values()], first, last), grid.cutoff, grid.step)
     smooth = dict(zip(signals, np.split(x, len(signals), 1)))
-    torque = factor * smooth["torque"]
+    torque = smooth["torque"] @ factors.T
     if delay:
         torque = shift(torque, (-delay / grid.step, 0.0), order=3, mode="nearest")
     velocity = smooth["velocity"] if "velocity" in smooth else derivative(smooth["position"], grid.step)
@@ -117,17 +117,17 @@ def _thinned(
     return kept, *(x[kept - first] for x in (moving, *states))
 
 
-def torque_of(recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]) -> Array:
-    """Torque [N·m or N] of all samples, (S, J), as recorded or from currents."""
-    signals, factor = _signals(recording, gains, reverse)
-    return signals["torque"] * factor
+def torque_of(recording: Recording, gains: Sequence[float] | None, settings: RecordingSettings) -> Array:
+    """Torque [N·m or N] of all samples, (S, J), of the joints, from recorded torques or currents."""
+    signals, factors = _signals(recording, gains, settings)
+    return signals["torque"] @ factors.T
 
 
 def _signals(
-    recording: Recording, gains: Sequence[float] | None, reverse: Sequence[str]
+    recording: Recording, gains: Sequence[float] | None, settings: RecordingSettings
 ) -> tuple[dict[str, Array], Array]:
-    """Signals (S, J), with torques or currents as ``torque``, and the factors (J,) from these to torques."""
-    names = recording.joint_names
+    """Signals (S, J), with torques or currents as ``torque``, and the matrix (J, J) from these to torques."""
+    reverse, names = settings.reverse, recording.joint_names
     signals = recording.signals()
     factor = np.array([-1.0 if name in reverse else 1.0 for name in names])
     if recording.load == "current":
@@ -145,5 +145,6 @@ def _signals(
         raise RecordingError(
             f"recording.reverse names {', '.join(unknown)}; the arm has joints {', '.join(names)}"
         )
-    signals["torque"] = signals[recording.load]
-    return {name: x for name, x in signals.items() if name != "current"}, factor
+    signals["torque"] = signals.pop(recording.load)
+    signals.pop("current", None)
+    return signals, settings.torque_matrix(names) * factor

@@ -1,15 +1,19 @@
 """Settings of the group ``recording``: columns of a file, their units, and preprocessing."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
+from sidegan.base.arrays import Array
 from sidegan.base.typed import Hertz, NonNegative, Seconds, Text
 from sidegan.errors import ConfigError
 from sidegan.recording.units import Units
+from sidegan.robot.coupling import Rows, coupling_matrix, coupling_setting
 
 SIGNALS = ("position", "velocity", "acceleration", "torque", "current")
 PLACEHOLDER = re.compile(r"\{(joint|index|index0)\}")
@@ -41,6 +45,9 @@ class RecordingSettings:
     rate: Hertz | None = None  # sampling rate [Hz] of files without time stamps
     # joints whose torque or current has the opposite sign
     reverse: list[str] = field(default_factory=list)
+    # joints whose position is a sum of columns: {joint: {column: factor}}, columns named like joints
+    coupling: Rows | None = None
+    torque_coupling: Rows | None = None  # the same for torques; null: those of ``coupling``, by virtual work
     cutoff: Hertz | None = None  # of the zero-phase low-pass [Hz]; null: twelve times the motion's bandwidth
     # longest time that is interpolated over [s]; null: five samples, or a quarter of the cut-off's period
     gap: Seconds | None = None
@@ -57,6 +64,26 @@ class RecordingSettings:
                 raise ConfigError(
                     f"{signal} is {pattern!r}, expected only {{joint}}, {{index}} and {{index0}} in braces"
                 )
+
+    def motion_matrix(self, joint_names: Sequence[str]) -> Array:
+        """The matrix C, (J, J), of positions, velocities and accelerations: q = C q_recorded."""
+        return coupling_matrix("recording.coupling", self.coupling, joint_names)
+
+    def torque_matrix(self, joint_names: Sequence[str]) -> Array:
+        """The matrix, (J, J), of torques: C⁻ᵀ, by virtual work, unless ``torque_coupling`` is set."""
+        if self.torque_coupling is None:
+            return np.linalg.inv(self.motion_matrix(joint_names)).T
+        return coupling_matrix("recording.torque_coupling", self.torque_coupling, joint_names)
+
+    def coupled(self, joint_names: Sequence[str], motion: Array, torque: Array) -> str:
+        """Settings for positions that are ``motion``, (J, J), times those of now, and torques likewise."""
+        motion = motion @ self.motion_matrix(joint_names)
+        torque = torque @ self.torque_matrix(joint_names)
+        same = self.coupling is None and np.array_equal(motion, np.eye(len(motion)))
+        found = [] if same else [coupling_setting("recording.coupling", motion, joint_names)]
+        if self.torque_coupling is not None or not np.allclose(torque, np.linalg.inv(motion).T):
+            found.append(coupling_setting("recording.torque_coupling", torque, joint_names))
+        return " ".join(found)
 
 
 @dataclass(frozen=True)

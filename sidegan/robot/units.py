@@ -2,7 +2,11 @@
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 
+import numpy as np
+
+from sidegan.base.arrays import Array
 from sidegan.errors import RobotError
 from sidegan.robot import xml
 
@@ -56,13 +60,34 @@ def refuse_angles(root: ET.Element, where: str) -> None:
 
 def reductions_of(root: ET.Element) -> dict[str, float]:
     """Gear reductions above 1 that transmissions of single joints state, by joint."""
-    found = {}
-    for transmission in root.iter("transmission"):
-        joints = transmission.findall("joint")
-        stated = [
-            x.text for x in transmission.iter() if x.tag in ("mechanicalReduction", "mechanical_reduction")
-        ]
-        ratio = abs(math.prod(map(xml.plain, stated)))
-        if len(joints) == 1 and ratio > 1:
-            found[joints[0].get("name", "")] = ratio
-    return found
+    names = [x.get("name", "") for x in root.findall("joint")]
+    matrix = np.abs(transmissions(root, names))
+    alone = (np.count_nonzero(matrix, 0) == 1) & (np.count_nonzero(matrix, 1) == 1)
+    return {name: float(1 / x.max()) for name, x, one in zip(names, matrix, alone) if one and x.max() < 1}
+
+
+def transmissions(root: ET.Element, joint_names: Sequence[str]) -> Array:
+    """Matrix, (J, J), of joints' positions from their motors', as transmissions of ros_control state it."""
+    matrix = np.eye(len(joint_names))
+    for element in root.iter("transmission"):
+        joints, motors = (
+            sorted(element.findall(tag), key=lambda x: x.get("role", "") + x.findtext("role", ""))
+            for tag in ("joint", "actuator")
+        )
+        at = [joint_names.index(name) for x in joints if (name := x.get("name", "")) in joint_names]
+        gears, drives = [*map(_reduction, joints)], [*map(_reduction, motors)] or [1.0] * len(joints)
+        kind = element.findtext("type", "") + element.findtext("plugin", "")
+        shape = np.eye(len(joints))
+        if "Differential" in kind and len(joints) == 2:
+            shape = np.array([[0.5, 0.5], [0.5, -0.5]])
+        elif "FourBar" in kind and len(joints) == 2:
+            shape[1, 0] = -1 / gears[0]
+        if len(at) == len(joints) == len(drives):
+            matrix[np.ix_(at, at)] = shape / np.outer(gears, drives)
+    return matrix
+
+
+def _reduction(element: ET.Element) -> float:
+    """The gear reduction that a part of a transmission states; 1 if none."""
+    tags = "mechanicalReduction", "mechanical_reduction"
+    return next((x for tag in tags if (x := xml.plain(element.findtext(tag)))), 1.0)

@@ -201,6 +201,8 @@ def check_recordings(
     given |= {} if gains is None else {"robot.gains": np.asarray(gains, float).tolist()}
     identification, excitation = _commands(cell, arm, given)
     identification = identification.replace(f"{folder}/", "")  # data frames are shown by their names
+    if settings.coupling:
+        excitation += f" {setting('controllers.coupling', settings.coupling)}"
     commands = " ".join([identification, *changes("recording", settings)]), excitation
     robot = {"name": cell.robot, "gains": gains, **asdict(cell.setup)}
     origin = Origin(*commands, {"robot": robot, "recording": asdict(settings)})

@@ -15,6 +15,7 @@ from sidegan.recording.units import Counts
 from sidegan.report.identification.content import advice, facts
 from sidegan.robot import Setup, load_robot
 from tests.identification.recordings import COULOMB, VISCOUS, checked, identified
+from tests.recording.conftest import of_file
 
 SIZE = 9.81
 ARM = load_robot("kuka_lwr4")
@@ -142,7 +143,8 @@ CASES = [
     (
         of_belt,
         BAD,
-        "^the torque of joint_6 looks like its own minus that of joint_5, .* add the column of joint_5",
+        r"^the torque of joint_6 looks like its own and -1 times that of joint_5, .*"
+        r"'recording\.torque_coupling=\{joint_6: \{joint_5: 1, joint_6: 1\}\}'",
     ),
     (
         rated,
@@ -266,6 +268,43 @@ def test_the_advised_unit_of_positions_makes_the_model_good(change, words):
     assert judged(*recordings(followed)).quality.verdict == GOOD
 
 
+def of_differential(made):
+    """Two motors drive the fifth and sixth joint by their mean and half their difference."""
+    coupling = np.eye(7)
+    coupling[4:6, 4:6] = [[1, 1], [1, -1]]  # of the motors' positions, and of the joints' torques
+    motion = {name: getattr(made, name) @ coupling.T for name in ("position", "velocity")}
+    return replace(made, torque=made.torque @ np.linalg.inv(coupling), **motion)
+
+
+@of_torques
+def of_ratio(made):
+    """The fifth motor carries half of the sixth joint's torque, too."""
+    return made.torque + 0.5 * made.torque[:, [5]] * np.eye(7)[4]
+
+
+COUPLED = [
+    (counted, "^the position of joint_4 looks counted from joint_3's"),
+    (of_differential, "^joint_5 and joint_6 look driven by a differential"),
+    (of_ratio, "^the torque of joint_5 looks like its own and 0.5 times that of joint_6"),
+]
+
+
+@pytest.mark.parametrize(("change", "words"), COUPLED, ids=[words for _, words in COUPLED])
+def test_the_advised_coupling_makes_the_model_good(change, words):
+    first, *_ = judged(*recordings(change)).quality.reasons
+    assert re.search(words, first)
+    said = re.findall(r"'recording\.(\w+)=(\{.*?\})'", first)
+    settings = of_file(**{name: yaml.safe_load(value) for name, value in said})
+    motion, torque = settings.motion_matrix(ARM.joint_names), settings.torque_matrix(ARM.joint_names)
+
+    def followed(made):
+        there = change(made)
+        states = {name: getattr(there, name) @ motion.T for name in ("position", "velocity")}
+        return replace(there, torque=there.torque @ torque.T, **states)
+
+    assert judged(*recordings(followed)).quality.verdict == GOOD
+
+
 def test_a_load_that_the_description_lacks_is_named():
     links = ARM.inertial_parameters.copy()
     links[-1, [0, 3]] += [0.5, 0.02]
@@ -287,7 +326,11 @@ ORDER = r"'recording\.joints=\[2,4,5,1,7,3,6\]' 'recording\.pos"
 WARNED = [
     (in_order([3, 0, 5, 1, 2, 6, 4], *MOTION, "torque"), BAD, "another joint order.* " + ORDER),
     (in_order([0, 3, 2, 1, 4, 5, 6], *MOTION), BAD, "the motions of joint_2 and joint_4 look swapped"),
-    (counted, BAD, "the position of joint_4 looks counted from that of joint_3.* subtract the latter"),
+    (
+        counted,
+        BAD,
+        "the position of joint_4 looks counted from joint_3's, as from the horizontal: 'rec",
+    ),
     (turned_round, BAD, "the axis of joint_4 looks reversed"),
     (slower, USABLE, r"^with a motion (2|1\.9\d|2\.0\d) times as fast .* are the time stamps right"),
 ]

@@ -71,6 +71,21 @@ def test_every_trajectory_is_valid_and_written_exactly(folder):
     assert (folder / "view.html").resolve().as_uri() in (folder / "set.md").read_text()
 
 
+def test_files_are_in_the_coordinates_of_the_controller(ran):
+    """Its second angle counts from the horizontal."""
+    coupling = "controllers.coupling={elbow: {elbow: 1, shoulder: -1}}"
+    counted = ran(coupling, "controllers.start=[0.4,0.1]", "goal.count=2", "controllers.formats=[csv]")
+    chosen, family = Library.load(counted / "library.parquet").coefficients, Trajectory(2, 3, 8.0)
+    joints = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    for k, motion in enumerate(family.roll_out(chosen, family.times(20)).position, 1):
+        np.testing.assert_allclose(course(counted, k)[STATES[:2]] @ joints.T, motion, rtol=0, atol=1e-7)
+    approach = course(counted, "approach")[STATES[:2]].to_numpy()
+    np.testing.assert_allclose(approach[[0, -1]], [[0.4, 0.1], [0.0, 0.0]], rtol=0, atol=1e-9)
+    _, (then, _), (_, identify) = sections(counted)
+    assert "must stand at controllers.start: shoulder 0.4, elbow 0.1" in then
+    assert "'recording.coupling={elbow: {elbow: 1, shoulder: -1}}'" in identify
+
+
 def test_a_first_run_is_slower(ran, folder):
     slow_folder = ran("controllers.speed=0.5", "controllers.formats=[csv]")
     said = (slow_folder / "set.md").read_text()

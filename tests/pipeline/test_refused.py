@@ -53,6 +53,8 @@ SETTINGS = [
     ("excite", "controllers.speed=1e-12", "speed=1e-12 takes 8e+12 s, 2e+14 samples with controllers.rate"),
     ("excite", "controllers.pause=1e5 controllers.rate=1e3", "pause takes 1e+05 s, 1e+08 samples with contr"),
     ("excite", "controllers.start=[0,0,0]", "[0.0, 0.0, 0.0], expected the positions of 2 joints"),
+    ("excite", "controllers.coupling={elbow:{hand:1}}", "controllers.coupling names hand; the arm has"),
+    ("excite", "controllers.coupling={elbow:{shoulder:1}}", "controllers.coupling has no inverse"),
     ("excite", "controllers.start=[0,90]", "controllers.start has 90 for elbow, whose range is"),
     ("excite", "trajectory.home=[0,90] robot.effort=0.5", "trajectory.home has 90 for elbow, whose range"),
     ("excite", "known=FOLDER", "expected the folder of a run of +experiment=identify"),

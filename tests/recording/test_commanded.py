@@ -61,7 +61,7 @@ def logged(planar, true, order, delay=0.0, gap=None):
 
 def test_repetitions_are_found_and_averaged(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0, 2, 1, 0))
-    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names), 0.1)
+    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
     assert repeated.counts == {"1": 3, "2": 2, "3": 1}
     found = [float(part.time[0]) for part in parts]
     assert found == pytest.approx([begins[k] for k in (0, 1, 3)], abs=0.05)  # servos are late by some ms
@@ -74,7 +74,7 @@ def test_repetitions_are_found_and_averaged(planar, true, sent):
 
 def test_a_repetition_with_a_gap_is_not_counted(planar, true, sent):
     recording, begins = logged(planar, true, (0, 1, 0), gap=PAUSE + 4)
-    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names), 0.1)
+    parts, repeated = averaged(recording, load_commanded(sent, planar.joint_names, np.eye(2)), 0.1)
     assert repeated.counts == {"1": 1, "2": 1} and repeated.noise is None
     assert float(parts[-1].time[0]) == pytest.approx(begins[2], abs=0.05)
 
@@ -97,11 +97,13 @@ def test_the_only_run_in_a_folder_is_used_and_of_several_none(planar, sent, tmp_
     first, second = (tmp_path / name / "trajectories" for name in ("a day", "another"))
     first.mkdir(parents=True)
     shutil.copy(sent / "trajectories" / "2.csv", first / "1.csv")
-    (found,) = load_commanded(tmp_path, planar.joint_names)
-    np.testing.assert_array_equal(found.position, load_commanded(sent, planar.joint_names)[1].position)
+    (found,) = load_commanded(tmp_path, planar.joint_names, np.eye(2))
+    np.testing.assert_array_equal(
+        found.position, load_commanded(sent, planar.joint_names, np.eye(2))[1].position
+    )
     shutil.copytree(first, second)
     with pytest.raises(RecordingError, match="2 runs of excite") as refused:
-        load_commanded(tmp_path, planar.joint_names)
+        load_commanded(tmp_path, planar.joint_names, np.eye(2))
     assert f"recording.sent='{tmp_path / 'a day'}'\n  recording.sent={tmp_path / 'another'}" in str(
         refused.value
     )
@@ -110,15 +112,18 @@ def test_the_only_run_in_a_folder_is_used_and_of_several_none(planar, sent, tmp_
 def test_missing_or_foreign_commands_are_refused(planar, true, sent, tmp_path):
     recording, _ = logged(planar, true, (0, 1))
     names = planar.joint_names
-    trajectories = load_commanded(sent, names)
+    trajectories = load_commanded(sent, names, np.eye(2))
     slow = [replace(trajectory, time=2 * trajectory.time) for trajectory in trajectories]
     (tmp_path / "nothing").mkdir()
     (tmp_path / "1.csv").write_text("time,q_elbow\n0.0,0.0\n1.0,1.0\n")
     for words, use in (
         ("contains none of the commanded trajectories", lambda: averaged(recording, trajectories[2:], 0.1)),
         ("executed at another speed", lambda: averaged(recording, slow, 0.1)),
-        ("expected a table written by excite", lambda: load_commanded(tmp_path / "nothing", names)),
-        ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", names)),
+        (
+            "expected a table written by excite",
+            lambda: load_commanded(tmp_path / "nothing", names, np.eye(2)),
+        ),
+        ("has no column q_shoulder: is it", lambda: load_commanded(tmp_path / "1.csv", names, np.eye(2))),
     ):
         with pytest.raises(RecordingError, match=words):
             use()

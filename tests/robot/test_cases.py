@@ -4,6 +4,7 @@ import logging
 import re
 from contextlib import nullcontext
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -26,6 +27,7 @@ from sidegan.robot import (
     possible_links,
 )
 from sidegan.robot.consistency import describe_other_units
+from sidegan.robot.units import reductions_of, transmissions
 from sidegan.robot.visuals import visual_parts
 from sidegan.robot.write_mjcf import mujoco_logged
 from sidegan.validity.pairs import describe_displaced_shapes, sampled
@@ -180,6 +182,39 @@ def geared(ratio, **limits):
 END = "</mechanicalReduction></actuator></transmission>"
 NEW_END = "</mechanical_reduction></joint></transmission></ros2_control>"
 SLIDE = 'type="prismatic"'
+
+
+def transmission(kind, gears=(2.0, -4.0), drives=(50.0, 80.0)):
+    """A transmission of two joints as for ros_control and, with the second joint first, for ros2_control."""
+    old, new = (
+        [f"<type>transmission_interface/{kind}</type>"],
+        [f"<plugin>transmission_interface/{kind}</plugin>"],
+    )
+    for tag, name, ratios in (("joint", "joint", gears), ("actuator", "m", drives)):
+        for k, ratio in enumerate(ratios, 1):
+            gear, role = "mechanicalReduction", f"<role>{tag}{k}</role>"
+            old.append(f'<{tag} name="{name}{k}">{role}<{gear}>{ratio}</{gear}></{tag}>')
+            gear, role = "mechanical_reduction", f'role="{tag}{k}"'
+            new.insert(1, f'<{tag} name="{name}{k}" {role}><{gear}>{ratio}</{gear}></{tag}>')
+    return [f"<robot><transmission>{''.join(parts)}</transmission></robot>" for parts in (old, new)]
+
+
+# Joints' positions from the motors' a and b, as ros_control documents its transmissions.
+TRANSMISSIONS = [
+    ("DifferentialTransmission", lambda a, b: ((a / 50 + b / 80) / 2 / 2, (a / 50 - b / 80) / 2 / -4)),
+    ("FourBarLinkageTransmission", lambda a, b: (a / 50 / 2, (b / 80 - a / 50 / 2) / -4)),
+]
+
+
+@pytest.mark.parametrize(("kind", "joints"), TRANSMISSIONS, ids=[kind for kind, _ in TRANSMISSIONS])
+def test_transmissions_are_those_of_ros_control(kind, joints):
+    expected = [0.7, *joints(13.0, -9.0)]
+    for text in transmission(kind):
+        root = ElementTree.fromstring(text)
+        found = transmissions(root, ["other", "joint1", "joint2"]) @ [0.7, 13.0, -9.0]
+        np.testing.assert_allclose(found, expected)
+        assert not reductions_of(root)
+        np.testing.assert_array_equal(transmissions(root, ["joint2", "other"]), np.eye(2))  # of another arm
 
 
 def mixed(first, others=LIMIT, kind='type="revolute"'):

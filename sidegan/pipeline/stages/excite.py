@@ -118,8 +118,9 @@ def _order(run: RunContext, durations: Mapping[str, float]) -> str:
         for length, names in groups
     ]
     ways = APPROACH in durations
-    q = run.cfg.controllers.start if ways else run.cell.trajectory.home or [0.0] * run.cell.arm.joints
-    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q or ()))
+    settings, home = run.cfg.controllers, run.cell.trajectory.home or [0.0] * run.cell.arm.joints
+    q = settings.start or [] if ways else np.linalg.solve(settings.matrix(run.cell.arm), home).tolist()
+    where = ", ".join(f"{name} {x:.6g}" for name, x in zip(run.cell.arm.joint_names, q))
     place = f"at controllers.start: {where}"
     if not ways:
         place = f"at home first: {where} (controllers.start=[…] writes a path there)"
@@ -144,6 +145,8 @@ def _next_steps(run: RunContext, durations: Mapping[str, float]) -> list[tuple[s
         f"sidegan +experiment=identify {robot} 'recordings=[log.csv]' validation=0.25 \\\n"
         f"    recording=excite {setting('recording.sent', folder)}"
     )
+    if run.cfg.controllers.coupling:
+        identify += f" {setting('recording.coupling', run.cfg.controllers.coupling)}"
     steps = [(_SLOWLY, slower), (then, _send(run, folder / FOLDER, durations)), (_LOG, identify)]
     return steps if speed > _FIRST else steps[1:]
 
@@ -169,7 +172,8 @@ def _check(run: RunContext) -> None:
     family = replace(cell.trajectory, period=cell.trajectory.period / settings.speed)
     require_exportable(cell.whole_arm, family, settings)
     if settings.start is not None:
-        way = approach(cell.constraints, settings.start, cell.home, settings)
+        start = (settings.matrix(cell.arm) @ settings.start).tolist()
+        way = approach(cell.constraints, start, cell.home, settings)
         settings.refuse_long("the path from controllers.start to home", way.duration)
     aim_of(cell, run.cfg.goal, run.cfg.model, run.cfg.known)
 

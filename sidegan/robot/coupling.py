@@ -1,0 +1,38 @@
+"""Coupled coordinates, as of motors behind gears, belts and differentials, or angles from the horizontal."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sidegan.base.arrays import Array
+from sidegan.base.names import listed
+from sidegan.base.typed import Number
+from sidegan.errors import ConfigError
+from sidegan.robot.setup import setting
+
+# {joint: {column: factor}}: columns, named like joints, whose sum a joint is; others are their own columns
+Rows = dict[str, dict[str, Number]]
+
+
+def coupling_matrix(name: str, rows: Rows | None, joint_names: Sequence[str]) -> Array:
+    """The matrix C, (J, J), with which joints' values are C times those of the columns.
+
+    Raises:
+        ConfigError: when the setting of this name has a joint that the arm lacks, or no inverse.
+    """
+    given = rows or {}
+    named = dict.fromkeys([*given, *(column for row in given.values() for column in row)])
+    if unknown := [joint for joint in named if joint not in joint_names]:
+        raise ConfigError(f"{name} names {listed(unknown)}; the arm has joints {', '.join(joint_names)}")
+    matrix = np.array([[given.get(j, {j: 1.0}).get(k, 0.0) for k in joint_names] for j in joint_names])
+    largest = np.abs(matrix).max(1, keepdims=True)
+    if np.linalg.matrix_rank(matrix / np.where(largest > 0, largest, 1.0)) < len(matrix):
+        raise ConfigError(f"{name} has no inverse: several joints are made of too few columns")
+    return matrix
+
+
+def coupling_setting(name: str, matrix: Array, joint_names: Sequence[str]) -> str:
+    """The setting of this name that makes this matrix, (J, J), as an argument of the command."""
+    each = zip(joint_names, matrix.tolist())
+    rows = {joint: {k: x for k, x in zip(joint_names, row) if x} for joint, row in each}
+    return setting(name, {joint: row for joint, row in rows.items() if row != {joint: 1.0}}, ".6g")
