@@ -155,8 +155,7 @@ def _differences(found: IdentifiedArm) -> list[Finding]:
         free = np.concatenate([columns, terms], 1)
         parameters, x, covariance = constrained(chosen.sums, certainty, fixed, free)
         errors = score(model, parameters, samples)
-        found = quality.mean(errors), x, np.sqrt(covariance.diagonal())
-        return found if quality.as_good(errors) else None
+        return (quality.mean(errors), x, np.sqrt(covariance.diagonal())) if quality.as_good(errors) else None
 
     if scale := alone(0 * model.nominal, model.nominal[:, None]):
         text = f"all torques are {scale[1][0]:.2f} times the description's: drive constants or masses?"
@@ -172,8 +171,8 @@ def _differences(found: IdentifiedArm) -> list[Finding]:
             centre = ", ".join(f"{x / mass:.2g}" for x in moment)
             text = f"a load of {mass:.2g} kg at ({centre}) m on {name} explains the difference from the "
             return [Finding(GOOD, f"{text}description: is the tool in it?", leads=True)]
-        change = f" ({abs(mass):.2g} kg {'more' if mass > 0 else 'less'})" if known else ""
-        links.append((error, name + change))
+        name += f" ({abs(mass):.2g} kg {'more' if mass > 0 else 'less'})" if known else ""
+        links.append((error, name))
     text = f"{' or '.join(name for _, name in sorted(links))} alone differs from the description"
     return [Finding(GOOD, text, leads=True)] if links else []
 

@@ -14,10 +14,9 @@ from sidegan.robot.consistency import (
 )
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
-from sidegan.robot.read_back import torque_of_mjcf, torque_of_urdf
 from sidegan.robot.setup import Limits, Setup, changes, robot_settings, setting
-from sidegan.robot.write import write_urdf
-from sidegan.robot.write_mjcf import write_mjcf
+from sidegan.robot.write import torque_of_urdf, write_urdf
+from sidegan.robot.write_mjcf import torque_of_mjcf, write_mjcf
 
 __all__ = [
     "DERIVATIVE_ORDER",
