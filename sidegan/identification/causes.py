@@ -10,7 +10,7 @@ from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.disturbances import disturbances
 from sidegan.identification.estimate import estimate, score, shown
-from sidegan.identification.fit import constrained
+from sidegan.identification.fit import constrained, least_residual
 from sidegan.identification.identified import IdentifiedArm, measurements_of
 from sidegan.identification.model import TorqueModel
 from sidegan.identification.refits import (
@@ -25,7 +25,7 @@ from sidegan.identification.sums import scaled_inverse
 from sidegan.identification.verdict import BAD, GOOD, USABLE, Finding, joint_of
 from sidegan.motion.dynamics import RigidBody
 from sidegan.recording.agreement import Agreement, agreement_of, to_reverse
-from sidegan.robot import Arm
+from sidegan.robot import Arm, placeholder_links
 
 _ROUNDING = 1e-10
 _EXPLAINED = 0.5  # share of the error that may remain if rotors are to explain it
@@ -35,9 +35,8 @@ _ALIKE = 0.98  # correlation with the description's torque that counts as agreem
 _SCALE = 0.03  # smallest scale error of a joint's torque that is reported
 _OFFSET, _OFFSET_LIMIT = 0.2, 0.02  # smallest offset reported: share of the usual torque, and of its limit
 _MASSES = 10.0  # ratio to the description's mass beyond which a mass is implausible
-# Least nMSE of the description's links from which one difference is sought: over the model's, and as is.
+# Least nMSE of the description's links from which their difference is sought: over the model's, and as is.
 _DIFFERS, _NOTABLE_ERROR = 3.0, 0.005
-_AS_GOOD = 2.0  # largest ratio to the model's errors at which such a difference explains them
 _NOTABLE = 0.02  # least mass of a link whose centre is checked, as a share of the arm's
 
 
@@ -102,7 +101,8 @@ def causes_of(found: IdentifiedArm) -> tuple[list[Finding], bool]:
         gravity += f"; mean nMSE would then be {shown(error)} instead of {shown(now)}"
         causes.insert(0, Finding(BAD, gravity))
     causes += [finding for finding in implausible_links(arm, found.links) if identifiable[finding.joint]]
-    return [*causes, *repairs, *([] if causes else _offsets(found))], gravity is not None
+    faulty = any(cause.level != GOOD for cause in causes)
+    return [*causes, *repairs, *([] if faulty else _offsets(found))], gravity is not None
 
 
 def _error_of(found: IdentifiedArm, model: TorqueModel, zeros: Array | float = 0.0) -> float:
@@ -128,29 +128,49 @@ def _coupled(found: IdentifiedArm) -> str:
 
 
 def _differences(found: IdentifiedArm) -> list[Finding]:
-    """A scale of all torques, or a load, that alone explains why the description predicts worse."""
+    """What differs from the description: the simplest that predicts as well as the model.
+
+    Friction alone; if that is clearly worse, a scale of all torques, a load on the last link, or one link.
+    """
     model, quality, chosen = found.model, found.quality, found.chosen
-    now, described = quality.mean(quality.judged), quality.mean(quality.nominal_score)
-    if described < max(_DIFFERS * now, _NOTABLE_ERROR):
+    arm, described = model.arm, quality.mean(quality.nominal_score)
+    if quality.verdict == BAD or placeholder_links(arm):
         return []
+    if quality.as_good(quality.nominal_score):
+        errors = f"mean nMSE {shown(described)} against {shown(quality.mean(quality.judged))}"
+        whose = "the description is right: its own" if quality.verdict == GOOD else "the description's own"
+        return [Finding(GOOD, f"{whose} links predict as well, with friction fitted ({errors})", leads=True)]
+    if described < max(_DIFFERS * quality.mean(quality.judged), _NOTABLE_ERROR):
+        return []
+    samples = measurements_of(found.validation or found.training)
+    certainty = np.minimum(chosen.certainty, 1 / least_residual(chosen.sums))
     terms = np.eye(model.count)[:, model.rigid :]
-    last = model.mapping[:, 10 * (model.joints - 1) : 10 * model.joints]
-    for fixed, columns in ((0 * model.nominal, model.nominal[:, None]), (model.nominal, last)):
+
+    def alone(fixed: Array, columns: Array) -> tuple[float, Array, Array] | None:
+        """Mean nMSE of the best combination with columns (P, K), its weights, and their σ; if as good."""
         free = np.concatenate([columns, terms], 1)
-        parameters, values = constrained(chosen.sums, chosen.weights, fixed, free)
-        samples = measurements_of(found.validation or found.training)
-        if quality.mean(score(model, parameters, samples)) > _AS_GOOD * now:
+        parameters, x, covariance = constrained(chosen.sums, certainty, fixed, free)
+        errors = score(model, parameters, samples)
+        return (quality.mean(errors), x, np.sqrt(covariance.diagonal())) if quality.as_good(errors) else None
+
+    if scale := alone(0 * model.nominal, model.nominal[:, None]):
+        text = f"all torques are {scale[1][0]:.2f} times the description's: drive constants or masses?"
+        return [Finding(USABLE, f"{text} (robot.gains, or the description's masses)", leads=True)]
+    links = []
+    for j in reversed(range(model.joints)):
+        if (one := alone(model.nominal, model.mapping[:, 10 * j : 10 * j + 10])) is None:
             continue
-        if len(columns.T) == 1:
-            text = f"all torques are {values[0]:.2f} times the description's: drive constants or masses?"
-            return [Finding(USABLE, f"{text} (robot.gains, or the description's masses)")]
-        mass, *moment = values[:4].tolist()
-        if abs(mass) < _NOTABLE * model.arm.inertial_parameters[:, 0].sum():
-            continue
-        centre = ", ".join(f"{x / mass:.2g}" for x in moment)
-        text = f"a load of {mass:.2g} kg at ({centre}) m on {model.arm.link_names[-1]} explains nearly all of"
-        return [Finding(GOOD, f"{text} the difference from the description: is the tool in it?")]
-    return []
+        error, x, deviation = one
+        (mass, *moment), name = x[:4].tolist(), arm.link_names[j]
+        known = abs(mass) > max(_SURE * deviation[0], _NOTABLE * arm.inertial_parameters[:, 0].sum())
+        if known and mass > 0 and j == model.joints - 1:
+            centre = ", ".join(f"{x / mass:.2g}" for x in moment)
+            text = f"a load of {mass:.2g} kg at ({centre}) m on {name} explains the difference from the "
+            return [Finding(GOOD, f"{text}description: is the tool in it?", leads=True)]
+        name += f" ({abs(mass):.2g} kg {'more' if mass > 0 else 'less'})" if known else ""
+        links.append((error, name))
+    text = f"{' or '.join(name for _, name in sorted(links))} alone differs from the description"
+    return [Finding(GOOD, text, leads=True)] if links else []
 
 
 def _shifted(found: IdentifiedArm) -> str:

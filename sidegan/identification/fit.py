@@ -110,11 +110,15 @@ class Fit(NamedTuple):
     errors: TorqueErrors | None = None  # None: those of these parameters' residuals
 
 
-def constrained(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array]:
-    """Parameters (P,), fixed ones plus the best combination of free columns (P, K), and its weights (K,)."""
+def constrained(sums: Sums, weights: Array, fixed: Array, free: Array) -> tuple[Array, Array, Array]:
+    """Parameters (P,), fixed ones plus the best combination of free columns (P, K).
+
+    Also its weights (K,), and their covariance (K, K) if ``weights`` are the inverse standard deviations of
+    independent torques.
+    """
     information, moment = sums.weighted(weights)
-    x, _ = solve(free.T @ information @ free, free.T @ (moment - information @ fixed), LEAST)
-    return fixed + free @ x, x
+    x, inverse = solve(free.T @ information @ free, free.T @ (moment - information @ fixed), LEAST)
+    return fixed + free @ x, x, inverse
 
 
 def least_squares(sums: Sums, least: float = LEAST, weights: Array | None = None) -> Fit:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import scipy  # its parts are imported when they are used
 
 from sidegan.base.arrays import Array
 from sidegan.identification.estimate import Estimate, Score
@@ -12,6 +13,7 @@ from sidegan.identification.evidence import Effect
 from sidegan.identification.measurements import Measurements
 from sidegan.identification.model import TorqueModel, typical
 from sidegan.identification.residuals import Unmodelled, find_unmodelled
+from sidegan.identification.sums import rows_of
 from sidegan.identification.verdict import Quality
 from sidegan.recording.check import CheckedRecording
 from sidegan.robot import Drives
@@ -76,12 +78,20 @@ class IdentifiedArm:
         missing = self.used.parameters - mapping @ self.standard
         return self.standard + scale * (np.linalg.pinv(mapping * scale) @ missing)
 
-    @cached_property
-    def drives(self) -> Drives:
-        """Friction and rotor inertias of the consistent model; zero for terms that it does not have."""
-        zeros = vars(Drives.none(self.model.joints))
-        found = {kind: self.standard[self.model.standard_slice(kind)] for kind in self.model.kinds}
-        return Drives(**{kind: np.maximum(found.get(kind, zero), 0.0) for kind, zero in zeros.items()})
+    def drives(self, *kinds: str) -> Drives:
+        """Friction and rotor inertias of these kinds that fit best beside the consistent links, for a file.
+
+        They make up for the terms that the file cannot hold; kinds that the model lacks are zero.
+        """
+        model, consistent = self.model, self.estimates[CONSISTENT]
+        held = [kind for kind in kinds if kind in model.kinds]
+        rigid = model.mapping[:, : 10 * model.joints]
+        free = np.hstack([rigid[:, :0], *(model.mapping[:, model.standard_slice(kind)] for kind in held)])
+        information, moment = consistent.sums.weighted(consistent.weights)
+        rest = moment - information @ rigid @ self.links.ravel()
+        found, _ = scipy.optimize.nnls(*rows_of(free.T @ information @ free, free.T @ rest))
+        zeros = vars(Drives.none(model.joints))
+        return Drives(**zeros | dict(zip(held, found.reshape(-1, model.joints))))
 
     @cached_property
     def unmodelled(self) -> Unmodelled:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from sidegan.base.arrays import Array
 from sidegan.base.names import listed
 from sidegan.identification.estimate import Estimate, Score, shown
-from sidegan.robot import Arm, placeholder_links
+from sidegan.robot import Arm
 
 
 class Finding(NamedTuple):
@@ -20,6 +20,7 @@ class Finding(NamedTuple):
     level: str  # the best verdict that it allows
     text: str
     joint: int | None = None  # joint concerned; None: the whole arm
+    leads: bool = False  # whether it is said first, however little it limits
 
 
 GOOD, USABLE, BAD = "good", "usable", "not trustworthy"
@@ -29,6 +30,7 @@ _GOOD_NMSE, _USABLE_NMSE = 0.02, 0.1  # mean over joints
 _GOOD_JOINT, _USABLE_JOINT = 0.05, 0.3  # of the worst joint
 _GOOD_TORQUE, _USABLE_TORQUE = 0.1, 0.5  # deviation of predicted torque, as a share of the usual torque
 _USABLE_LIMIT = 0.1  # the same for a joint whose residual is noise, as a share of its torque limit
+_AS_GOOD = 1.1  # largest ratio of mean nMSE to the model's of what predicts as well
 _OVERFIT = 3.0  # ratio of validation to training nMSE, means over joints
 _CONDITION = 100.0  # condition number of the scaled regressor
 _NAMED = 6  # parameters that a reason names at most
@@ -74,17 +76,16 @@ class Quality:
         for finding in self.findings[len(self.causes) :]:
             groups.setdefault(finding.text if finding.joint is None else finding.joint, []).append(finding)
         worst_first = sorted(groups.values(), key=lambda group: all(x.level != BAD for x in group))
-        minor = [[cause] for cause in self.causes if cause.level == GOOD]
-        causes = [[cause] for cause in self.causes if cause.level != GOOD]
-        first, last = (minor, []) if self.verdict == GOOD else (causes, minor)
+        minor = [[cause] for cause in self.causes if cause.level == GOOD and not cause.leads]
+        causes = [[cause] for cause in self.causes if cause.level != GOOD or cause.leads]
+        first, last = ([*causes, *minor], []) if self.verdict == GOOD else (causes, minor)
         for group in [*first, *worst_first, *last]:
             texts = "; ".join(finding.text for finding in group)
             joint = group[0].joint
             sentences.append(texts if joint is None else f"{self.joint(joint)}: {texts}")
         if self.verdict == GOOD:
             error = f"mean nMSE {shown(self.judged.nmse_mean)} on {self.where}"
-            right = "; the description is right: its own links predict as well" if self.described else ""
-            sentences.append(f"{error}, and every parameter that matters is certain{right}")
+            sentences.append(f"{error}, and every parameter that matters is certain")
         return sentences
 
     @cached_property
@@ -92,10 +93,9 @@ class Quality:
         """All findings, causes first."""
         return [*self.causes, *_held_out(self), *_misfits(self), *_excitation(self), *_negative(self)]
 
-    @property
-    def described(self) -> bool:
-        """Whether the description's links predict as well as the model; False for placeholder links."""
-        return not placeholder_links(self.arm) and self.mean(self.judged) >= self.mean(self.nominal_score)
+    def as_good(self, errors: Score) -> bool:
+        """Whether something with these errors predicts within a tenth as well as the model."""
+        return self.mean(errors) <= _AS_GOOD * self.mean(self.judged)
 
     @property
     def faulty(self) -> bool:
@@ -133,10 +133,6 @@ def _held_out(quality: Quality) -> Iterator[Finding]:
             ratio = f"validation nMSE is {tested / trained:.1f} times that of training"
             advice = "" if quality.faulty else ": add more, or more varied, recordings"
             yield Finding(USABLE, ratio + advice)
-    error = quality.mean(quality.nominal_score)
-    if quality.described and not quality.faulty and error > _GOOD_NMSE:
-        text = f"the description's own link parameters predict as well (mean nMSE {shown(error)})"
-        yield Finding(USABLE, text)
     if quality.folds and quality.mean(quality.folds) > _GOOD_NMSE:
         errors = quality.folds.nmse[:, ~quality.drowned].mean(1)
         bad = f"recording {errors.argmax() + 1} is predicted by the others with mean nMSE {errors.max():.3f}"

@@ -137,7 +137,7 @@ def compared(model: TorqueModel, estimate: Estimate, samples: list[Measurements]
     effect = share.max(0) * estimate.deviation
     weak = [i for i in (-effect).argsort().tolist() if effect[i] > _EFFECT]
     terms = np.eye(model.count)[:, model.rigid :]
-    nominal, _ = constrained(estimate.sums, estimate.weights, model.nominal, terms)
+    nominal, *_ = constrained(estimate.sums, estimate.weights, model.nominal, terms)
     return {
         "nominal_score": score(model, nominal, samples),
         "torque_deviation": np.sqrt(spread_of(y, estimate.covariance) / len(y)) / usual,

@@ -15,8 +15,8 @@ from sidegan.robot.consistency import (
 from sidegan.robot.drives import Drives
 from sidegan.robot.load import built_in_robots, is_built_in, load_robot
 from sidegan.robot.setup import Limits, Setup, changes, robot_settings, setting
-from sidegan.robot.write import write_urdf
-from sidegan.robot.write_mjcf import write_mjcf
+from sidegan.robot.write import torque_of_urdf, write_urdf
+from sidegan.robot.write_mjcf import torque_of_mjcf, write_mjcf
 
 __all__ = [
     "DERIVATIVE_ORDER",
@@ -40,6 +40,8 @@ __all__ = [
     "require_consistent",
     "robot_settings",
     "setting",
+    "torque_of_mjcf",
+    "torque_of_urdf",
     "with_effort",
     "write_mjcf",
     "write_urdf",

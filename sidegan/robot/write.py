@@ -1,4 +1,4 @@
-"""Writing of a URDF with other inertias and friction."""
+"""Writing of a URDF with other inertias and friction, and its torques."""
 
 import io
 import xml.etree.ElementTree as ET
@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 
 from sidegan.base.arrays import Array
 from sidegan.base.storage import replacing
@@ -69,6 +70,19 @@ def write_urdf(arm: Arm, parameters: Array, path: Path, drives: Drives | None = 
     with replacing(path) as draft:
         ET.ElementTree(root).write(draft, encoding="utf-8", xml_declaration=True)
         _check(arm, parameters, draft)
+
+
+def torque_of_urdf(path: Path, arm: Arm, q: Array, dq: Array, ddq: Array) -> Array:
+    """Pinocchio's torque [N·m or N], (S, J), of an arm's URDF at states (S, J), with damping and friction.
+
+    Friction changes its sign with the velocity at once, as the format means it.
+    """
+    setup = replace(arm.setup, args=None, mount=arm.mount, friction=True)
+    model = build(description := read_description(path, setup, planning=False))
+    model.gravity.linear = arm.gravity  # which no URDF states
+    data = model.createData()
+    rigid = np.array([pin.rnea(model, data, *state).copy() for state in zip(q, dq, ddq)])
+    return rigid + (description.drives or Drives.none(arm.joints)).torque(dq, ddq)
 
 
 def _carriers(arm: Arm, root: ET.Element) -> dict[str, str | None]:

@@ -1,4 +1,4 @@
-"""Writing of an arm as MJCF, with explicit inertias, friction and rotor inertia."""
+"""Writing of an arm as MJCF, with explicit inertias, friction and rotor inertia, and its torques."""
 
 import logging
 import xml.etree.ElementTree as ET
@@ -59,6 +59,21 @@ def write_mjcf(arm: Arm, parameters: Array, path: Path, drives: Drives) -> None:
     write_bytes(path, (text + "\n").encode("utf-8"))
 
 
+def torque_of_mjcf(path: Path, q: Array, dq: Array, ddq: Array) -> Array:
+    """MuJoCo's torque [N·m or N], (S, J), of an MJCF at states (S, J), even beyond its joints' ranges."""
+    import mujoco
+
+    with mujoco_logged(path.name):
+        model = mujoco.MjModel.from_xml_path(str(path))
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+        data = mujoco.MjData(model)
+        torque = np.empty_like(q)
+        for k, (data.qpos[:], data.qvel[:], data.qacc[:]) in enumerate(zip(q, dq, ddq)):
+            mujoco.mj_inverse(model, data)
+            torque[k] = data.qfrc_inverse
+    return torque
+
+
 def chain(
     arm: Arm,
     parameters: Array,
@@ -108,7 +123,7 @@ def _draw(arm: Arm, root: ET.Element) -> None:
     for k, (link, owner) in enumerate(zip(arm.capsules.link.tolist(), arm.capsules.owners)):
         if owner not in bodies:
             bodies[owner] = ET.SubElement(world if link < 0 else moving[link], "body", name=owner)
-        ET.SubElement(bodies[owner], "geom", {"group": "1"} | _shape(arm, k, assets))
+        ET.SubElement(bodies[owner], "geom", {"group": "1", "mass": "0"} | _shape(arm, k, assets))
     before = dict(arm.parents or ()).get(arm.link_names[0])
     if before is not None:  # nested bodies count as neighbours
         world.remove(moving[0])

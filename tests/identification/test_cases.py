@@ -128,7 +128,6 @@ TOUCHED = r"^from 6\.\S+ s to 7\S* s of changed the residual of .*joint_3.* did 
 DRIFTS = r"^through changed the torque drifts, of joint_4 by 1[45] N·m or N: does a sensor warm up"
 # What is made of both recordings, the verdict, and its first reason.
 CASES = [
-    (None, GOOD, "the description is right"),
     (without_gravity, BAD, "contain no gravity"),
     (scaled(*[0.25] * 3, *[1] * 4), BAD, r"0\.25 \(joint_1\), 0\.25 \(joint_2\), 0\.25 \(joint_3\) times"),
     (scaled(3.0, *[1.0] * 6), USABLE, r"3 \(joint_1\) times those"),
@@ -176,7 +175,8 @@ CASES = [
 @pytest.mark.parametrize(("change", "verdict", "words"), CASES, ids=[words for *_, words in CASES])
 def test_a_fault_of_the_recordings_comes_first(change, verdict, words):
     quality = judged(*recordings(change)).quality
-    assert re.search(words, quality.reasons[0]) and quality.verdict == verdict
+    first, *_ = (reason for reason in quality.reasons if not reason.startswith("the description is right"))
+    assert re.search(words, first) and quality.verdict == verdict
     assert quality.causes or quality.verdict == GOOD
     assert change is not pulled or ("derived instead" in quality.reasons[-1] and not quality.faulty)
 
@@ -305,12 +305,24 @@ def test_the_advised_coupling_makes_the_model_good(change, words):
     assert judged(*recordings(followed)).quality.verdict == GOOD
 
 
-def test_a_load_that_the_description_lacks_is_named():
+def test_a_description_that_is_right_is_said_to_be():
+    quality = judged(*recordings()).quality
+    first, *_ = quality.reasons
+    assert quality.verdict == GOOD and first.startswith("the description is right: its own links predict")
+
+
+LOAD = r"^a load of 0\.[45]\d* kg at \(.*\) m on link_7 explains the difference from the description"
+HEAVIER = r"^.*link_4 \(2(\.\d)? kg more\).* alone differs from the description$"
+LIGHTER = r"^.*link_7.* alone differs from the description$"
+DIFFERENT_LINKS = [(6, 0.5, 0.02, LOAD), (3, 2.0, 0.3, HEAVIER), (6, -0.15, -0.02, LIGHTER)]
+
+
+@pytest.mark.parametrize(("link", "mass", "moment", "words"), DIFFERENT_LINKS)
+def test_what_alone_differs_from_the_description_is_named_first(link, mass, moment, words):
     links = ARM.inertial_parameters.copy()
-    links[-1, [0, 3]] += [0.5, 0.02]
+    links[link, [0, 3]] += mass, moment
     quality = judged(*recordings(truth=replace(ARM, inertial_parameters=links))).quality
-    assert quality.verdict == GOOD
-    assert re.search(r"^a load of 0\.[45]\d* kg at \(.*\) m on \S+ explains nearly all", quality.reasons[0])
+    assert quality.verdict == GOOD and re.search(words, quality.reasons[0])
 
 
 def test_a_description_and_recording_in_degrees_are_asked_for():

@@ -83,7 +83,7 @@ def consistent(once, planar):
     generator = np.random.default_rng(0)
     q, dq, ddq = generator.standard_normal((3, 50, 2))
     q = np.clip(q, -2, 2)  # within the limits, which MuJoCo enforces
-    dq = dq + 0.3 * np.sign(dq)  # where a smooth sign is one
+    dq = dq + 0.6 * np.sign(dq)  # where a smooth sign is one
     links = np.array(numbers["inertial_parameters"], float)
     torque = RigidBody(planar).regressor(q, dq, ddq) @ links.ravel() + terms["offset"]
     torque += terms["viscous"] * dq + terms["coulomb"] * np.tanh(dq / model["sign_width"])
@@ -98,37 +98,49 @@ def python_class(folder):
     return module.ArmDynamics()
 
 
-def by_mujoco(folder, model):
-    """MuJoCo's inverse dynamics of the MJCF; it knows no offset."""
+def by_mujoco(folder):
+    """MuJoCo's inverse dynamics of the MJCF, and its damping and friction."""
     mjcf = mujoco.MjModel.from_xml_path(str(folder / "planar2.xml"))
     data = mujoco.MjData(mjcf)
 
     def torque(q, dq, ddq):
         data.qpos[:], data.qvel[:], data.qacc[:] = q, dq, ddq
         mujoco.mj_inverse(mjcf, data)
-        return data.qfrc_inverse + model["consistent"]["terms"]["offset"]
+        return data.qfrc_inverse
 
-    return torque
+    return torque, mjcf.dof_damping, mjcf.dof_frictionloss
 
 
-def by_pinocchio(folder, model):
-    """Pinocchio's inverse dynamics of the URDF, which has friction too, and the smooth sign of the model."""
+def by_pinocchio(folder):
+    """Pinocchio's inverse dynamics of the URDF with its friction, and its damping and friction."""
     urdf = pin.buildModelFromUrdf(str(folder / "planar2.urdf"))
-    data, width = urdf.createData(), model["sign_width"]
-
-    def torque(q, dq, ddq):
-        friction = urdf.damping * dq + urdf.upperDryFrictionLimit * np.tanh(dq / width)
-        return pin.rnea(urdf, data, q, dq, ddq) + friction + model["consistent"]["terms"]["offset"]
-
-    return torque
+    data = urdf.createData()
+    viscous, coulomb = urdf.damping, urdf.upperDryFrictionLimit
+    return (
+        (lambda q, dq, ddq: pin.rnea(urdf, data, q, dq, ddq) + viscous * dq + coulomb * np.sign(dq)),
+        viscous,
+        coulomb,
+    )
 
 
 @pytest.mark.parametrize(("read", "apart"), [(by_pinocchio, 1e-9), (by_mujoco, 1e-6)])
-def test_exported_models_give_the_consistent_torques(once, consistent, read, apart):
+def test_exported_models_give_the_consistent_links_torques_with_their_own_friction(
+    once, consistent, read, apart
+):
     model, torque, states = consistent
-    found = read(once[1], model)
-    for row, *state in zip(torque, *states):
+    (found, viscous, coulomb), terms = read(once[1]), model["consistent"]["terms"]
+    change = (viscous - terms["viscous"]) * states[1] + (coulomb - terms["coulomb"]) * np.sign(states[1])
+    for row, *state in zip(torque + change - terms["offset"], *states):
         np.testing.assert_allclose(found(*state), row, rtol=0, atol=apart)  # N·m
+
+
+def test_each_file_is_read_again_and_predicts_as_well_as_what_it_holds(once):
+    verdict, _ = once
+    model, files = verdict["validation"]["nmse"], verdict["files"]
+    assert [*files] == ["planar2.urdf", "planar2.xml", "model.py"]
+    for errors in files.values():
+        assert errors["nmse_mean"] == pytest.approx(np.mean(errors["nmse"]))
+        np.testing.assert_allclose(errors["nmse"], model, rtol=0.2, atol=1e-4)
 
 
 def test_the_python_class_splits_its_torque(once, consistent):

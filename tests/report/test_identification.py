@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sidegan.identification.estimate import Score
 from sidegan.report.identification import results
 from sidegan.report.identification.content import Origin, parameter_table
 from sidegan.report.identification.results import number, report_html
@@ -12,6 +13,7 @@ from tests.identification import recordings
 from tests.report.pages import Page
 
 HOSTILE = '<script>alert("x")</script>&'
+FILES = {f"arm{HOSTILE}.urdf": Score(np.array([0.0123, 0.0457]), np.ones(2))}
 ORIGIN = Origin(f"sidegan.run identify {HOSTILE}", HOSTILE, {"model": {"method": "x", HOSTILE: HOSTILE}})
 
 
@@ -37,7 +39,7 @@ def identified(planar):
 
 @pytest.fixture(scope="module")
 def html(identified):
-    return report_html(identified, ORIGIN).decode()
+    return report_html(identified, ORIGIN, FILES).decode()
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +52,7 @@ def test_the_report_has_every_section(identified, read):
     for words in (
         "Identification of planar2", verdict, *identified.quality.reasons, "Use the consistent model",
         "1 gap", "750 samples", "shoulder", "elbow", identified.model.formulas[0],
-        "forearm", "nMSE, validation", "method: x", "sidegan.run identify",
+        "forearm", "nMSE, validation", "arm", "0.0123", "0.029", "method: x", "sidegan.run identify",
     ):  # fmt: skip
         assert words in read.text, words
     order = (verdict, "1 gap", "750 samples", "stands for")
@@ -81,7 +83,7 @@ def test_empty_sections_are_left_out(identified, monkeypatch):
     monkeypatch.setattr(results, "_RECORDINGS", 1)
     pulled = replace(identified.quality, other_gravity=True)
     changed = replace(identified, quality=pulled, tested=identified.trained)
-    text = Page(report_html(changed, ORIGIN).decode()).text
+    text = Page(report_html(changed, ORIGIN, FILES).decode()).text
     assert "nMSE, validation" not in text
     assert "1 more recordings are not shown" in text and "Use none of these models" in text
 

@@ -10,7 +10,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sidegan.motion.dynamics import RigidBody
-from sidegan.robot import Drives, Limits, Setup, built_in_robots, load_robot, write_mjcf, write_urdf
+from sidegan.robot import (
+    Drives,
+    Limits,
+    Setup,
+    built_in_robots,
+    load_robot,
+    torque_of_mjcf,
+    torque_of_urdf,
+    write_mjcf,
+    write_urdf,
+)
 from tests.chains import random_states, real_links
 from tests.recording.conftest import real
 
@@ -96,6 +106,20 @@ def test_written_friction_replaces_dynamics_and_is_never_negative(load, tmp_path
         assert model.damping.tolist() == [0.5, max(0.0, 0.25 * sign[1])]
         assert model.upperDryFrictionLimit.tolist() == [1.5, max(0.0, 2.5 * sign[1])]
         assert (tmp_path / "out.urdf").read_text().count("<dynamics") == 2
+
+
+def test_files_of_a_mounted_arm_with_a_locked_joint_give_its_torques(tmp_path):
+    """Shapes of what is fixed to a link add no mass to it; states are beyond the ranges."""
+    arm = load_robot("kuka_lwr4", Setup(mount=(0.3, 0.2, 0.1), locked={"joint_3": 0.4}))
+    own, (q, dq, ddq) = drives(arm.joints), random_states(arm, 20)
+    states = q + 3.0, np.copysign(np.maximum(np.abs(dq), 1.0), dq), ddq
+    write_urdf(arm, arm.inertial_parameters, tmp_path / "a.urdf", own)
+    write_mjcf(arm, arm.inertial_parameters, tmp_path / "a.xml", own)
+    expected = RigidBody(arm).torque(*states) + own.torque(*states[1:])
+    found = torque_of_mjcf(tmp_path / "a.xml", *states)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+    found = torque_of_urdf(tmp_path / "a.urdf", arm, *states) + own.rotor_inertia * ddq
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", built_in_robots())

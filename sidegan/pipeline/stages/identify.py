@@ -130,6 +130,8 @@ def _show(run: RunContext, tracker: Tracker) -> None:
     biased = [line for line in verdict["left_over"] if line.endswith(BIASED)]
     for line in (verdict["advice"], *verdict["reasons"], *verdict["modelled"], *biased):
         log.info("  %s", line)
+    errors = [f"{name} {errors['nmse_mean']:.4g}" for name, errors in verdict["files"].items()]
+    log.info("  mean nMSE of each file, read again: %s", ", ".join(errors))
     log.info("report: %s", target / REPORT)
 
 

@@ -2,6 +2,7 @@
 
 import math
 import platform
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from sidegan.report.document import web_page
 from sidegan.report.identification import content
 from sidegan.report.identification.c_header import c_header
 from sidegan.report.identification.content import Origin, advice, link_table, parameter_table
+from sidegan.report.identification.files import file_errors
 from sidegan.robot import write_mjcf, write_urdf
 
 VERDICT, REPORT = "verdict.json", "report.html"
@@ -42,19 +44,22 @@ def write_results(identified: IdentifiedArm, origin: Origin, folder: Path) -> No
     """Write all results of an identification into a folder."""
     arm = identified.model.arm
     urdf, mjcf = (f"{folder_name(arm.name)}.{end}" for end in ("urdf", "xml"))
-    drives, numbers = identified.drives, model_numbers(identified)
+    numbers = model_numbers(identified)
     names = [recording.name for recording in identified.training]
     write_checks(identified.recordings, folder)
     write_bytes(folder / _TABLE, parameter_table(identified).to_csv(index=False).encode())
     write_bytes(folder / _LINKS, link_table(identified).to_csv(index=False).encode())
     write_json(folder / PARAMETERS, numbers | {"mjcf": mjcf})
-    write_json(folder / VERDICT, verdict(identified))
-    write_urdf(arm, identified.links, folder / urdf, drives)
+    write_urdf(arm, identified.links, folder / urdf, identified.drives("viscous", "coulomb"))
+    drives = identified.drives("viscous", "coulomb", "rotor_inertia")
     write_mjcf(arm, identified.links, folder / mjcf, drives)
     write_bytes(folder / _CLASS, _SOURCE.read_bytes())
+    files = file_errors(identified, folder / urdf, folder / mjcf, folder / _CLASS)
+    errors = {"files": {name: _errors(score) for name, score in files.items()}}
+    write_json(folder / VERDICT, verdict(identified) | errors)
     write_bytes(folder / _HEADER, c_header(arm, numbers, names, identified.quality.verdict))
     write_bytes(folder / _MLMODEL, yaml.safe_dump({"flavors": {"python_function": _LOADED}}).encode())
-    write_bytes(folder / REPORT, report_html(identified, origin))
+    write_bytes(folder / REPORT, report_html(identified, origin, files))
 
 
 def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
@@ -64,8 +69,8 @@ def write_checks(recordings: list[CheckedRecording], folder: Path) -> Path:
     return path
 
 
-def report_html(identified: IdentifiedArm, origin: Origin) -> bytes:
-    """The report as an HTML document."""
+def report_html(identified: IdentifiedArm, origin: Origin, files: Mapping[str, Score]) -> bytes:
+    """The report as an HTML document, with the errors of written files by name."""
     from sidegan.report.canvas import svg  # matplotlib takes a while to import
     from sidegan.report.identification import plots
 
@@ -74,6 +79,7 @@ def report_html(identified: IdentifiedArm, origin: Origin) -> bytes:
         {"number": number},
         identified=identified,
         origin=origin,
+        files=files,
         title=f"Identification of {identified.model.arm.name}",
         content=content,
         settings=yaml.safe_dump(dict(origin.settings), sort_keys=False, allow_unicode=True),
