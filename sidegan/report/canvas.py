@@ -16,12 +16,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 from sidegan.base.names import plain
 from sidegan.base.storage import replacing
 
 _METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))  # removed from files
-_SUBS = 1, 2, 5  # ticks of a decade
 _LEAST, _MOST = 0.7, 1.2  # width in a page relative to the figure's
 _VECTORS: dict[Any, Any] = {
     "svg.fonttype": "none",
@@ -44,7 +44,7 @@ def tidy(axis: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
     axis.spines[["right", "top"]].set_visible(False)
 
 
-def letter(axes: Sequence[Axes]) -> None:
+def letter(axes: Sequence[Axes] | NDArray[Any]) -> None:
     """Name panels a, b, c and so on, unless there is only one."""
     for name, axis in zip(ascii_lowercase, axes if len(axes) > 1 else ()):
         axis.set_title(name, loc="left", fontsize=10, fontweight="bold")
@@ -55,7 +55,9 @@ def logarithmic(axis: Axes, which: Literal["x", "y"] = "y") -> None:
     axis.set(**{f"{which}scale": "log"})
     ticks = getattr(axis, f"{which}axis")
     decades = np.ptp(np.log10(ticks.get_view_interval()))
-    ticks.set_major_locator(LogLocator(subs=range(1, 10) if decades < 1 else _SUBS if decades < 4 else (1,)))
+    ticks.set_major_locator(
+        LogLocator(subs=range(1, 10) if decades < 1 else (1, 2, 5) if decades < 4 else (1,))
+    )
     ticks.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
     ticks.set_minor_formatter(NullFormatter())
 

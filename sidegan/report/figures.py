@@ -1,14 +1,13 @@
 """Figures from the results of runs, with matplotlib."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import fill
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from sidegan.report.canvas import blank, from_zero, legend, letter, logarithmic, tidy
 from sidegan.report.style import colour, colours
@@ -18,10 +17,6 @@ METRICS = ["invalid", "condition", "condition_mean", "error", "error_constant", 
 METRICS += ["cosine", "rank_uncentred", "distance_diagonal"]
 _SCALE = {"condition_mean": "condition", "error_constant": "error"}  # whose axis a metric shares
 _LABELS = NAMES | {"invalid": "invalid share", "distance": "mean distance [rad/s]"}
-_LABELS |= {
-    "error": "expected nMSE,\nnoise of 10 % of the torque",
-    "error_constant": "expected nMSE,\nconstant noise",
-}
 _CLOUD = 200  # points of a set
 
 
@@ -48,7 +43,9 @@ def panels(
             axis.sharey(axes[_SCALE[metric]])
         for name, part in frame.dropna(subset=metric).groupby("variant", sort=False):
             line = part.groupby("epoch")[metric].agg(["mean", "min", "max"])
-            handles[str(name)] = _line(axis, line, str(name))
+            shade = colour(str(name))
+            axis.fill_between(line.index, line["min"], line["max"], color=shade, alpha=0.2, linewidth=0)
+            handles[str(name)] = axis.plot(line["mean"], color=shade, linewidth=1.5)[0]
         for name, values in references.items():
             if values.get(metric) is not None:
                 handles[name] = axis.axhline(values[metric], color=colour(name), ls="--", lw=1.3)
@@ -57,18 +54,11 @@ def panels(
         elif metric == "invalid":
             from_zero(axis, frame[metric])
         axis.set_xlabel("epoch", fontsize=9)
-        axis.set_ylabel(_LABELS[metric], fontsize=9)
+        axis.set_ylabel(fill(_LABELS[metric], 30), fontsize=9)
         tidy(axis)
     letter([*axes.values()])
     legend(figure, {name: handles[name] for name in [*variants, *handles] if name in handles})
     return figure
-
-
-def _line(axis: Axes, line: pd.DataFrame, name: str) -> Line2D:
-    """Line of a variant's means, over a band of the range."""
-    if (line["max"] > line["min"]).any():
-        axis.fill_between(line.index, line["min"], line["max"], color=colour(name), alpha=0.2, linewidth=0)
-    return axis.plot(line["mean"], color=colour(name), linewidth=1.5)[0]
 
 
 def errors(raw: pd.DataFrame) -> Figure:
@@ -85,10 +75,9 @@ def errors(raw: pd.DataFrame) -> Figure:
         style = {"fmt": "o", "markersize": 3, "elinewidth": 0.8, "capsize": 1.5}
         handles = {}
         for k, (name, shade) in enumerate(zip(names, colours(names))):
-            y = mean.loc[name]
-            whiskers = [y - low.loc[name], high.loc[name] - y]
-            x = places + 0.8 * (k + 0.5) / len(names)
-            handles[title(name)] = axis.errorbar(x, y, whiskers, color=shade, **style)
+            x, y = places + 0.8 * (k + 0.5) / len(names), mean.loc[name]
+            ends = [y - low.loc[name], high.loc[name] - y]
+            handles[title(name)] = axis.errorbar(x, y, ends, color=shade, **style)
         axis.set_xticks(range(len(joints)), joints)
         axis.set_title(weighting(bool(weighted)), fontsize=10)
         logarithmic(axis)
@@ -110,13 +99,12 @@ def clouds(spaces: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
     handles = {}
     for row, (space, sets) in zip(axes, spaces.items()):
         every = np.concatenate([x[:_CLOUD] for x in sets.values()])
-        middle = every.mean(0)
-        _, size, directions = np.linalg.svd(every - middle, full_matrices=False)
+        _, size, directions = np.linalg.svd(every - every.mean(0), full_matrices=False)
         share = 100 * size**2 / (size**2).sum()
-        placed = {name: ((x[:_CLOUD] - middle) @ directions[:2].T).T for name, x in sets.items()}
-        (first, reference), *others = placed.items()
-        for axis, (name, points) in zip(row, others):
-            for label, xy in ((first, reference), (name, points)):
+        first, *others = sets
+        for axis, name in zip(row, others):
+            for label in (first, name):
+                xy = directions[:2] @ (sets[label][:_CLOUD] - every.mean(0)).T
                 handles[label] = axis.scatter(*xy, s=7, color=colour(label), alpha=0.6, linewidths=0)
             axis.set_title(name, fontsize=10)
             axis.set_xlabel(f"{space}, axis 1 ({share[0]:.0f} %)", fontsize=8)

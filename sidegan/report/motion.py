@@ -77,8 +77,8 @@ def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figu
         axis.set_axis_off()
         axis.plot(*row[k:].T, color=_AHEAD, lw=1, zorder=2)
         _timed(axis, row, k)
-        arm_drawn = Poly3DCollection(faces, facecolors=_BONES, shade=True, zorder=5)
-        axis.add_collection3d(arm_drawn, autolim=False)
+        shown = Poly3DCollection(faces, facecolors=_BONES, shade=True, zorder=5)
+        axis.add_collection3d(shown, autolim=False)
     for axis, time in zip(axes[0], times):
         axis.set_title(f"{time:.3g} s", fontsize=9)
     letter(axes[:, 0])
@@ -88,10 +88,10 @@ def poses(arm: Arm, family: Trajectory, coefficients: Array, count: int) -> Figu
 def surfaces(arm: Arm, q: Array) -> Array:
     """Triangles [m], (N, F, 3, 3), of the arm's capsules at positions (N, J) [rad or m]."""
     capsules, parts = arm.capsules, []
-    for k in np.flatnonzero(capsules.shaped):
-        vertices, faces = capsule_surface(capsules.a[k], capsules.b[k], float(capsules.radius[k]))
-        links = np.full(len(vertices), capsules.link[k])
-        parts.append(place_points(arm, q.T, vertices, links).T[:, faces])
+    radii = np.maximum(capsules.radius, _ROOM)  # of a point of a link without shapes
+    for link, a, b, radius in zip(capsules.link, capsules.a, capsules.b, radii.tolist()):
+        vertices, faces = capsule_surface(a, b, radius)
+        parts.append(place_points(arm, q.T, vertices, np.full(len(vertices), link)).T[:, faces])
     return np.concatenate(parts, 1)
 
 
@@ -121,9 +121,8 @@ def _timed(axis: Axes3D, path: Array, end: int | None = None) -> None:
     """Draw a path up to a sample, coloured by time."""
     shades = colormaps[_TIME](np.linspace(0, 0.92, len(path) - 1))
     pieces = np.stack([path[:-1], path[1:]], 1)[:end]
-    axis.add_collection3d(
-        Line3DCollection(pieces, colors=shades[:end], linewidths=1.3, zorder=3), autolim=False
-    )
+    lines = Line3DCollection(pieces, colors=shades[:end], linewidths=1.3, zorder=3)
+    axis.add_collection3d(lines, autolim=False)
     axis.plot(*path[:1].T, "o", color="black", markersize=3, zorder=4)
 
 
@@ -149,8 +148,9 @@ def _panels(figure: Figure, titles: Sequence[str], limits: Array) -> Iterator[Ax
         axis: Axes3D = figure.add_subplot(rows, columns, k + 1, **_SPACE)
         _frame(axis, limits, limits, zoom=1.05)
         axis.set_title(title, fontsize=9)
-        for part, name in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz"):
-            part.set_major_locator(MaxNLocator(4))
+        ticks = np.ceil(4 * np.ptp(limits, 0) / np.ptp(limits, 0).max())
+        for part, name, most in zip((axis.xaxis, axis.yaxis, axis.zaxis), "xyz", ticks.tolist()):
+            part.set_major_locator(MaxNLocator(most))
             part.set_pane_color((1, 1, 1, 0))
             part.set_tick_params(labelsize=6, pad=-3)
             part.set_label_text(f"{name} [m]", fontsize=7)
