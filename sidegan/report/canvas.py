@@ -54,7 +54,7 @@ def logarithmic(axis: Axes, which: Literal["x", "y"] = "y") -> None:
     """Set a logarithmic axis with plain numbers at its ticks."""
     axis.set(**{f"{which}scale": "log"})
     ticks = getattr(axis, f"{which}axis")
-    decades = np.ptp(np.log10(ticks.get_view_interval()))
+    decades = np.ptp(np.log10(ticks.get_view_interval())) * (3 if which == "x" else 1)  # words are wide
     ticks.set_major_locator(
         LogLocator(subs=range(1, 10) if decades < 1 else (1, 2, 5) if decades < 4 else (1,))
     )
@@ -63,8 +63,8 @@ def logarithmic(axis: Axes, which: Literal["x", "y"] = "y") -> None:
 
 
 def from_zero(axis: Axes, shares: pd.Series) -> None:
-    """Set a logarithmic y axis for shares, which is linear from zero to the least of them above zero."""
-    least = float(shares.where(shares > 0, 1.0).min())
+    """Set a logarithmic y axis for shares, which is linear from zero to the decade of the least above it."""
+    least = 10.0 ** np.floor(np.log10(1.001 * shares.where(shares > 0, 1.0).min()))
     axis.set_yscale("symlog", linthresh=least, linscale=0.3)
     axis.set_ylim(-0.2 * least)
     axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: plain(value, "g")))
